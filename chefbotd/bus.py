@@ -1,0 +1,140 @@
+"""Publish and subscribe by class: the class is the topic.
+
+``publish`` never waits and never fails: every subscriber has an inbox of its own, bounded, with a stated policy for
+what gives way when it is full, and a count of what gave way.
+"""
+
+import asyncio
+from collections import Counter, deque
+from collections.abc import AsyncIterator
+from enum import StrEnum
+from typing import Any, Generic, TypeVar
+
+E = TypeVar("E")
+
+
+class Overflow(StrEnum):
+    """What a full inbox gives up: ``LATEST`` keeps one event per class, ``DROP_OLDEST`` the newest ``size``."""
+
+    LATEST = "latest"
+    DROP_OLDEST = "drop_oldest"
+
+
+class Inbox(Generic[E]):
+    """The events that one subscriber has yet to take, in the order of their publication."""
+
+    def __init__(self, bus: "Bus", topics: tuple[type[E], ...], overflow: Overflow, size: int) -> None:
+        if size < 1:
+            raise ValueError(f"an inbox needs room for at least one event, got size {size}")
+        self._bus, self._topics, self._overflow, self._size = bus, topics, overflow, size
+        self._events: deque[E] = deque()
+        self._waiter: asyncio.Future[None] | None = None
+        self.dropped: Counter[type[Any]] = Counter()
+        self.deepest = 0
+
+    def __len__(self) -> int:
+        return len(self._events)
+
+    def put(self, event: E) -> None:
+        """Add an event, making room by the inbox's policy."""
+        if self._overflow is Overflow.LATEST:
+            self._forget_older(type(event))
+        elif len(self._events) == self._size:
+            self.dropped[type(self._events.popleft())] += 1
+        self._events.append(event)
+        self.deepest = max(self.deepest, len(self._events))
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def _forget_older(self, topic: type[Any]) -> None:
+        for index, waiting in enumerate(self._events):
+            if type(waiting) is topic:
+                del self._events[index]
+                self.dropped[topic] += 1
+                return
+
+    async def get(self) -> E:
+        """The oldest event; waits for one."""
+        while not self._events:
+            self._waiter = asyncio.get_running_loop().create_future()
+            try:
+                await self._waiter
+            finally:
+                self._waiter = None
+        return self._events.popleft()
+
+    async def get_within(self, timeout_s: float) -> E | None:
+        """The oldest event, or None when none came within ``timeout_s``."""
+        if self._events:
+            return self._events.popleft()
+        loop = asyncio.get_running_loop()
+        self._waiter = waiter = loop.create_future()
+        timer = loop.call_later(timeout_s, _expire, waiter)
+        try:
+            await waiter
+        finally:
+            timer.cancel()
+            self._waiter = None
+        return self._events.popleft() if self._events else None
+
+    async def __aiter__(self) -> AsyncIterator[E]:
+        while True:
+            yield await self.get()
+
+    def close(self) -> None:
+        """Stop receiving; what is already inside can still be taken."""
+        self._bus.unsubscribe(self)
+
+    @property
+    def topics(self) -> tuple[type[E], ...]:
+        """The classes that this inbox receives."""
+        return self._topics
+
+
+def _expire(waiter: "asyncio.Future[None]") -> None:
+    if not waiter.done():
+        waiter.set_result(None)
+
+
+class Bus:
+    """Hands each published event to the inboxes subscribed to exactly its class."""
+
+    def __init__(self) -> None:
+        self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
+
+    def subscribe(
+        self, *topics: type[E], overflow: Overflow = Overflow.DROP_OLDEST, size: int = 256
+    ) -> Inbox[E]:
+        """An inbox for events of these classes; ``close`` it to unsubscribe.
+
+        Raises:
+            ValueError: no topic was named, or ``size`` is below 1.
+        """
+        if not topics:
+            raise ValueError("subscribe needs at least one event class")
+        inbox = Inbox(self, topics, overflow, size)
+        for topic in topics:
+            self._inboxes[topic] = (*self._inboxes.get(topic, ()), inbox)
+        return inbox
+
+    def unsubscribe(self, inbox: Inbox[Any]) -> None:
+        """Take an inbox off the bus; doing it twice is harmless."""
+        for topic in inbox.topics:
+            self._inboxes[topic] = tuple(i for i in self._inboxes.get(topic, ()) if i is not inbox)
+
+    def publish(self, event: object) -> None:
+        """Put the event into every inbox of its class, at once."""
+        for inbox in self._inboxes.get(type(event), ()):
+            inbox.put(event)
+
+    def wanted(self, topic: type[Any]) -> bool:
+        """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
+        return bool(self._inboxes.get(topic))
+
+    def drops(self) -> dict[str, int]:
+        """Events given up so far, by class name, over all present inboxes."""
+        inboxes = {id(i): i for group in self._inboxes.values() for i in group}
+        total: Counter[str] = Counter()
+        for inbox in inboxes.values():
+            total.update({topic.__name__: n for topic, n in inbox.dropped.items()})
+        return dict(total)

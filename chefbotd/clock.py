@@ -1,0 +1,92 @@
+"""Time: what the running daemon reads, and a virtual one on which minutes pass in milliseconds."""
+
+import asyncio
+import selectors
+import time
+from collections.abc import Coroutine
+from typing import Any, Protocol, TypeVar
+
+T = TypeVar("T")
+
+
+class Clock(Protocol):
+    """Monotonic time in seconds; its zero means nothing."""
+
+    def now_s(self) -> float:
+        """Seconds on this clock."""
+        ...
+
+
+class SystemClock:
+    """The kernel's monotonic clock. (uvloop's own ``loop.time`` is cached and counts whole milliseconds.)"""
+
+    def now_s(self) -> float:
+        """Seconds since an arbitrary instant, never going back."""
+        return time.monotonic()
+
+
+class LoopClock:
+    """The running event loop's time: virtual on a ``VirtualLoop``."""
+
+    def now_s(self) -> float:
+        """The loop's time in seconds."""
+        return asyncio.get_running_loop().time()
+
+
+class ManualClock:
+    """A clock that stands still until it is told otherwise."""
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
+
+    def now_s(self) -> float:
+        """The time last set."""
+        return self._now_s
+
+    def advance(self, seconds: float) -> None:
+        """Move forward by ``seconds``; raises ``ValueError`` when that is negative."""
+        if not seconds >= 0:
+            raise ValueError(f"seconds must be >= 0, got {seconds}")
+        self._now_s += seconds
+
+
+class Deadlock(RuntimeError):
+    """Nothing is scheduled on a virtual loop, so its time would stand still for ever."""
+
+
+class _JumpingSelector(selectors.DefaultSelector):
+    """Polls for I/O; where the loop would have waited, its time jumps instead."""
+
+    elapsed_s = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        ready = super().select(0)
+        if ready or timeout == 0:
+            return ready
+        if timeout is None:
+            raise Deadlock("every task waits and no timer is set: nothing can ever happen on the virtual clock")
+        self.elapsed_s += max(timeout, 0.0)
+        return ready
+
+
+class VirtualLoop(asyncio.SelectorEventLoop):
+    """An event loop whose time passes only when every task waits, and then at once.
+
+    Everything inside one process is exact and repeatable on it: timers, queues, in-memory transports and
+    loopback sockets with both ends in the process. What arrives from another process or thread is not waited for.
+    """
+
+    def __init__(self, start_s: float = 1000.0) -> None:
+        self._start_s = start_s
+        self._jumping = _JumpingSelector()
+        super().__init__(self._jumping)
+
+    def time(self) -> float:
+        """Virtual seconds."""
+        return self._start_s + self._jumping.elapsed_s
+
+
+def run_virtual(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine to its end on a fresh virtual loop; raises ``Deadlock`` if it can never end."""
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(main)

@@ -1,0 +1,1 @@
+"""The robot's vocabulary: values that every other package speaks in."""

@@ -1,0 +1,232 @@
+"""What has happened: the events on the bus, each named in the past tense.
+
+``stamp_s`` is the host's monotonic time at which the bytes behind the event were read (or, where there were none, at
+which it happened). ``board_s`` is the board's own time, unwrapped, in seconds; only differences of it mean anything.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from chefbotd.core.geometry import Pose2D, Twist2D
+
+
+@dataclass(frozen=True, slots=True)
+class LinkOpened:
+    """The serial device is open and being read."""
+
+    stamp_s: float
+    device: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkClosed:
+    """The serial device is gone; ``reason`` is for people."""
+
+    stamp_s: float
+    device: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class BoardRestarted:
+    """The board's counters and time began anew; ``cause`` says how it was noticed."""
+
+    stamp_s: float
+    cause: str
+
+
+class Direction(StrEnum):
+    """Which way a line went."""
+
+    FROM_BOARD = "in"
+    TO_BOARD = "out"
+
+
+@dataclass(frozen=True, slots=True)
+class LineSeen:
+    """A line as it stood on the wire, without its end."""
+
+    stamp_s: float
+    direction: Direction
+    line: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LineRefused:
+    """A line from the board that was no message."""
+
+    stamp_s: float
+    reason: str
+    line: bytes
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class TextReceived:
+    """A line of text from the board: its banner, or whatever else it prints."""
+
+    stamp_s: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class EncodersCounted:
+    """Accumulated encoder counts per wheel, as on the wire."""
+
+    stamp_s: float
+    board_s: float
+    counts: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UltrasonicEchoed:
+    """Whole centimetres from the ultrasonic sensor; 0 is no echo."""
+
+    stamp_s: float
+    distance_cm: int
+
+
+@dataclass(frozen=True, slots=True)
+class DutyEchoed:
+    """The motor command that the board says is in force."""
+
+    stamp_s: float
+    duty: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OrientationReported:
+    """The IMU's quaternion as on the wire, not normalised."""
+
+    stamp_s: float
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+@dataclass(frozen=True, slots=True)
+class InertialCounted:
+    """Raw IMU counts, acceleration and angular rate, each x y z."""
+
+    stamp_s: float
+    acceleration: tuple[int, int, int]
+    angular_rate: tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryCounted:
+    """The raw ADC reading behind the battery's divider."""
+
+    stamp_s: float
+    adc: float
+
+
+@dataclass(frozen=True, slots=True)
+class WheelsMeasured:
+    """Where the wheels are and how fast they turn, in the order of the configured wheels.
+
+    ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
+    them, and a refused reading adds nothing.
+    """
+
+    stamp_s: float
+    board_s: float
+    position_rad: tuple[float, ...]
+    travel_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class WheelsDriven:
+    """A control step: what the wheels did, what they should do, and the duty that was commanded."""
+
+    stamp_s: float
+    position_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+    target_rad_s: tuple[float, ...]
+    duty: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryUpdated:
+    """Dead reckoning: ``odom_from_base`` with its 3x3 covariance (x, y, heading), and the twist in the base frame."""
+
+    stamp_s: float
+    odom_from_base: Pose2D
+    twist: Twist2D
+    covariance: npt.NDArray[np.float64]
+
+
+class RangeStatus(StrEnum):
+    """What a range reading says; only ``OK`` carries a distance."""
+
+    OK = "ok"
+    TOO_NEAR = "too_near"
+    TOO_FAR = "too_far"
+    NO_ECHO = "no_echo"
+
+
+@dataclass(frozen=True, slots=True)
+class RangeMeasured:
+    """One beam: ``range_m`` is None unless ``status`` is ``OK``; the field of view is the cone's full angle."""
+
+    stamp_s: float
+    sensor: str
+    status: RangeStatus
+    range_m: float | None
+    min_range_m: float
+    max_range_m: float
+    field_of_view_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class ImuMeasured:
+    """The IMU in SI units: a unit quaternion (x, y, z, w), or rates and accelerations; what it lacks is None."""
+
+    stamp_s: float
+    orientation: tuple[float, float, float, float] | None = None
+    heading_rad: float | None = None
+    angular_velocity_rad_s: tuple[float, float, float] | None = None
+    linear_acceleration_m_s2: tuple[float, float, float] | None = None
+
+
+class BatteryLevelStatus(StrEnum):
+    """How urgent the battery is."""
+
+    OK = "ok"
+    LOW = "low"
+    CRITICAL = "critical"
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryMeasured:
+    """The battery in volts, as a percentage of its useful range, and how urgent that is."""
+
+    stamp_s: float
+    voltage_v: float
+    percentage: float
+    status: BatteryLevelStatus
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyChanged:
+    """The gate's state: its mode, why, and whose command is in force (None: nobody's)."""
+
+    stamp_s: float
+    mode: str
+    reason: str
+    source: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class TruthSimulated:
+    """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall."""
+
+    stamp_s: float
+    world_from_base: Pose2D
+    twist: Twist2D
+    in_contact: bool

@@ -1,0 +1,49 @@
+"""Poses and twists in the plane (REP-103: x forward, y left, counter-clockwise positive, SI units)."""
+
+import math
+from dataclasses import dataclass
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same angle in (-pi, pi]."""
+    wrapped = math.remainder(angle_rad, math.tau)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+@dataclass(frozen=True, slots=True)
+class Twist2D:
+    """Velocity in the robot's own frame: forward in m/s, turning in rad/s (CCW positive)."""
+
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2D:
+    """Where one frame lies in another: ``odom_from_base`` maps points of ``base_footprint`` into ``odom``."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: float = 0.0
+
+    def compose(self, other: "Pose2D") -> "Pose2D":
+        """``a_from_b.compose(b_from_c)`` is ``a_from_c``; the heading is wrapped to (-pi, pi]."""
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return Pose2D(
+            self.x_m + cos * other.x_m - sin * other.y_m,
+            self.y_m + sin * other.x_m + cos * other.y_m,
+            wrap_angle(self.heading_rad + other.heading_rad),
+        )
+
+    def inverse(self) -> "Pose2D":
+        """``a_from_b.inverse()`` is ``b_from_a``."""
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return Pose2D(
+            -cos * self.x_m - sin * self.y_m,
+            sin * self.x_m - cos * self.y_m,
+            wrap_angle(-self.heading_rad),
+        )
+
+
+STANDING = Twist2D()
+ORIGIN = Pose2D()

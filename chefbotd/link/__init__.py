@@ -1,0 +1,1 @@
+"""The serial link: opening it, keeping it, and turning its bytes into events."""

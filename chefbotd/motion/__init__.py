@@ -1,0 +1,1 @@
+"""Wheels and motion: pure steps, values in, values out, time an argument."""

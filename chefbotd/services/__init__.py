@@ -1,0 +1,1 @@
+"""The only loops: await an event, call a pure step, publish."""

@@ -1,0 +1,131 @@
+"""Every line of the LaunchPad's wire as a value, both directions.
+
+Numbers are exactly what the wire carries: counts, centimetres, ADC readings. Nothing here knows metres or
+radians; ``docs/protocol.md`` says what each field means on the robot.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, slots=True)
+class BoardTime:
+    """``t``: start of a cycle. ``micros`` is uint32 µs since boot; ``cycle_s`` the seconds since the last one."""
+
+    micros: int
+    cycle_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderCounts:
+    """``e``: accumulated int32 counts per wheel, forward positive, in the order of the variant's wheels."""
+
+    counts: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UltrasonicDistance:
+    """``u``: whole centimetres, rounded down; 0 means that no echo came back."""
+
+    distance_cm: int
+
+
+@dataclass(frozen=True, slots=True)
+class DutyEcho:
+    """``s`` from the board: the motor command now in force, per wheel, in PWM counts."""
+
+    duty: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Orientation:
+    """``i`` with four fields: the IMU's quaternion as sent, only roughly of unit length."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+@dataclass(frozen=True, slots=True)
+class RawImu:
+    """``i`` with six fields: MPU-6050 int16 counts, acceleration then angular rate, each x y z."""
+
+    acceleration: tuple[int, int, int]
+    angular_rate: tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryLevel:
+    """``b``: the raw 12-bit ADC reading, 0 to 4095, as the wire's float."""
+
+    adc: float
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """One line of the board's boot banner: the board has just started, so its counters did too."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ResetDone:
+    """The board's answer to ``r``: it will pull its reset pin in about a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Any other printable line (DMP examples, debug output): to be logged, never an error."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetDuty:
+    """``s`` to the board: signed PWM duty per wheel; zero brakes. It stays in force until the next one."""
+
+    duty: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ResetBoard:
+    """``r``: reset the board; counters restart and the banner is sent again."""
+
+
+class Reason(StrEnum):
+    """Why a line was refused; the stable names under which refusals are counted."""
+
+    OVERLONG = "overlong"
+    NOT_ASCII = "not_ascii"
+    FIELD_COUNT = "field_count"
+    NOT_A_NUMBER = "not_a_number"
+    OUT_OF_RANGE = "out_of_range"
+    NOT_UNIT = "not_unit"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Malformed:
+    """A line that is not a message: the reason, the bytes as read (bounded), and what was expected."""
+
+    reason: Reason
+    line: bytes
+    detail: str
+
+
+FromBoard: TypeAlias = (
+    BoardTime
+    | EncoderCounts
+    | UltrasonicDistance
+    | DutyEcho
+    | Orientation
+    | RawImu
+    | BatteryLevel
+    | Banner
+    | ResetDone
+    | Text
+)
+ToBoard: TypeAlias = SetDuty | ResetBoard
+Message: TypeAlias = FromBoard | ToBoard
