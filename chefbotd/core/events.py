@@ -230,3 +230,29 @@ class TruthSimulated:
     world_from_base: Pose2D
     twist: Twist2D
     in_contact: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StatsSampled:
+    """Counters since the daemon started, and the worst of the last second, sampled once a second.
+
+    ``frames`` counts accepted lines by message name, ``refused`` the malformed ones by reason, ``bus_dropped`` events
+    given up by class. ``loop_lag_s`` is the latest the event loop was to a timer in the last second.
+    """
+
+    stamp_s: float
+    uptime_s: float
+    frames: dict[str, int]
+    refused: dict[str, int]
+    lines_out: int
+    setpoints_replaced: int
+    link_opens: int
+    board_restarts: int
+    encoder_readings_refused: int
+    control_steps: int
+    bus_dropped: dict[str, int]
+    clients: int
+    telemetry_dropped: int
+    loop_lag_s: float
+    board_clock_skew_ppm: float | None
+    board_clock_jitter_s: float | None
