@@ -1,0 +1,108 @@
+"""Following a course of straight lines and turns in place: from where the robot is to what to drive.
+
+Poses are in the course's own frame, whose origin is where the robot started: ``course_from_base``.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from pydantic import Field
+
+from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
+from chefbotd.core.parameters import Parameters
+
+
+class CourseParameters(Parameters):
+    """How fast to go, how to slow down, and how near is near enough."""
+
+    cruise_m_s: float = Field(0.3, gt=0)
+    creep_m_s: float = Field(0.03, gt=0)
+    deceleration_m_s2: float = Field(0.25, gt=0)
+    turn_rad_s: float = Field(1.2, gt=0)
+    creep_rad_s: float = Field(0.15, gt=0)
+    turn_deceleration_rad_s2: float = Field(1.0, gt=0)
+    heading_gain_per_s: float = Field(2.0, ge=0)
+    cross_track_gain_rad_per_m: float = Field(2.0, ge=0)
+    position_tolerance_m: float = Field(0.005, gt=0)
+    heading_tolerance_rad: float = Field(0.01, gt=0)
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Drive along the target's heading until level with the target."""
+
+    target: Pose2D
+
+
+@dataclass(frozen=True, slots=True)
+class TurnTo:
+    """Turn in place, the shorter way, to the target's heading."""
+
+    target: Pose2D
+
+
+Leg: TypeAlias = GoTo | TurnTo
+
+
+def square(side_m: float) -> tuple[Leg, ...]:
+    """Four sides and four left turns, ending where it began."""
+    legs: list[Leg] = []
+    here = Pose2D()
+    for _ in range(4):
+        here = here.compose(Pose2D(x_m=side_m))
+        legs.append(GoTo(here))
+        here = here.compose(Pose2D(heading_rad=math.pi / 2))
+        legs.append(TurnTo(here))
+    return tuple(legs)
+
+
+def steer(parameters: CourseParameters, leg: Leg, course_from_base: Pose2D) -> Twist2D | None:
+    """What to drive on this leg; None when it is done."""
+    if isinstance(leg, GoTo):
+        return _along(parameters, leg.target.inverse().compose(course_from_base))
+    return _around(parameters, wrap_angle(leg.target.heading_rad - course_from_base.heading_rad))
+
+
+def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | None:
+    remaining_m = -target_from_base.x_m
+    if remaining_m <= parameters.position_tolerance_m:
+        return None
+    linear = slowing(remaining_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
+    wanted_rad = -parameters.cross_track_gain_rad_per_m * target_from_base.y_m
+    angular = parameters.heading_gain_per_s * wrap_angle(wanted_rad - target_from_base.heading_rad)
+    return Twist2D(linear, math.copysign(min(abs(angular), parameters.turn_rad_s), angular))
+
+
+def _around(parameters: CourseParameters, remaining_rad: float) -> Twist2D | None:
+    if abs(remaining_rad) <= parameters.heading_tolerance_rad:
+        return None
+    speed = slowing(
+        abs(remaining_rad), parameters.turn_rad_s, parameters.creep_rad_s, parameters.turn_deceleration_rad_s2
+    )
+    return Twist2D(0.0, math.copysign(speed, remaining_rad))
+
+
+def slowing(remaining: float, cruise: float, creep: float, deceleration: float) -> float:
+    """The speed from which ``deceleration`` stops within ``remaining``, between ``creep`` and ``cruise``."""
+    return max(min(math.sqrt(2 * deceleration * remaining), cruise), creep)
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """How far two poses are apart."""
+
+    distance_m: float
+    heading_rad: float
+
+    def within(self, distance_m: float, heading_rad: float) -> bool:
+        """Whether both parts are at most this large."""
+        return self.distance_m <= distance_m and self.heading_rad <= heading_rad
+
+
+def deviation(one: Pose2D, other: Pose2D) -> Deviation:
+    """Distance and absolute difference of heading between two poses of one frame."""
+    return Deviation(
+        math.hypot(one.x_m - other.x_m, one.y_m - other.y_m),
+        abs(wrap_angle(one.heading_rad - other.heading_rad)),
+    )
