@@ -6,7 +6,6 @@ what gives way when it is full, and a count of what gave way.
 
 import asyncio
 from collections import Counter, deque
-from collections.abc import AsyncIterator
 from enum import StrEnum
 from typing import Any, Generic, TypeVar
 
@@ -53,6 +52,10 @@ class Inbox(Generic[E]):
                 self.dropped[topic] += 1
                 return
 
+    def take(self) -> E:
+        """The oldest event, which must be there: raises ``IndexError`` on an empty inbox."""
+        return self._events.popleft()
+
     async def get(self) -> E:
         """The oldest event; waits for one."""
         while not self._events:
@@ -77,9 +80,11 @@ class Inbox(Generic[E]):
             self._waiter = None
         return self._events.popleft() if self._events else None
 
-    async def __aiter__(self) -> AsyncIterator[E]:
-        while True:
-            yield await self.get()
+    def __aiter__(self) -> "Inbox[E]":
+        return self
+
+    async def __anext__(self) -> E:
+        return await self.get()
 
     def close(self) -> None:
         """Stop receiving; what is already inside can still be taken."""

@@ -1,0 +1,189 @@
+"""The board's clock: unwrapped, guarded against damaged lines, and related to the host's.
+
+Speeds are differences of the board's own time, so USB and scheduling jitter never reach them. The relation to host time
+is a straight line (offset and skew) fitted by exponentially weighted least squares, with late readings left out.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+MICROS_PER_TURN = 2**32
+"""`t` is a uint32 of microseconds: it wraps every 71.6 minutes."""
+
+CYCLE_ROUNDING_S = 0.011
+"""The wire's two decimals, and the time between the board's two readings of its clock."""
+
+RESTART_WITHIN_S = 60.0
+"""A board whose clock went back, to less than this, has restarted; anything else is a damaged reading."""
+
+LONGEST_GAP_S = 10.0
+"""A pair of agreeing readings may lie this far ahead of the last good one and still be the same run of the clock."""
+
+
+class Verdict(StrEnum):
+    """What a reading of the board's clock turned out to be."""
+
+    GOOD = "good"
+    SUSPECT = "suspect"
+    RESYNCED = "resynced"
+    RESTARTED = "restarted"
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    micros: int
+    board_s: float
+    host_s: float
+
+
+class BoardClock:
+    """Follows the `t` lines of one board. ``now_s`` runs on from where it was, also over restarts."""
+
+    def __init__(self) -> None:
+        self._last: _Reading | None = None
+        self._suspect: _Reading | None = None
+        self.relation = ClockRelation()
+        self.suspects = 0
+
+    def restart(self) -> None:
+        """The board is known to have restarted (its banner was seen): take the next reading as it is."""
+        if self._last is not None:
+            self._suspect = None
+            self._last = None
+            self.relation = ClockRelation()
+
+    @property
+    def in_doubt(self) -> bool:
+        """The newest reading disagreed with all before it: what was measured with it must wait for the next."""
+        return self._suspect is not None
+
+    def observe(self, micros: int, cycle_s: float, host_s: float) -> Verdict:
+        """Take a `t` line: µs since boot (uint32), seconds since the cycle before, and when it was read."""
+        if self._last is None:
+            self._accept(_Reading(micros, host_s, host_s))
+            return Verdict.GOOD
+        if _follows(self._last, micros, cycle_s, host_s):
+            self._accept(_Reading(micros, self._last.board_s + _step_s(self._last.micros, micros), host_s))
+            return Verdict.GOOD
+        if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
+            return self._reanchor(self._last, micros, host_s)
+        self.suspects += 1
+        self._suspect = _Reading(micros, self._last.board_s, host_s)
+        return Verdict.SUSPECT
+
+    def board_s(self, host_s: float) -> float:
+        """Board time at a host time shortly after the last reading; the host's own before the first."""
+        if self._last is None:
+            return host_s
+        return self._last.board_s + max(0.0, host_s - self._last.host_s)
+
+    @property
+    def latest_s(self) -> float | None:
+        """Board time of the last good reading; None before the first."""
+        return None if self._last is None else self._last.board_s
+
+    def _accept(self, reading: _Reading) -> None:
+        self._last, self._suspect = reading, None
+        self.relation.observe(reading.board_s, reading.host_s)
+
+    def _reanchor(self, last: _Reading, micros: int, host_s: float) -> Verdict:
+        """Two readings in a row agree with each other and not with the past: believe them."""
+        ahead_s = _step_s(last.micros, micros)
+        if ahead_s <= LONGEST_GAP_S:
+            self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
+            return Verdict.RESYNCED
+        self.relation = ClockRelation()
+        self._accept(_Reading(micros, last.board_s + max(0.0, host_s - last.host_s), host_s))
+        restarted = micros < last.micros and micros < RESTART_WITHIN_S * 1e6
+        return Verdict.RESTARTED if restarted else Verdict.RESYNCED
+
+
+def _step_s(earlier_micros: int, later_micros: int) -> float:
+    return ((later_micros - earlier_micros) % MICROS_PER_TURN) * 1e-6
+
+
+def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> bool:
+    """Whether the step since an earlier reading is what the line itself says it is, or what the host saw pass."""
+    step_s = _step_s(earlier.micros, micros)
+    if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
+        return True
+    elapsed_s = host_s - earlier.host_s
+    return 0.0 < step_s and abs(step_s - elapsed_s) <= 0.1 + 0.1 * elapsed_s
+
+
+class ClockRelation:
+    """``host = offset + (1 + skew) * board``, by weighted least squares that forgets with a time constant.
+
+    A line is late when it waited in a buffer, never early: readings later than six times the usual scatter are left
+    out. When many in a row are, the clocks really have parted (the host slept) and the fit starts afresh.
+    """
+
+    MEMORY_S = 120.0
+    LATE_FLOOR_S = 0.005
+    MOST_LEFT_OUT = 50
+    FIRST_READINGS = 10
+
+    def __init__(self) -> None:
+        self._clear()
+        self.left_out = 0
+
+    def _clear(self) -> None:
+        self._weight = self._mean_board = self._mean_host = 0.0
+        self._var_board = self._covariance = 0.0
+        self._newest_board_s = self._scatter_s = 0.0
+        self._count = self._left_out_in_a_row = 0
+
+    def observe(self, board_s: float, host_s: float) -> None:
+        """Fit one more pair of simultaneous readings, unless it came too late to say anything."""
+        if self._count >= self.FIRST_READINGS and self._is_late(host_s - self.host_s(board_s)):
+            return
+        if self._count > 1:
+            residual_s = abs(host_s - self.host_s(board_s))
+            self._scatter_s += (residual_s - self._scatter_s) / min(self._count, 200)
+        self._fit(board_s, host_s)
+
+    def _is_late(self, residual_s: float) -> bool:
+        if residual_s <= max(self.LATE_FLOOR_S, 6 * self._scatter_s):
+            self._left_out_in_a_row = 0
+            return False
+        self.left_out += 1
+        self._left_out_in_a_row += 1
+        if self._left_out_in_a_row >= self.MOST_LEFT_OUT:
+            self._clear()
+        return True
+
+    def _fit(self, board_s: float, host_s: float) -> None:
+        if self._count:
+            keep = math.exp(-max(0.0, board_s - self._newest_board_s) / self.MEMORY_S)
+            self._weight *= keep
+            self._var_board *= keep
+            self._covariance *= keep
+        self._weight += 1.0
+        from_mean_s = board_s - self._mean_board
+        self._mean_board += from_mean_s / self._weight
+        self._mean_host += (host_s - self._mean_host) / self._weight
+        self._var_board += from_mean_s * (board_s - self._mean_board)
+        self._covariance += from_mean_s * (host_s - self._mean_host)
+        self._newest_board_s = board_s
+        self._count += 1
+
+    @property
+    def _rate(self) -> float:
+        return self._covariance / self._var_board if self._var_board > 1.0 else 1.0
+
+    def host_s(self, board_s: float) -> float:
+        """Host time at a board time; the board's own before there is anything to go by."""
+        if not self._count:
+            return board_s
+        return self._mean_host + self._rate * (board_s - self._mean_board)
+
+    @property
+    def skew_ppm(self) -> float | None:
+        """How much faster host time runs than the board's, in parts per million; None until it can be told."""
+        return (self._rate - 1.0) * 1e6 if self._var_board > 1.0 else None
+
+    @property
+    def jitter_s(self) -> float | None:
+        """Mean distance of the readings from the line; None until there is a line."""
+        return self._scatter_s if self._count > 1 else None

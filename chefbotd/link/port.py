@@ -1,0 +1,94 @@
+"""Opening the serial device, and a transport for it that writes at once."""
+
+import asyncio
+import os
+import termios
+from typing import Any
+
+import serial
+import serial_asyncio
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class LinkParameters(Parameters):
+    """Where the board is and how the port behaves.
+
+    ``device`` is a path (``/dev/ttyACM0``, better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``dtr`` is the
+    state of the DTR line while open: some boards reset when it changes. With ``hang_up_on_close`` the kernel drops DTR
+    when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to ``reconnect_longest_s``,
+    each wait varied by ``reconnect_jitter`` of itself. At most ``setpoints_per_s`` motor commands are written.
+    """
+
+    device: str = Field(default="/dev/ttyACM0", min_length=1)
+    baud: int = Field(default=115200, ge=300, le=4_000_000)
+    exclusive: bool = True
+    dtr: bool = True
+    hang_up_on_close: bool = False
+    reconnect_first_s: float = Field(default=0.1, gt=0, le=60)
+    reconnect_longest_s: float = Field(default=2.0, gt=0, le=600)
+    reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
+    setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
+
+
+class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
+    """pyserial-asyncio's transport, writing straight to the device while it takes bytes.
+
+    The library's own ``write`` waits for the loop to say that the device is writable, which costs a turn of the
+    loop for every motor command; its ``abort`` must not be called twice.
+    """
+
+    def write(self, data: bytes) -> None:
+        """Write now what the device takes; the rest follows as soon as it takes more."""
+        if self.is_closing():
+            return
+        if self.get_write_buffer_size() == 0:
+            try:
+                data = data[os.write(self.serial.fileno(), data) :]
+            except BlockingIOError:
+                pass
+            except OSError:
+                self.abort()
+                return
+        if data:
+            super().write(data)
+
+    def abort(self) -> None:
+        """Close now, dropping what is unsent; harmless on a closed transport."""
+        if not self.is_closing():
+            super().abort()
+
+
+async def open_port(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
+    """Open the device and connect ``protocol`` to it.
+
+    Raises:
+        OSError: the device is missing, busy or not a serial port; the message names it.
+    """
+    loop = asyncio.get_running_loop()
+    port = await loop.run_in_executor(None, _open, parameters)
+    transport: asyncio.Transport = SerialPortTransport(loop, protocol, port)
+    return transport
+
+
+def _open(parameters: LinkParameters) -> Any:
+    """Open in a thread: a tty may take its time, and ``socket://`` always does."""
+    try:
+        if "://" in parameters.device:
+            return serial.serial_for_url(parameters.device)
+        port = serial.Serial(baudrate=parameters.baud, exclusive=parameters.exclusive or None)
+        port.dtr = parameters.dtr
+        port.port = parameters.device
+        port.open()
+    except ValueError as error:
+        raise OSError(f"{parameters.device}: {error}") from error
+    _keep_hang_up(port.fileno(), parameters.hang_up_on_close)
+    return port
+
+
+def _keep_hang_up(descriptor: int, hang_up: bool) -> None:
+    settings = termios.tcgetattr(descriptor)
+    control = settings[2]
+    settings[2] = control | termios.HUPCL if hang_up else control & ~termios.HUPCL
+    termios.tcsetattr(descriptor, termios.TCSANOW, settings)

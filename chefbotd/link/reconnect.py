@@ -1,0 +1,70 @@
+"""Keeping the link open: a port that goes away is opened again as soon as it is back."""
+
+import asyncio
+import random
+from collections.abc import Awaitable, Callable, Iterator
+
+import structlog
+
+from chefbotd.clock import Clock
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.session import BoardSession
+
+log = structlog.get_logger(component="link")
+
+Opener = Callable[[LinkParameters, asyncio.BaseProtocol], Awaitable[asyncio.Transport]]
+"""Opens a port for a protocol, or raises ``OSError``: ``port.open_port``, or a test's own."""
+
+REMIND_EVERY_S = 60.0
+"""A device that stays away is mentioned in the log this often, however often it is tried."""
+
+
+def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
+    """Seconds between attempts: doubling up to the longest, each varied so that two daemons do not march in step."""
+    wait_s = parameters.reconnect_first_s
+    while True:
+        yield wait_s * (1 + parameters.reconnect_jitter * rng.uniform(-1, 1))
+        wait_s = min(2 * wait_s, parameters.reconnect_longest_s)
+
+
+class BoardLink:
+    """Owns the port: opens it, waits until it is lost, opens it again."""
+
+    def __init__(
+        self,
+        parameters: LinkParameters,
+        session: BoardSession,
+        opener: Opener,
+        clock: Clock,
+        rng: random.Random,
+    ) -> None:
+        self._parameters, self._session, self._opener = parameters, session, opener
+        self._clock, self._rng = clock, rng
+
+    async def run(self) -> None:
+        """Keep the link open until cancelled; then stop the motors and close it."""
+        try:
+            while True:
+                await self._open()
+                log.info("link opened", device=self._parameters.device)
+                await self._session.wait_closed()
+                log.warning("link lost", device=self._parameters.device)
+        finally:
+            if self._session.is_open:
+                self._session.close()
+                await self._session.wait_closed()
+
+    async def _open(self) -> None:
+        complaint, complained_s = "", float("-inf")
+        for wait_s in waits_s(self._parameters, self._rng):
+            try:
+                self._session.expect_connection()
+                await self._opener(self._parameters, self._session)
+            except OSError as error:
+                now_s = self._clock.now_s()
+                if str(error) != complaint or now_s - complained_s >= REMIND_EVERY_S:
+                    complaint, complained_s = str(error), now_s
+                    log.warning("link cannot be opened", device=self._parameters.device, error=complaint)
+            else:
+                return
+            await asyncio.sleep(wait_s)

@@ -1,0 +1,231 @@
+"""The board as seen from the wire: bytes in, stamped events out; duties in, bytes out."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, cast
+
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events import (
+    BatteryCounted,
+    BoardRestarted,
+    Direction,
+    DutyEchoed,
+    EncodersCounted,
+    InertialCounted,
+    LineRefused,
+    LineSeen,
+    LinkClosed,
+    LinkOpened,
+    OrientationReported,
+    TextReceived,
+    UltrasonicEchoed,
+)
+from chefbotd.link.board_clock import BoardClock, Verdict
+from chefbotd.link.setpoint import SetpointWriter
+from firmware_protocol import messages as wire
+from firmware_protocol.codec import Variant, from_board, to_board
+from firmware_protocol.decoder import Decoder
+
+
+
+class BoardSession(asyncio.Protocol):
+    """An asyncio protocol that lives across reconnections and keeps its counters.
+
+    Events go to the bus as they are read. The board's clock is followed across reconnections too: a board that went
+    on counting while its cable was out is told from one that restarted.
+    """
+
+    def __init__(
+        self, bus: Bus, clock: Clock, variant: Variant, *, device: str, setpoints_per_s: float
+    ) -> None:
+        self._bus, self._clock, self._device = bus, clock, device
+        self._decoder = Decoder(from_board(variant))
+        self._encoder = to_board(variant)
+        self._transport: asyncio.Transport | None = None
+        self._board_clock = BoardClock()
+        self._cycle_has_time = False
+        self._setpoints = SetpointWriter(
+            self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
+        )
+        self._still = (0,) * variant.wheels
+        self._closed = asyncio.Event()
+        self._closed.set()
+        self.opens = 0
+        self.lines_out = 0
+        self.board_restarts = 0
+        self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
+            wire.BoardTime: self._on_time,
+            wire.EncoderCounts: self._on_encoders,
+            wire.UltrasonicDistance: self._on_ultrasonic,
+            wire.DutyEcho: self._on_duty,
+            wire.Orientation: self._on_orientation,
+            wire.RawImu: self._on_raw_imu,
+            wire.BatteryLevel: self._on_battery,
+            wire.Banner: self._on_banner,
+            wire.ResetDone: self._on_reset_done,
+            wire.Text: self._on_text,
+            wire.Malformed: self._on_malformed,
+        }
+
+    # What asyncio tells us
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A port was opened: forget half lines and put a stop on the wire."""
+        self._transport = cast(asyncio.Transport, transport)
+        self._transport.set_write_buffer_limits(high=0)
+        self._decoder.reset()
+        self._cycle_has_time = False
+        self.opens += 1
+        self._bus.publish(LinkOpened(self._clock.now_s(), self._device))
+        self.stop_motors()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The port is gone; what waited to be written is forgotten."""
+        self._transport = None
+        self._setpoints.forget()
+        self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
+        self._closed.set()
+
+    def resume_writing(self) -> None:
+        """The transport has drained: the newest setpoint may go."""
+        self._setpoints.resume()
+
+    def data_received(self, data: bytes) -> None:
+        """Stamp, decode and publish."""
+        now_s = self._clock.now_s()
+        listened = self._bus.wanted(LineSeen)
+        for line, message in self._decoder.feed(data):
+            if listened:
+                self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
+            self._handlers[type(message)](message, now_s)
+
+    def expect_connection(self) -> None:
+        """A port is about to be opened: ``wait_closed`` is to wait for its end."""
+        self._closed.clear()
+
+    async def wait_closed(self) -> None:
+        """Wait until the expected connection has come and gone."""
+        await self._closed.wait()
+
+    # What the robot tells the board
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a port is connected."""
+        return self._transport is not None
+
+    def send_duty(self, duty: tuple[int, ...]) -> None:
+        """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
+        if self._transport is not None:
+            self._setpoints.offer(duty)
+
+    def stop_motors(self) -> None:
+        """Write zeros at once; for every way out of the process."""
+        self.send_duty(self._still)
+
+    def reset_board(self) -> None:
+        """Stop, then ask the board to restart; its counters and clock begin anew."""
+        self.stop_motors()
+        self._write(self._encoder.encode(wire.ResetBoard()))
+
+    def close(self) -> None:
+        """Stop the motors and give the port up."""
+        if self._transport is not None:
+            self.stop_motors()
+            self._transport.abort()
+
+    def _write_duty(self, duty: tuple[int, ...]) -> None:
+        self._write(self._encoder.encode(wire.SetDuty(duty)))
+
+    def _write(self, line: bytes) -> None:
+        if self._transport is None:
+            return
+        self._transport.write(line)
+        self.lines_out += 1
+        if self._bus.wanted(LineSeen):
+            self._bus.publish(LineSeen(self._clock.now_s(), Direction.TO_BOARD, line.rstrip(b"\r\n")))
+
+    def _has_drained(self) -> bool:
+        return self._transport is not None and self._transport.get_write_buffer_size() == 0
+
+    # What the board says
+
+    def _on_time(self, message: wire.BoardTime, now_s: float) -> None:
+        verdict = self._board_clock.observe(message.micros, message.cycle_s, now_s)
+        self._cycle_has_time = verdict is not Verdict.SUSPECT
+        if verdict is Verdict.RESTARTED:
+            self._restarted(now_s, f"its clock went back to {message.micros} us")
+
+    def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> None:
+        """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
+        if self._board_clock.in_doubt:
+            return
+        board_s = self._board_clock.latest_s if self._cycle_has_time else None
+        self._cycle_has_time = False
+        if board_s is None:
+            board_s = self._board_clock.board_s(now_s)
+        self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
+
+    def _on_ultrasonic(self, message: wire.UltrasonicDistance, now_s: float) -> None:
+        self._bus.publish(UltrasonicEchoed(now_s, message.distance_cm))
+
+    def _on_duty(self, message: wire.DutyEcho, now_s: float) -> None:
+        self._bus.publish(DutyEchoed(now_s, message.duty))
+
+    def _on_orientation(self, message: wire.Orientation, now_s: float) -> None:
+        self._bus.publish(OrientationReported(now_s, message.x, message.y, message.z, message.w))
+
+    def _on_raw_imu(self, message: wire.RawImu, now_s: float) -> None:
+        self._bus.publish(InertialCounted(now_s, message.acceleration, message.angular_rate))
+
+    def _on_battery(self, message: wire.BatteryLevel, now_s: float) -> None:
+        self._bus.publish(BatteryCounted(now_s, message.adc))
+
+    def _on_banner(self, message: wire.Banner, now_s: float) -> None:
+        """The first banner line after others is a restart; the rest of the banner belongs to it."""
+        if self._board_clock.latest_s is not None:
+            self._board_clock.restart()
+            self._restarted(now_s, f"it printed {message.text!r}")
+        self._bus.publish(TextReceived(now_s, message.text))
+
+    def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> None:
+        self._bus.publish(TextReceived(now_s, "Reset Done"))
+
+    def _on_text(self, message: wire.Text, now_s: float) -> None:
+        self._bus.publish(TextReceived(now_s, message.text))
+
+    def _on_malformed(self, message: wire.Malformed, now_s: float) -> None:
+        self._bus.publish(LineRefused(now_s, message.reason, message.line, message.detail))
+
+    def _restarted(self, now_s: float, cause: str) -> None:
+        self.board_restarts += 1
+        self._bus.publish(BoardRestarted(now_s, cause))
+
+    # What is counted
+
+    @property
+    def frames(self) -> dict[str, int]:
+        """Accepted lines so far, by message name."""
+        return dict(self._decoder.accepted)
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Malformed lines so far, by reason."""
+        return {str(reason): n for reason, n in self._decoder.malformed.items()}
+
+    @property
+    def setpoints_replaced(self) -> int:
+        """Motor commands that a newer one overtook before they were written."""
+        return self._setpoints.replaced
+
+    @property
+    def clock_skew_ppm(self) -> float | None:
+        """How much faster the host's clock runs than the board's."""
+        return self._board_clock.relation.skew_ppm
+
+    @property
+    def clock_jitter_s(self) -> float | None:
+        """How unevenly the board's time arrives."""
+        return self._board_clock.relation.jitter_s

@@ -1,0 +1,66 @@
+"""One motor command waiting at most: a newer one replaces it, a stale one is never delivered.
+
+The firmware has no watchdog, so a queue of velocities behind a slow reader would be driven long after it was meant.
+"""
+
+import asyncio
+from collections.abc import Callable
+
+Duty = tuple[int, ...]
+
+
+class SetpointWriter:
+    """Writes duties at most every ``interval_s``; a stop goes out at once.
+
+    ``write`` puts one command on the wire and may only be called while the transport has nothing left to send;
+    ``idle`` tells whether that is so. Call ``resume`` when the transport has drained.
+    """
+
+    def __init__(
+        self,
+        write: Callable[[Duty], None],
+        idle: Callable[[], bool],
+        now_s: Callable[[], float],
+        interval_s: float,
+    ) -> None:
+        self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
+        self._pending: Duty | None = None
+        self._written: Duty | None = None
+        self._written_s = float("-inf")
+        self._timer: asyncio.TimerHandle | None = None
+        self.replaced = 0
+
+    def offer(self, duty: Duty) -> None:
+        """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
+        if self._pending is not None:
+            self.replaced += 1
+        self._pending = duty
+        stops = not any(duty) and (self._written is None or any(self._written))
+        wait_s = 0.0 if stops else self._written_s + self._interval_s - self._now_s()
+        if wait_s > 0:
+            self._wake_in(wait_s)
+        else:
+            self.resume()
+
+    def resume(self) -> None:
+        """Send what waits, if the transport has drained."""
+        self._cancel_timer()
+        if self._pending is None or not self._idle():
+            return
+        duty, self._pending = self._pending, None
+        self._written, self._written_s = duty, self._now_s()
+        self._write(duty)
+
+    def forget(self) -> None:
+        """Drop what waits: the link it was meant for is gone."""
+        self._cancel_timer()
+        self._pending = self._written = None
+
+    def _wake_in(self, wait_s: float) -> None:
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(wait_s, self.resume)
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

@@ -1,0 +1,150 @@
+"""From the twist that is asked for to the duty of every wheel: limiter, kinematics and the wheels' PIDs in one step.
+
+Two occasions step it. An encoder frame runs everything (``regulate``). A new command between two frames runs what
+needs no measurement: limiter, feedforward and the proportional term (``retarget``); integral and derivative wait.
+"""
+
+from dataclasses import dataclass, field, replace
+
+from pydantic import Field
+
+from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.motion import pid
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.motion.limits import AT_REST, LimiterState, MotionLimits, limit
+from chefbotd.motion.pid import PidParameters, PidState
+
+
+class DriveParameters(Parameters):
+    """``max_rim_speed_m_s`` is what a wheel reaches under load: a twist that needs more is slowed as a whole.
+
+    ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
+    slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
+    ``regain_per_s`` gives it back.
+    """
+
+    max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
+    longest_step_s: float = Field(default=0.1, gt=0, le=1)
+    yield_per_s: float = Field(default=2.0, ge=0, le=100)
+    regain_per_s: float = Field(default=0.5, gt=0, le=100)
+
+
+LEAST_SHARE = 0.2
+"""However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
+
+LAGGING_M_S = 0.02
+"""A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveState:
+    """Everything that one step hands to the next; ``stepped_s`` is None until the first."""
+
+    pids: tuple[PidState, ...]
+    duty: tuple[int, ...]
+    limiter: LimiterState = AT_REST
+    stepped_s: float | None = None
+    share: float = 1.0
+    setpoint_m_s: tuple[float, ...] = field(default=())
+
+
+class Drive:
+    """The wheels' controller: pure steps over ``DriveState``; only the gains can be exchanged."""
+
+    def __init__(
+        self,
+        parameters: DriveParameters,
+        chassis: ChassisParameters,
+        limits: MotionLimits,
+        gains: tuple[PidParameters, ...],
+    ) -> None:
+        if len(gains) != len(chassis.wheels):
+            raise ValueError(f"expected gains for {len(chassis.wheels)} wheels, got {len(gains)}")
+        self._parameters, self._limits = parameters, limits
+        self._kinematics = Kinematics(chassis)
+        self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
+        self._still = (0.0,) * len(gains)
+        self.gains = gains
+        self.at_rest = DriveState((pid.RESET,) * len(gains), (0,) * len(gains), setpoint_m_s=self._still)
+
+    def halt(self, state: DriveState) -> DriveState:
+        """Brake now: zero duty, integrators and limiter at zero, so that nothing jumps afterwards."""
+        return replace(self.at_rest, stepped_s=state.stepped_s)
+
+    def retarget(self, state: DriveState, target: Twist2D, now_s: float) -> DriveState:
+        """The command changed, or time passed without an encoder frame: step what needs no measurement."""
+        state = self._ramp(state, target, now_s)
+        if self._rests(state, target):
+            return self.halt(state)
+        accelerations = self._rim_accelerations(state)
+        wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, strict=True)
+        return self._command(state, tuple(pid.preview(*wheel) for wheel in wheels))
+
+    def regulate(
+        self,
+        state: DriveState,
+        target: Twist2D,
+        now_s: float,
+        velocity_rad_s: tuple[float, ...],
+        dt_s: float,
+    ) -> DriveState:
+        """An encoder frame: wheel speeds measured over board time ``dt_s`` since the frame before."""
+        state = self._ramp(state, target, now_s)
+        if self._rests(state, target):
+            return self.halt(state)
+        speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
+        accelerations = self._rim_accelerations(state)
+        wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
+        steps = [pid.step(*wheel, dt_s) for wheel in wheels]
+        state = replace(state, pids=tuple(step[0] for step in steps))
+        outputs = tuple(step[1] for step in steps)
+        return self._command(self._share_out(state, outputs, speeds_m_s, dt_s), outputs)
+
+    def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
+        """Exchange the gains without a bump in the duty; returns the state to go on with."""
+        wheels = zip(self.gains, gains, state.pids, state.setpoint_m_s, strict=True)
+        pids = tuple(pid.retune(*wheel) for wheel in wheels)
+        self.gains = gains
+        return replace(state, pids=pids)
+
+    def rim_speeds_m_s(self, velocity_rad_s: tuple[float, ...]) -> tuple[float, ...]:
+        """Wheel speeds at the rim."""
+        return tuple(w * r for w, r in zip(velocity_rad_s, self._kinematics.radii_m, strict=True))
+
+    def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
+        """What each wheel is asked to turn at."""
+        return tuple(v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True))
+
+    def _ramp(self, state: DriveState, target: Twist2D, now_s: float) -> DriveState:
+        elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
+        target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
+        target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
+        limiter = limit(self._limits, state.limiter, target, min(elapsed_s, self._parameters.longest_step_s))
+        setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
+        return replace(state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint)
+
+    @staticmethod
+    def _rests(state: DriveState, target: Twist2D) -> bool:
+        return target == STANDING and state.limiter.twist == STANDING
+
+    def _rim_accelerations(self, state: DriveState) -> tuple[float, ...]:
+        rates = Twist2D(state.limiter.linear_m_s2, state.limiter.angular_rad_s2)
+        return self._kinematics.rim_speeds_m_s(rates)
+
+    def _command(self, state: DriveState, outputs: tuple[float, ...]) -> DriveState:
+        duty = tuple(round(u) * sign for u, sign in zip(outputs, self._motor_signs, strict=True))
+        return replace(state, duty=duty)
+
+    def _share_out(
+        self, state: DriveState, outputs: tuple[float, ...], speeds_m_s: tuple[float, ...], dt_s: float
+    ) -> DriveState:
+        """Slow the whole twist while any wheel cannot keep up with its part of it."""
+        wheels = zip(self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True)
+        lags = any(
+            abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S
+            for gains, output, setpoint, speed in wheels
+        )
+        change = -self._parameters.yield_per_s if lags else self._parameters.regain_per_s
+        share = min(1.0, max(LEAST_SHARE, state.share + change * dt_s))
+        return state if share == state.share else replace(state, share=share)

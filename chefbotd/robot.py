@@ -1,0 +1,66 @@
+"""The robot as the command socket knows it: one face for the parts that carry its requests out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import StatsSampled
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.link.session import BoardSession
+from chefbotd.motion.pid import PidParameters
+from chefbotd.services.drive import DriveService
+from chefbotd.services.odometry import OdometryService
+from chefbotd.services.stats import StatsService
+
+
+@dataclass(frozen=True, slots=True)
+class WiredRobot:
+    """Implements ``chefbotd.api.robot.Robot``."""
+
+    driving: DriveService
+    odometry: OdometryService
+    session: BoardSession
+    statistics: StatsService
+
+    def drive(self, source: str, twist: Twist2D) -> None:
+        """Take a velocity command."""
+        self.driving.command(source, twist)
+
+    def stop(self) -> None:
+        """Come to rest."""
+        self.driving.stop()
+
+    def estop(self, reason: str) -> None:
+        """Brake now, and until armed."""
+        self.driving.estop(reason)
+
+    def arm(self) -> None:
+        """Allow motion."""
+        self.driving.arm()
+
+    def pid(self) -> Mapping[str, PidParameters]:
+        """The gains by wheel name."""
+        return self.driving.gains()
+
+    def set_pid(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        """Change gains."""
+        return self.driving.set_gains(wheel, changes)
+
+    def set_odometry(self, pose: Pose2D) -> None:
+        """Declare where the robot is."""
+        self.odometry.set_pose(pose)
+
+    def reset_board(self) -> None:
+        """Stop and restart the board.
+
+        Raises:
+            Refused: it is not connected.
+        """
+        if not self.session.is_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+        self.driving.stop()
+        self.session.reset_board()
+
+    def stats(self) -> StatsSampled:
+        """The counters now."""
+        return self.statistics.sample()

@@ -1,0 +1,156 @@
+"""The last word on every command: may the robot move, and if so, whose command is in force.
+
+Three modes. ``ARMED``: the highest live command is followed. ``DISARMED``: a fault has latched. ``ESTOPPED``: someone
+pressed stop in earnest. The latter two brake at once and end only with ``arm``. A command is live while it is younger
+than its source's timeout and the dead-man's; what feeds the dead-man is commands, never a heartbeat.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.parameters import Parameters
+
+
+class SourceParameters(Parameters):
+    """One source of velocity commands: 0 (weakest) to 255, and how long its last command lasts."""
+
+    priority: int = Field(ge=0, le=255)
+    timeout_s: float = Field(gt=0, le=10)
+
+
+PUBLISHED_SOURCES = {
+    "safety": SourceParameters(priority=10, timeout_s=0.2),
+    "teleop": SourceParameters(priority=7, timeout_s=1.0),
+    "navigation": SourceParameters(priority=5, timeout_s=1.0),
+}
+"""The velocity arbitration of the published ChefBot."""
+
+
+class Rearm(StrEnum):
+    """How a fault that has passed is left: only by ``arm``, or by itself. An e-stop is always left by ``arm``."""
+
+    MANUAL = "manual"
+    AUTO = "auto"
+
+
+class SafetyParameters(Parameters):
+    """``command_timeout_s`` is the dead-man: no command, of whatever source, outlives it."""
+
+    command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
+    rearm: Rearm = Rearm.MANUAL
+    sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
+
+
+class Mode(StrEnum):
+    """Whether the robot may move."""
+
+    ARMED = "armed"
+    DISARMED = "disarmed"
+    ESTOPPED = "estopped"
+
+
+class Trigger(StrEnum):
+    """What changes the mode."""
+
+    ARM = "arm"
+    ESTOP = "estop"
+    FAULT = "fault"
+    RECOVERY = "recovery"
+
+
+NEXT: Mapping[tuple[Mode, Trigger], Mode] = {
+    (Mode.ARMED, Trigger.ARM): Mode.ARMED,
+    (Mode.ARMED, Trigger.ESTOP): Mode.ESTOPPED,
+    (Mode.ARMED, Trigger.FAULT): Mode.DISARMED,
+    (Mode.ARMED, Trigger.RECOVERY): Mode.ARMED,
+    (Mode.DISARMED, Trigger.ARM): Mode.ARMED,
+    (Mode.DISARMED, Trigger.ESTOP): Mode.ESTOPPED,
+    (Mode.DISARMED, Trigger.FAULT): Mode.DISARMED,
+    (Mode.DISARMED, Trigger.RECOVERY): Mode.ARMED,
+    (Mode.ESTOPPED, Trigger.ARM): Mode.ARMED,
+    (Mode.ESTOPPED, Trigger.ESTOP): Mode.ESTOPPED,
+    (Mode.ESTOPPED, Trigger.FAULT): Mode.ESTOPPED,
+    (Mode.ESTOPPED, Trigger.RECOVERY): Mode.ESTOPPED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A velocity asked for by a source, and when it was."""
+
+    source: str
+    twist: Twist2D
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class GateState:
+    """The mode, why it is so, and the newest command of each source."""
+
+    mode: Mode = Mode.ARMED
+    reason: str = "started"
+    commands: tuple[Command, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The twist to follow and whose it is; ``halted`` means brake now, whatever the twist."""
+
+    twist: Twist2D
+    source: str | None
+    halted: bool
+
+
+HALT = Decision(STANDING, None, halted=True)
+COME_TO_REST = Decision(STANDING, None, halted=False)
+
+_REFUSALS = {Mode.DISARMED: RefusalKind.DISARMED, Mode.ESTOPPED: RefusalKind.ESTOPPED}
+
+
+def accept(parameters: SafetyParameters, state: GateState, command: Command) -> GateState:
+    """Take a command into account.
+
+    Raises:
+        Refused: its source is not configured, or the robot is not armed; nothing changes.
+    """
+    if command.source not in parameters.sources:
+        known = ", ".join(sorted(parameters.sources))
+        raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {known}")
+    if state.mode is not Mode.ARMED:
+        raise Refused(_REFUSALS[state.mode], f"the robot is {state.mode} ({state.reason}); 'arm' comes first")
+    others = tuple(c for c in state.commands if c.source != command.source)
+    return replace(state, commands=(*others, command))
+
+
+def stop(state: GateState) -> GateState:
+    """Forget every command: the robot comes to rest within its deceleration limit. Nothing latches."""
+    return replace(state, commands=())
+
+
+def change_mode(state: GateState, trigger: Trigger, reason: str) -> GateState:
+    """Apply a trigger. A change forgets every command; a fault or a recovery that changes nothing keeps the reason."""
+    mode = NEXT[state.mode, trigger]
+    if mode is state.mode and trigger is not Trigger.ESTOP:
+        return state
+    return GateState(mode, reason)
+
+
+def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Decision:
+    """The highest live command wins; of two with the same priority, the newer."""
+    if state.mode is not Mode.ARMED:
+        return HALT
+    winner: Command | None = None
+    rank = (-1, 0.0)
+    for command in state.commands:
+        source = parameters.sources[command.source]
+        if now_s - command.stamp_s > min(source.timeout_s, parameters.command_timeout_s):
+            continue
+        if (source.priority, command.stamp_s) > rank:
+            winner, rank = command, (source.priority, command.stamp_s)
+    return COME_TO_REST if winner is None else Decision(winner.twist, winner.source, halted=False)

@@ -1,0 +1,45 @@
+"""Dead reckoning as a service: every measured turn of the wheels becomes an ``OdometryUpdated``."""
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import Clock
+from chefbotd.core.events import OdometryUpdated, WheelsMeasured
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.motion import odometry
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.motion.odometry import OdometryParameters
+
+
+class OdometryService:
+    """Owns the pose ``odom_from_base``."""
+
+    def __init__(
+        self, bus: Bus, clock: Clock, chassis: ChassisParameters, parameters: OdometryParameters
+    ) -> None:
+        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._kinematics, self._track_width_m = Kinematics(chassis), chassis.track_width_m
+        self._state = odometry.START
+        self._inbox: Inbox[WheelsMeasured] = bus.subscribe(WheelsMeasured, size=1024)
+
+    def set_pose(self, odom_from_base: Pose2D) -> None:
+        """Declare where the robot is; the covariance starts again from zero."""
+        while len(self._inbox):
+            self._integrate(self._inbox.take())
+        self._state = odometry.set_pose(self._state, odom_from_base)
+        self._publish(self._clock.now_s())
+
+    async def run(self) -> None:
+        """Integrate until cancelled."""
+        async for event in self._inbox:
+            self._integrate(event)
+            self._publish(event.stamp_s)
+
+    def _integrate(self, event: WheelsMeasured) -> None:
+        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad)
+        twist: Twist2D = self._kinematics.twist(event.velocity_rad_s)
+        self._state = odometry.integrate(
+            self._parameters, self._track_width_m, self._state, left_m, right_m, twist
+        )
+
+    def _publish(self, stamp_s: float) -> None:
+        state = self._state
+        self._bus.publish(OdometryUpdated(stamp_s, state.odom_from_base, state.twist, state.covariance))

@@ -1,0 +1,154 @@
+"""One TOML file per robot, and environment overrides, as validated and frozen parameters.
+
+A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
+the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``.
+"""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from chefbotd.api.parameters import ApiParameters
+from chefbotd.core.parameters import Parameters
+from chefbotd.link.port import LinkParameters
+from chefbotd.logs import Level
+from chefbotd.motion.drive import DriveParameters
+from chefbotd.motion.encoder import EncoderParameters
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.odometry import OdometryParameters
+from chefbotd.motion.pid import PidParameters
+from chefbotd.safety.gate import SafetyParameters
+from chefbotd.sensing.battery import BatteryParameters
+from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.ultrasonic import UltrasonicParameters
+from chefbotd.services.drive import ControlParameters
+from chefbotd.sim.parameters import SimulationParameters
+
+DEFAULT_ROBOT = "chefbot"
+ENVIRONMENT_PREFIX = "CHEFBOTD_"
+
+
+class RobotParameters(Parameters):
+    """Which robot this is; ``wire`` names the variant of the board's lines."""
+
+    name: str = Field(default="chefbot", min_length=1)
+    wire: Literal["classic", "four_wheels"] = "classic"
+
+
+class LogParameters(Parameters):
+    """What is worth a line in the log."""
+
+    level: Level = "info"
+
+
+class SettingsError(Exception):
+    """A configuration that cannot be used; its text is ready to be shown."""
+
+
+class Settings(Parameters):
+    """The whole configuration, one section per part of the robot."""
+
+    robot: RobotParameters
+    link: LinkParameters
+    chassis: ChassisParameters
+    encoders: EncoderParameters
+    drive: DriveParameters
+    pid: PidParameters
+    limits: MotionLimits
+    odometry: OdometryParameters
+    control: ControlParameters = ControlParameters()
+    safety: SafetyParameters = SafetyParameters()
+    ultrasonic: UltrasonicParameters
+    imu: ImuParameters
+    battery: BatteryParameters
+    api: ApiParameters = ApiParameters()
+    log: LogParameters = LogParameters()
+    sim: SimulationParameters = SimulationParameters()
+
+
+def packaged(robot: str = DEFAULT_ROBOT) -> Path:
+    """The configuration that comes with chefbotd for this robot.
+
+    Raises:
+        SettingsError: there is none; the message names those there are.
+    """
+    folder = _packaged_folder()
+    path = folder / f"{robot}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+        raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {known}")
+    return path
+
+
+def _packaged_folder() -> Path:
+    """Inside the installed package, or in the source tree that the package is imported from."""
+    package = Path(str(resources.files("chefbotd")))
+    installed = package / "config"
+    return installed if installed.is_dir() else package.parent / "config"
+
+
+def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = None) -> Settings:
+    """Read a configuration (None: the packaged ChefBot's).
+
+    The environment goes before the file, and ``overrides``, whose keys are dotted (``link.device``), before both.
+
+    Raises:
+        SettingsError: the file cannot be read or parsed, or a value is refused.
+    """
+    path = path or packaged()
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: not valid TOML: {error}") from error
+    dotted = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    for keys, value in (_from_environment() | dotted).items():
+        _place(values, keys, value)
+    try:
+        return Settings.model_validate(values)
+    except ValidationError as error:
+        raise SettingsError(f"{path}: {_explain(error)}") from error
+
+
+def _from_environment() -> dict[tuple[str, ...], object]:
+    """``CHEFBOTD_LINK__DEVICE=x`` as ``("link", "device"): "x"``; what the text means is for the key to say."""
+    return {
+        tuple(name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")): text
+        for name, text in os.environ.items()
+        if name.startswith(ENVIRONMENT_PREFIX)
+    }
+
+
+def _place(values: dict[str, Any], keys: tuple[str, ...], value: object) -> None:
+    *sections, name = keys
+    for section in sections:
+        inner = values.setdefault(section, {})
+        if not isinstance(inner, dict):
+            raise SettingsError(f"{'.'.join(keys)}: {section} is a value, not a section")
+        values = inner
+    values[name] = value
+
+
+def _explain(error: ValidationError) -> str:
+    """One line per refused value: the key as it stands in the file, what was wrong, and the value."""
+    lines = []
+    for problem in error.errors():
+        key = ".".join(str(part) for part in problem["loc"])
+        given = "" if problem["type"] == "missing" else f" (got {problem['input']!r})"
+        lines.append(f"{key}: {_expectation(problem['type'], problem['msg'])}{given}")
+    return "\n".join(lines)
+
+
+def _expectation(kind: str, message: str) -> str:
+    if kind == "extra_forbidden":
+        return "there is no such key"
+    if kind == "missing":
+        return "this key is required"
+    return message[0].lower() + message[1:]
