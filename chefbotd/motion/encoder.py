@@ -1,0 +1,194 @@
+"""Encoder counts to wheel angles: wrap, sign, scale, velocity, and the refusal of what cannot be.
+
+A number that lost digits on the wire still parses, so every change is held against the time it took. If one
+wheel's change is impossible the whole reading is refused; the next good one catches up for all wheels, so
+nothing is lost.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class EncoderParameters(Parameters):
+    """What the counters look like, and what the wheels can do.
+
+    ``confirmations`` refused readings in a row that agree with each other mean that the counters themselves
+    have moved. A velocity is the mean over the last ``velocity_window`` readings, and zero below
+    ``standstill_rad_s``.
+    """
+
+    counts_per_turn: float = Field(gt=0, le=1e9)
+    width_bits: int = Field(default=32, ge=8, le=64)
+    max_speed_rad_s: float = Field(gt=0, le=1e4)
+    slack_counts: int = Field(default=4, ge=0, le=1000)
+    velocity_window: int = Field(default=5, ge=2, le=100)
+    standstill_rad_s: float = Field(default=0.0, ge=0)
+    confirmations: int = Field(default=3, ge=1, le=1000)
+
+
+class Sample(NamedTuple):
+    """All wheels' counts at one board time."""
+
+    board_s: float
+    counts: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EncodersState:
+    """What decoding remembers.
+
+    ``base`` is the last good reading as on the wire (None: the next reading becomes the reference).
+    ``totals`` are the signed counts since the start, integers so that positions are exact. ``window`` holds
+    the latest totals, newest last. ``suspect`` is the last refused reading and ``agreeing`` how many before
+    it, itself included, fit together.
+    """
+
+    base: Sample | None = None
+    totals: tuple[int, ...] = ()
+    window: tuple[Sample, ...] = ()
+    suspect: Sample | None = None
+    agreeing: int = 0
+
+
+START = EncodersState()
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What one encoder frame says, per wheel, in the order of the configured wheels, forward positive.
+
+    A refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of
+    the wheels to blame. ``rebased`` says that the counters were taken as a new reference, without travel.
+    """
+
+    travel_rad: tuple[float, ...]
+    position_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+    jumped: tuple[int, ...] = ()
+    rebased: bool = False
+
+    @property
+    def refused(self) -> bool:
+        """Whether a wheel jumped, so that nothing of this frame was believed."""
+        return bool(self.jumped)
+
+
+def rebase(state: EncodersState) -> EncodersState:
+    """Take the next reading as the new reference, without travel: after a board reset. Positions go on."""
+    return EncodersState(totals=state.totals)
+
+
+def decode(
+    params: EncoderParameters,
+    signs: tuple[int, ...],
+    state: EncodersState,
+    counts: tuple[int, ...],
+    board_s: float,
+) -> tuple[EncodersState, Reading]:
+    """The next state and what the frame says; ``signs`` is +1 or -1 per wheel.
+
+    Between two good readings a wheel must turn less than half of the counter's range, or its way round is
+    ambiguous. Raises ``ValueError`` unless there is one count per sign.
+    """
+    sample = Sample(board_s, counts)
+    if state.base is None:
+        return _take_reference(params, signs, state, sample)
+    deltas = _deltas(params, state.base, sample)
+    jumped = _impossible(params, deltas, board_s - state.base.board_s)
+    if jumped:
+        return _refuse(params, state, sample, jumped)
+    return _accept(params, signs, state, sample, deltas)
+
+
+def _take_reference(
+    params: EncoderParameters, signs: tuple[int, ...], state: EncodersState, sample: Sample
+) -> tuple[EncodersState, Reading]:
+    if len(sample.counts) != len(signs):
+        raise ValueError(f"expected {len(signs)} counts, got {sample.counts}")
+    totals = state.totals or (0,) * len(signs)
+    window = (Sample(sample.board_s, totals),)
+    rebased = EncodersState(base=sample, totals=totals, window=window)
+    return rebased, _no_travel(params, rebased, rebased=True)
+
+
+def _accept(
+    params: EncoderParameters,
+    signs: tuple[int, ...],
+    state: EncodersState,
+    sample: Sample,
+    deltas: tuple[int, ...],
+) -> tuple[EncodersState, Reading]:
+    steps = tuple([sign * delta for sign, delta in zip(signs, deltas, strict=True)])
+    totals = tuple([total + step for total, step in zip(state.totals, steps, strict=True)])
+    window = _extend(state.window, Sample(sample.board_s, totals), params.velocity_window)
+    turned = EncodersState(base=sample, totals=totals, window=window)
+    reading = Reading(_radians(params, steps), _radians(params, totals), _velocity(params, window))
+    return turned, reading
+
+
+def _refuse(
+    params: EncoderParameters, state: EncodersState, sample: Sample, jumped: tuple[int, ...]
+) -> tuple[EncodersState, Reading]:
+    agreeing = 1 + (state.agreeing if _fits(params, state.suspect, sample) else 0)
+    if agreeing < params.confirmations:
+        waiting = replace(state, suspect=sample, agreeing=agreeing)
+        return waiting, _no_travel(params, waiting, jumped)
+    window = (Sample(sample.board_s, state.totals),)
+    moved = EncodersState(base=sample, totals=state.totals, window=window)
+    return moved, replace(_no_travel(params, state, jumped), rebased=True)
+
+
+def _no_travel(
+    params: EncoderParameters, state: EncodersState, jumped: tuple[int, ...] = (), rebased: bool = False
+) -> Reading:
+    """The position and velocity that the state already had."""
+    nothing = (0.0,) * len(state.totals)
+    position_rad = _radians(params, state.totals)
+    return Reading(nothing, position_rad, _velocity(params, state.window), jumped, rebased)
+
+
+def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[int, ...]:
+    """Change of each counter the short way round, in [-half, half) of its range."""
+    half = 1 << (params.width_bits - 1)
+    mask = (half << 1) - 1
+    pairs = zip(before.counts, after.counts, strict=True)
+    return tuple([((new - old + half) & mask) - half for old, new in pairs])
+
+
+def _impossible(params: EncoderParameters, deltas: tuple[int, ...], elapsed_s: float) -> tuple[int, ...]:
+    """The wheels that cannot have turned that far; time that went back is no time at all."""
+    turns = params.max_speed_rad_s * max(elapsed_s, 0.0) / math.tau
+    most = turns * params.counts_per_turn + params.slack_counts
+    return tuple([i for i, delta in enumerate(deltas) if abs(delta) > most])
+
+
+def _fits(params: EncoderParameters, before: Sample | None, after: Sample) -> bool:
+    if before is None:
+        return False
+    return not _impossible(params, _deltas(params, before, after), after.board_s - before.board_s)
+
+
+def _extend(window: tuple[Sample, ...], newest: Sample, size: int) -> tuple[Sample, ...]:
+    """The window with a new sample; board times in it always increase, so that spans are never zero."""
+    if window[-1].board_s >= newest.board_s:
+        window = tuple([sample for sample in window if sample.board_s < newest.board_s])
+    return (*window[-(size - 1) :], newest)
+
+
+def _velocity(params: EncoderParameters, window: tuple[Sample, ...]) -> tuple[float, ...]:
+    oldest, newest = window[0], window[-1]
+    if oldest is newest:
+        return (0.0,) * len(newest.counts)
+    scale = math.tau / params.counts_per_turn / (newest.board_s - oldest.board_s)
+    velocity = [(new - old) * scale for old, new in zip(oldest.counts, newest.counts, strict=True)]
+    return tuple([v if abs(v) >= params.standstill_rad_s else 0.0 for v in velocity])
+
+
+def _radians(params: EncoderParameters, counts: tuple[int, ...]) -> tuple[float, ...]:
+    scale = math.tau / params.counts_per_turn
+    return tuple([count * scale for count in counts])

@@ -1,0 +1,101 @@
+"""Robot twist to wheel speeds and back, for any number of wheels a side (differential and skid steer)."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from statistics import fmean
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.geometry import Twist2D
+from chefbotd.core.parameters import Parameters
+
+RadiusMultiplier = Annotated[float, Field(ge=0.5, le=2.0)]
+
+
+class Side(StrEnum):
+    """Which side of the robot a wheel is on, seen in the direction of travel."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class WheelParameters(Parameters):
+    """One driven wheel; a sign of -1 turns round an encoder or a motor that was wired backwards."""
+
+    name: str = Field(min_length=1)
+    side: Side
+    radius_m: float = Field(gt=0, le=1)
+    encoder_sign: Literal[1, -1] = 1
+    motor_sign: Literal[1, -1] = 1
+
+
+class ChassisParameters(Parameters):
+    """The wheels, in the order in which the wire counts and commands them, and how far apart the sides are.
+
+    ``track_width_m`` is the effective one, wheel centre to wheel centre: what turning behaves like. The
+    multipliers correct a whole side's radii, as calibration finds them.
+    """
+
+    track_width_m: float = Field(gt=0, le=5)
+    wheels: tuple[WheelParameters, ...]
+    left_radius_multiplier: RadiusMultiplier = 1.0
+    right_radius_multiplier: RadiusMultiplier = 1.0
+
+    @model_validator(mode="after")
+    def _can_drive(self) -> Self:
+        names = [wheel.name for wheel in self.wheels]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"wheel names must be unique, repeated: {', '.join(repeated)}")
+        for side in Side:
+            if not any(wheel.side is side for wheel in self.wheels):
+                raise ValueError(f"there must be at least one wheel on the {side} side, got {names}")
+        return self
+
+
+class Kinematics:
+    """A chassis' conversions, with what never changes computed once.
+
+    Tuples are per wheel, in the order of the configured wheels; ``radii_m`` are the effective radii.
+    """
+
+    def __init__(self, chassis: ChassisParameters) -> None:
+        multiplier = {Side.LEFT: chassis.left_radius_multiplier, Side.RIGHT: chassis.right_radius_multiplier}
+        half_track_m = chassis.track_width_m / 2
+        self.track_width_m = chassis.track_width_m
+        self.radii_m = tuple(wheel.radius_m * multiplier[wheel.side] for wheel in chassis.wheels)
+        self._levers_m = tuple(-half_track_m if w.side is Side.LEFT else half_track_m for w in chassis.wheels)
+        self._left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)
+        self._right = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.RIGHT)
+
+    def rim_speeds_m_s(self, twist: Twist2D) -> tuple[float, ...]:
+        """How fast each wheel's rim must roll over the ground for the robot to move so."""
+        linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
+        return tuple(linear_m_s + angular_rad_s * lever_m for lever_m in self._levers_m)
+
+    def wheel_speeds_rad_s(self, twist: Twist2D) -> tuple[float, ...]:
+        """How fast each wheel must turn for the robot to move so."""
+        rims = self.rim_speeds_m_s(twist)
+        return tuple(rim_m_s / radius_m for rim_m_s, radius_m in zip(rims, self.radii_m, strict=True))
+
+    def side_travel_m(self, travel_rad: Sequence[float]) -> tuple[float, float]:
+        """How far the left and the right side rolled: the mean over each side's wheels.
+
+        Works on speeds as well: rad/s in, m/s out. Raises ``ValueError`` unless there is one number per
+        wheel.
+        """
+        rolled_m = [angle * radius_m for angle, radius_m in zip(travel_rad, self.radii_m, strict=True)]
+        return fmean([rolled_m[i] for i in self._left]), fmean([rolled_m[i] for i in self._right])
+
+    def twist(self, velocity_rad_s: Sequence[float]) -> Twist2D:
+        """How the robot moves when its wheels turn so and none of them slips."""
+        left_m_s, right_m_s = self.side_travel_m(velocity_rad_s)
+        return Twist2D((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / self.track_width_m)
+
+    def saturate(self, twist: Twist2D, max_rim_speed_m_s: float) -> Twist2D:
+        """The twist, slowed as a whole until its fastest rim can follow: the path keeps its curvature."""
+        fastest_m_s = max(map(abs, self.rim_speeds_m_s(twist)))
+        if fastest_m_s <= max_rim_speed_m_s:
+            return twist
+        scale = max_rim_speed_m_s / fastest_m_s
+        return Twist2D(twist.linear_m_s * scale, twist.angular_rad_s * scale)

@@ -1,0 +1,161 @@
+"""What the robot as a whole may do: speed, acceleration and jerk of its twist, forward and in reverse.
+
+Zero is passed by braking first and accelerating then, each with its own limit. A stop that must be
+immediate does not come through here: it resets the limiter to ``AT_REST``.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+from pydantic import Field
+
+from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.motion.ramp import AxisLimits, advance
+
+Speed = Annotated[float, Field(ge=0, le=100)]
+Rate = Annotated[float, Field(gt=0, le=1e4)]
+Jerk = Annotated[float, Field(gt=0, le=1e6)]
+
+
+class LinearLimits(Parameters):
+    """Limits along the robot's x axis.
+
+    Left out: reverse is as forward, braking as accelerating, jerk unlimited.
+    """
+
+    max_forward_m_s: Speed
+    max_reverse_m_s: Speed | None = None
+    acceleration_m_s2: Rate
+    deceleration_m_s2: Rate | None = None
+    reverse_acceleration_m_s2: Rate | None = None
+    reverse_deceleration_m_s2: Rate | None = None
+    jerk_m_s3: Jerk | None = None
+
+    @cached_property
+    def axis(self) -> AxisLimits:
+        """The limits with everything that was left out filled in."""
+        deceleration = _or(self.deceleration_m_s2, self.acceleration_m_s2)
+        return AxisLimits(
+            max_forward=self.max_forward_m_s,
+            max_reverse=_or(self.max_reverse_m_s, self.max_forward_m_s),
+            acceleration=self.acceleration_m_s2,
+            deceleration=deceleration,
+            reverse_acceleration=_or(self.reverse_acceleration_m_s2, self.acceleration_m_s2),
+            reverse_deceleration=_or(self.reverse_deceleration_m_s2, deceleration),
+            jerk=_or(self.jerk_m_s3, math.inf),
+        )
+
+
+class AngularLimits(Parameters):
+    """Limits of turning, left being positive.
+
+    Left out: right is as left, braking as accelerating, jerk unlimited.
+    """
+
+    max_left_rad_s: Speed
+    max_right_rad_s: Speed | None = None
+    acceleration_rad_s2: Rate
+    deceleration_rad_s2: Rate | None = None
+    right_acceleration_rad_s2: Rate | None = None
+    right_deceleration_rad_s2: Rate | None = None
+    jerk_rad_s3: Jerk | None = None
+
+    @cached_property
+    def axis(self) -> AxisLimits:
+        """The limits with everything that was left out filled in."""
+        deceleration = _or(self.deceleration_rad_s2, self.acceleration_rad_s2)
+        return AxisLimits(
+            max_forward=self.max_left_rad_s,
+            max_reverse=_or(self.max_right_rad_s, self.max_left_rad_s),
+            acceleration=self.acceleration_rad_s2,
+            deceleration=deceleration,
+            reverse_acceleration=_or(self.right_acceleration_rad_s2, self.acceleration_rad_s2),
+            reverse_deceleration=_or(self.right_deceleration_rad_s2, deceleration),
+            jerk=_or(self.jerk_rad_s3, math.inf),
+        )
+
+
+class MotionLimits(Parameters):
+    """Both axes; with ``keep_curvature`` what slows one of them slows the other, so that the path keeps its shape."""
+
+    linear: LinearLimits
+    angular: AngularLimits
+    keep_curvature: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class LimiterState:
+    """The twist now allowed, and how fast it is changing: the same fields, per second."""
+
+    twist: Twist2D = STANDING
+    acceleration: Twist2D = STANDING
+
+
+AT_REST = LimiterState()
+
+
+def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: float) -> LimiterState:
+    """Go towards a finite target for ``dt_s``, as far as the limits allow; no time (<= 0), no change."""
+    if dt_s <= 0:
+        return state
+    linear, angular = params.linear.axis, params.angular.axis
+    aim = _within_speeds(linear, angular, target, params.keep_curvature)
+    if params.keep_curvature:
+        linear, angular = _in_step(linear, angular, state, aim)
+    now, change = state.twist, state.acceleration
+    linear_m_s, linear_m_s2 = advance(linear, now.linear_m_s, change.linear_m_s, aim.linear_m_s, dt_s)
+    angular_rad_s, angular_rad_s2 = advance(
+        angular, now.angular_rad_s, change.angular_rad_s, aim.angular_rad_s, dt_s
+    )
+    return LimiterState(Twist2D(linear_m_s, angular_rad_s), Twist2D(linear_m_s2, angular_rad_s2))
+
+
+def _within_speeds(linear: AxisLimits, angular: AxisLimits, target: Twist2D, keep_curvature: bool) -> Twist2D:
+    linear_share = linear.share_of(target.linear_m_s)
+    angular_share = angular.share_of(target.angular_rad_s)
+    if keep_curvature:
+        linear_share = angular_share = min(linear_share, angular_share)
+    return Twist2D(target.linear_m_s * linear_share, target.angular_rad_s * angular_share)
+
+
+def _in_step(
+    linear: AxisLimits, angular: AxisLimits, state: LimiterState, aim: Twist2D
+) -> tuple[AxisLimits, AxisLimits]:
+    """Limits under which both axes arrive together: from rest, or along an arc, the curvature never changes.
+
+    Each axis would need so many seconds at its full acceleration (and so many squared at its full jerk); the
+    one that needs more sets the pace.
+    """
+    linear_gap = aim.linear_m_s - state.twist.linear_m_s
+    angular_gap = aim.angular_rad_s - state.twist.angular_rad_s
+    pace_s = max(
+        abs(linear_gap) / linear.rate(state.twist.linear_m_s, linear_gap),
+        abs(angular_gap) / angular.rate(state.twist.angular_rad_s, angular_gap),
+    )
+    pace_s2 = max(abs(linear_gap) / linear.jerk, abs(angular_gap) / angular.jerk)
+    return (
+        _paced(linear, state.twist.linear_m_s, state.acceleration.linear_m_s, linear_gap, pace_s, pace_s2),
+        _paced(
+            angular, state.twist.angular_rad_s, state.acceleration.angular_rad_s, angular_gap, pace_s, pace_s2
+        ),
+    )
+
+
+def _paced(
+    axis: AxisLimits, speed: float, acceleration: float, gap: float, pace_s: float, pace_s2: float
+) -> AxisLimits:
+    """The axis slowed to the pace, but not below what its present acceleration needs to end at the target."""
+    if gap == 0:
+        return axis
+    share = abs(gap) / axis.rate(speed, gap) / pace_s
+    if math.isinf(axis.jerk) or acceleration * gap < 0:
+        return axis.slowed(share, axis.jerk)
+    landing = acceleration * acceleration / (2 * abs(gap))
+    return axis.slowed(share, min(axis.jerk, max(abs(gap) / pace_s2, landing)))
+
+
+def _or(value: float | None, fallback: float) -> float:
+    return fallback if value is None else value

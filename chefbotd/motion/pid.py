@@ -1,0 +1,136 @@
+"""One wheel's speed control: feedforward for what is known, feedback for what is not.
+
+Speeds are of the wheel's rim in m/s, outputs are signed duty in the board's PWM counts. The feedforward is
+WPILib's motor model (static friction, speed, acceleration). The feedback takes the derivative of the
+measurement, so that a new setpoint does not kick, and stops its integral from winding up by back
+calculation and conditional integration (Astrom and Hagglund, "PID Controllers", 3.5). The integral is kept
+as an output, so a new ``ki`` makes no bump.
+"""
+
+from dataclasses import dataclass, replace
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class PidParameters(Parameters):
+    """Gains and clamps, all per metre per second of rim speed; each short name has the unit in its alias.
+
+    ``ks``, ``kv`` and ``ka`` are the feedforward. An error inside the deadband acts on nothing. The
+    integral may be as large as the output unless it has a limit of its own. ``back_calculation_s`` is the
+    time constant with which a clamped output drains the integral (None: it does not);
+    ``conditional_integration`` keeps it from growing.
+    """
+
+    kp: float = Field(alias="kp_duty_per_m_s", ge=0, le=1e6)
+    ki: float = Field(alias="ki_duty_per_m", ge=0, le=1e6)
+    kd: float = Field(default=0.0, alias="kd_duty_per_m_s2", ge=0, le=1e6)
+    ks: float = Field(default=0.0, alias="ks_duty", ge=0, le=1e6)
+    kv: float = Field(default=0.0, alias="kv_duty_per_m_s", ge=0, le=1e6)
+    ka: float = Field(default=0.0, alias="ka_duty_per_m_s2", ge=0, le=1e6)
+    output_limit: float = Field(alias="output_limit_duty", gt=0, le=1e6)
+    integral_limit: float | None = Field(default=None, alias="integral_limit_duty", ge=0, le=1e6)
+    deadband: float = Field(default=0.0, alias="deadband_m_s", ge=0, le=10)
+    derivative_filter_s: float = Field(default=0.0, ge=0, le=10)
+    back_calculation_s: float | None = Field(default=None, gt=0, le=100)
+    conditional_integration: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class PidState:
+    """What the controller remembers between encoder frames; ``measured_m_s`` is None before the first."""
+
+    integral_duty: float = 0.0
+    measured_m_s: float | None = None
+    measured_rate_m_s2: float = 0.0
+    acceleration_m_s2: float = 0.0
+
+
+RESET = PidState()
+
+
+def feedforward(params: PidParameters, setpoint_m_s: float, acceleration_m_s2: float) -> float:
+    """The duty that a wheel needs to move so, by the motor's model alone; not clamped."""
+    friction = params.ks if setpoint_m_s > 0 else -params.ks if setpoint_m_s < 0 else 0.0
+    return friction + params.kv * setpoint_m_s + params.ka * acceleration_m_s2
+
+
+def step(
+    params: PidParameters,
+    state: PidState,
+    setpoint_m_s: float,
+    acceleration_m_s2: float,
+    measured_m_s: float,
+    dt_s: float,
+) -> tuple[PidState, float]:
+    """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
+
+    Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated.
+    """
+    seen = _observe(params, state, acceleration_m_s2, measured_m_s, max(dt_s, 0.0))
+    demand = _unclamped(params, seen, setpoint_m_s, acceleration_m_s2)
+    growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * max(dt_s, 0.0)
+    integral_duty = _integrate(params, seen.integral_duty, growth, demand, max(dt_s, 0.0))
+    stepped = replace(seen, integral_duty=integral_duty)
+    return stepped, preview(params, stepped, setpoint_m_s, acceleration_m_s2)
+
+
+def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float) -> float:
+    """The duty, within the output limit, for a setpoint that changed between encoder frames.
+
+    Feedforward and proportional part follow the setpoint at once; integral and derivative wait for the
+    encoder.
+    """
+    return _clamp(_unclamped(params, state, setpoint_m_s, acceleration_m_s2), params.output_limit)
+
+
+def retune(old: PidParameters, new: PidParameters, state: PidState, setpoint_m_s: float) -> PidState:
+    """The state with which new gains put out what the old ones did, within the integral's clamp."""
+    kept = preview(old, state, setpoint_m_s, state.acceleration_m_s2)
+    bump = kept - _unclamped(new, state, setpoint_m_s, state.acceleration_m_s2)
+    return replace(state, integral_duty=_clamp(state.integral_duty + bump, _integral_limit(new)))
+
+
+def _observe(
+    params: PidParameters, state: PidState, acceleration_m_s2: float, measured_m_s: float, dt_s: float
+) -> PidState:
+    """The state with the new measurement, and its rate of change through a first-order low-pass."""
+    rate_m_s2 = state.measured_rate_m_s2
+    if state.measured_m_s is not None and dt_s > 0:
+        change_m_s = measured_m_s - state.measured_m_s
+        rate_m_s2 += (change_m_s - rate_m_s2 * dt_s) / (params.derivative_filter_s + dt_s)
+    return PidState(state.integral_duty, measured_m_s, rate_m_s2, acceleration_m_s2)
+
+
+def _integrate(params: PidParameters, integral: float, growth: float, demand: float, dt_s: float) -> float:
+    """The next integral: a clamped output lets it shrink, not grow, and drains it if asked to."""
+    excess = demand - _clamp(demand, params.output_limit)
+    if not (params.conditional_integration and growth * excess > 0):
+        integral += growth
+    if params.back_calculation_s is not None:
+        integral -= excess * min(dt_s / params.back_calculation_s, 1.0)
+    return _clamp(integral, _integral_limit(params))
+
+
+def _unclamped(
+    params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float
+) -> float:
+    forward = feedforward(params, setpoint_m_s, acceleration_m_s2) + state.integral_duty
+    if state.measured_m_s is None:
+        return forward
+    error_m_s = _error(params, setpoint_m_s, state.measured_m_s)
+    return forward + params.kp * error_m_s - params.kd * state.measured_rate_m_s2
+
+
+def _error(params: PidParameters, setpoint_m_s: float, measured_m_s: float) -> float:
+    error_m_s = setpoint_m_s - measured_m_s
+    return error_m_s if abs(error_m_s) > params.deadband else 0.0
+
+
+def _integral_limit(params: PidParameters) -> float:
+    return params.output_limit if params.integral_limit is None else params.integral_limit
+
+
+def _clamp(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

@@ -1,0 +1,68 @@
+"""Inertial measurement unit (MPU-6050): quaternion or raw counts to SI, in the robot's own axes."""
+
+import math
+
+from pydantic import Field
+
+from chefbotd.core.events import ImuMeasured
+from chefbotd.core.parameters import Parameters
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+
+class ImuParameters(Parameters):
+    """How the sensor is mounted and scaled; the default scales are those of ±2 g and ±250 °/s.
+
+    ``mount_heading_rad`` is where the sensor's x axis points in ``base_footprint``, CCW positive; its z
+    axis is up.
+    """
+
+    mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+    accel_counts_per_g: float = Field(default=16384.0, gt=0)
+    gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
+
+
+def from_quaternion(
+    params: ImuParameters, stamp_s: float, x: float, y: float, z: float, w: float
+) -> ImuMeasured:
+    """The robot's orientation as a unit quaternion, and its heading (yaw) in (-pi, pi].
+
+    Raises:
+        ValueError: all four are zero, which is no rotation at all.
+    """
+    norm = math.hypot(x, y, z, w)
+    if norm == 0:
+        raise ValueError("the quaternion is zero")
+    x, y, z, w = _unmount(params, x / norm, y / norm, z / norm, w / norm)
+    heading_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return ImuMeasured(stamp_s, orientation=(x, y, z, w), heading_rad=heading_rad)
+
+
+def from_counts(
+    params: ImuParameters,
+    stamp_s: float,
+    acceleration: tuple[int, int, int],
+    angular_rate: tuple[int, int, int],
+) -> ImuMeasured:
+    """Acceleration in m/s² (at rest +g upwards) and angular rate in rad/s, in the robot's axes."""
+    return ImuMeasured(
+        stamp_s,
+        angular_velocity_rad_s=_to_base(params, angular_rate, math.radians(1 / params.gyro_counts_per_deg_s)),
+        linear_acceleration_m_s2=_to_base(
+            params, acceleration, STANDARD_GRAVITY_M_S2 / params.accel_counts_per_g
+        ),
+    )
+
+
+def _unmount(
+    params: ImuParameters, x: float, y: float, z: float, w: float
+) -> tuple[float, float, float, float]:
+    """``world_from_sensor`` times ``sensor_from_base``, which turns back by the mount's heading about z."""
+    cos, sin = math.cos(params.mount_heading_rad / 2), -math.sin(params.mount_heading_rad / 2)
+    return x * cos + y * sin, y * cos - x * sin, z * cos + w * sin, w * cos - z * sin
+
+
+def _to_base(params: ImuParameters, counts: tuple[int, int, int], scale: float) -> tuple[float, float, float]:
+    cos, sin = math.cos(params.mount_heading_rad), math.sin(params.mount_heading_rad)
+    x, y, z = (count * scale for count in counts)
+    return x * cos - y * sin, x * sin + y * cos, z

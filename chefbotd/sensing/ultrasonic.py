@@ -1,0 +1,59 @@
+"""Ultrasonic range finder (HC-SR04): whole centimetres to a range that says what it knows."""
+
+import math
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.parameters import Parameters
+
+
+class UltrasonicParameters(Parameters):
+    """The band in which the sensor is trusted, its cone (full angle), and its place in ``base_footprint``."""
+
+    name: str = Field(default="front", min_length=1)
+    min_range_m: float = Field(default=0.02, ge=0, le=10)
+    max_range_m: float = Field(default=4.0, gt=0, le=10)
+    field_of_view_rad: float = Field(default=0.26, gt=0, le=math.pi)
+    mount_x_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+
+    @model_validator(mode="after")
+    def _has_a_band(self) -> Self:
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(
+                f"min_range_m must be below max_range_m, got {self.min_range_m} and {self.max_range_m}"
+            )
+        return self
+
+    @property
+    def base_from_sensor(self) -> Pose2D:
+        """The sensor's mount; its beam leaves along its own x axis."""
+        return Pose2D(self.mount_x_m, self.mount_y_m, self.mount_heading_rad)
+
+
+def interpret(params: UltrasonicParameters, stamp_s: float, distance_cm: int) -> RangeMeasured:
+    """What a reading says; 0 cm is no echo, and a distance outside the band is never passed on as one."""
+    status = _status(params, distance_cm)
+    return RangeMeasured(
+        stamp_s=stamp_s,
+        sensor=params.name,
+        status=status,
+        range_m=distance_cm / 100 if status is RangeStatus.OK else None,
+        min_range_m=params.min_range_m,
+        max_range_m=params.max_range_m,
+        field_of_view_rad=params.field_of_view_rad,
+    )
+
+
+def _status(params: UltrasonicParameters, distance_cm: int) -> RangeStatus:
+    if distance_cm == 0:
+        return RangeStatus.NO_ECHO
+    if distance_cm / 100 < params.min_range_m:
+        return RangeStatus.TOO_NEAR
+    if distance_cm / 100 > params.max_range_m:
+        return RangeStatus.TOO_FAR
+    return RangeStatus.OK
