@@ -4,7 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 from chefbotd.bus import Bus, Inbox
-from chefbotd.core.events import BatteryCounted, InertialCounted, OrientationReported, UltrasonicEchoed
+from chefbotd.core.events import (
+    BatteryCounted,
+    BatteryLevelStatus,
+    InertialCounted,
+    OrientationReported,
+    UltrasonicEchoed,
+)
 from chefbotd.sensing import battery, imu, ultrasonic
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
@@ -24,7 +30,7 @@ class SensorService:
     ) -> None:
         self._bus = bus
         self._ultrasonic, self._imu, self._battery = ultrasonic_parameters, imu_parameters, battery_parameters
-        self._battery_state = battery.START
+        self._battery_status = BatteryLevelStatus.OK
         self._interpret: dict[type[Any], Callable[[Any], object]] = {
             UltrasonicEchoed: self._range,
             OrientationReported: self._orientation,
@@ -48,7 +54,6 @@ class SensorService:
         return imu.from_counts(self._imu, event.stamp_s, event.acceleration, event.angular_rate)
 
     def _charge(self, event: BatteryCounted) -> object:
-        self._battery_state, measured = battery.measure(
-            self._battery, self._battery_state, event.stamp_s, event.adc
-        )
+        measured = battery.measure(self._battery, event.stamp_s, event.adc, self._battery_status)
+        self._battery_status = measured.status
         return measured

@@ -1,0 +1,143 @@
+"""The event bus."""
+
+import asyncio
+from dataclasses import dataclass
+
+import pytest
+
+from chefbotd.bus import Bus, Overflow
+from chefbotd.clock import run_virtual
+
+
+@dataclass(frozen=True)
+class Ticked:
+    """An event."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class Tocked:
+    """Another."""
+
+    number: int
+
+
+def test_an_event_reaches_every_inbox_of_its_class_and_no_other():
+    """Subscribing is by exact class; each subscriber has its own copy of the queue."""
+    bus = Bus()
+    ticks, more_ticks, tocks = bus.subscribe(Ticked), bus.subscribe(Ticked), bus.subscribe(Tocked)
+    bus.publish(Ticked(1))
+    assert (ticks.take(), more_ticks.take(), len(tocks)) == (Ticked(1), Ticked(1), 0)
+
+
+def test_an_inbox_of_several_classes_keeps_their_order():
+    """Events of different classes come out in the order in which they were published."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked, Tocked)
+    for event in (Ticked(1), Tocked(2), Ticked(3)):
+        bus.publish(event)
+    assert [inbox.take() for _ in range(3)] == [Ticked(1), Tocked(2), Ticked(3)]
+
+
+def test_a_full_inbox_drops_the_oldest_and_counts_it():
+    """Room for two and three published: the first is gone, and the count says so, by class."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked, size=2)
+    for number in (1, 2, 3):
+        bus.publish(Ticked(number))
+    assert [inbox.take(), inbox.take()] == [Ticked(2), Ticked(3)]
+    assert inbox.dropped == {Ticked: 1}
+    assert bus.drops() == {"Ticked": 1}
+    assert inbox.deepest == 2
+
+
+def test_a_latest_inbox_keeps_the_newest_of_each_class():
+    """With the policy 'latest', a newer event replaces the waiting one of its class and leaves the others."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked, Tocked, overflow=Overflow.LATEST)
+    for event in (Ticked(1), Tocked(1), Ticked(2)):
+        bus.publish(event)
+    assert [inbox.take(), inbox.take()] == [Tocked(1), Ticked(2)]
+    assert inbox.dropped == {Ticked: 1}
+
+
+def test_closing_an_inbox_ends_its_subscription_but_not_its_contents():
+    """After close nothing more comes in; what had come can still be taken; closing twice is harmless."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked)
+    bus.publish(Ticked(1))
+    inbox.close()
+    inbox.close()
+    bus.publish(Ticked(2))
+    assert inbox.take() == Ticked(1)
+    assert len(inbox) == 0
+    assert not bus.wanted(Ticked)
+
+
+def test_wanted_tells_whether_anyone_listens():
+    """A publisher can skip making an event for which there is no inbox."""
+    bus = Bus()
+    assert not bus.wanted(Ticked)
+    bus.subscribe(Ticked)
+    assert bus.wanted(Ticked)
+    assert not bus.wanted(Tocked)
+
+
+def test_get_waits_for_the_next_event():
+    """A waiting subscriber is woken by the publication, and iterating goes on with the next."""
+
+    async def scenario() -> list[Ticked]:
+        bus = Bus()
+        inbox = bus.subscribe(Ticked)
+        asyncio.get_running_loop().call_later(1.0, bus.publish, Ticked(1))
+        asyncio.get_running_loop().call_later(2.0, bus.publish, Ticked(2))
+        taken = [await inbox.get()]
+        async for event in inbox:
+            taken.append(event)
+            break
+        return taken
+
+    assert run_virtual(scenario()) == [Ticked(1), Ticked(2)]
+
+
+def test_get_within_gives_up_when_nothing_comes_in_time():
+    """No event within 0.5 s is None after exactly 0.5 s; one that waits already is taken at once."""
+
+    async def scenario() -> tuple[float, object, object, object]:
+        loop = asyncio.get_running_loop()
+        bus = Bus()
+        inbox = bus.subscribe(Ticked)
+        start = loop.time()
+        nothing = await inbox.get_within(0.5)
+        waited = loop.time() - start
+        loop.call_later(0.25, bus.publish, Ticked(1))
+        in_time = await inbox.get_within(0.5)
+        bus.publish(Ticked(2))
+        return waited, nothing, in_time, await inbox.get_within(0.5)
+
+    assert run_virtual(scenario()) == (pytest.approx(0.5), None, Ticked(1), Ticked(2))
+
+
+def test_a_cancelled_subscriber_loses_nothing():
+    """Cancelling a wait leaves the inbox usable and complete."""
+
+    async def scenario() -> Ticked:
+        bus = Bus()
+        inbox = bus.subscribe(Ticked)
+        waiting = asyncio.create_task(inbox.get())
+        await asyncio.sleep(0)
+        waiting.cancel()
+        await asyncio.gather(waiting, return_exceptions=True)
+        bus.publish(Ticked(1))
+        return await inbox.get()
+
+    assert run_virtual(scenario()) == Ticked(1)
+
+
+def test_senseless_subscriptions_are_refused():
+    """An inbox without a class or without room is an error that says so."""
+    with pytest.raises(ValueError, match="at least one event class"):
+        Bus().subscribe()
+    with pytest.raises(ValueError, match="got size 0"):
+        Bus().subscribe(Ticked, size=0)

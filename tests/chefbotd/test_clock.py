@@ -1,0 +1,87 @@
+"""Clocks and the virtual loop."""
+
+import asyncio
+import time
+
+import pytest
+
+from chefbotd.clock import Deadlock, LoopClock, ManualClock, SystemClock, run_virtual
+
+
+def test_the_system_clock_is_the_kernels_monotonic_one():
+    """A reading lies between two readings of time.monotonic around it."""
+    before = time.monotonic()
+    now = SystemClock().now_s()
+    assert before <= now <= time.monotonic()
+
+
+def test_a_manual_clock_moves_only_when_told():
+    """It stands at its start, goes forward by what it is told, and refuses to go back."""
+    clock = ManualClock(5.0)
+    clock.advance(2.5)
+    assert clock.now_s() == 7.5
+    with pytest.raises(ValueError, match=r"got -1"):
+        clock.advance(-1)
+
+
+def test_an_hour_of_virtual_time_is_exact():
+    """Sleeping 3600 times for a second adds up to 3600 s, and the loop clock says so."""
+
+    async def scenario() -> float:
+        clock = LoopClock()
+        start = clock.now_s()
+        for _ in range(3600):
+            await asyncio.sleep(1.0)
+        return clock.now_s() - start
+
+    assert run_virtual(scenario()) == pytest.approx(3600.0, abs=1e-6)
+
+
+def test_virtual_timers_fire_in_order():
+    """Of two sleepers the shorter one wakes first, whatever order they were started in."""
+
+    async def scenario() -> list[str]:
+        woken: list[str] = []
+
+        async def sleeper(name: str, seconds: float) -> None:
+            await asyncio.sleep(seconds)
+            woken.append(name)
+
+        await asyncio.gather(sleeper("late", 20.0), sleeper("early", 10.0))
+        return woken
+
+    assert run_virtual(scenario()) == ["early", "late"]
+
+
+def test_loopback_sockets_work_on_the_virtual_loop_without_time_passing():
+    """A hundred echoes over TCP inside one process take no virtual time."""
+
+    async def scenario() -> float:
+        async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            while line := await reader.readline():
+                writer.write(line)
+            writer.close()
+
+        server = await asyncio.start_server(echo, "127.0.0.1", 0)
+        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname()[:2])
+        start = LoopClock().now_s()
+        for number in range(100):
+            writer.write(b"%d\n" % number)
+            assert await reader.readline() == b"%d\n" % number
+        elapsed = LoopClock().now_s() - start
+        writer.close()
+        await reader.read()
+        server.close()
+        return elapsed
+
+    assert run_virtual(scenario()) == 0.0
+
+
+def test_a_scenario_that_can_never_end_is_an_error():
+    """Waiting with no timer set raises instead of hanging."""
+
+    async def scenario() -> None:
+        await asyncio.get_running_loop().create_future()
+
+    with pytest.raises(Deadlock, match="nothing can ever happen"):
+        run_virtual(scenario())
