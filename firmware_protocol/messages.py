@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class BoardTime:
-    """``t``: start of a cycle. ``micros`` is uint32 µs since boot; ``cycle_s`` the seconds since the last one."""
+    """``t``: a cycle starts; ``micros`` is uint32 µs since boot, ``cycle_s`` the seconds since the last."""
 
     micros: int
     cycle_s: float

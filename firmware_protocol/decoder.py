@@ -1,0 +1,69 @@
+"""Bytes -> lines and what they mean: sans-IO, with a bounded buffer."""
+
+from collections import Counter
+from typing import Any, TypeAlias
+
+from firmware_protocol.codec import LineCodec
+from firmware_protocol.messages import Malformed, Message, Reason
+
+Decoded: TypeAlias = tuple[bytes, Message | Malformed]
+
+
+class Decoder:
+    """Cuts one direction's bytes into lines and decodes them; how the bytes are chunked makes no difference.
+
+    A line longer than ``max_line`` bytes (default: the framing's) is reported once, with its first
+    ``max_line`` bytes, and skipped up to its end. No more than a line is ever kept.
+    """
+
+    def __init__(self, codec: LineCodec, max_line: int | None = None) -> None:
+        self._codec = codec
+        self._max_line = codec.framing.max_line if max_line is None else max_line
+        if self._max_line < 1:
+            raise ValueError(f"max_line must be at least 1 byte, got {max_line}")
+        self._partial = b""
+        self._skipping = False
+        self._classes: Counter[type[Any]] = Counter()
+        self.malformed: Counter[Reason] = Counter()
+
+    @property
+    def accepted(self) -> dict[str, int]:
+        """Lines decoded since the beginning, by the name of their message's class."""
+        return {each.__name__: count for each, count in self._classes.items() if each is not Malformed}
+
+    def feed(self, data: bytes) -> list[Decoded]:
+        """Each line (without its end) that ``data`` completes, and what it means; empty ones are left out."""
+        if self._skipping:
+            data = self._after_line_end(data)
+        framing, decode, limit = self._codec.framing, self._codec.decode, self._max_line
+        lines = (self._partial + data).replace(*framing.replaced).split(framing.end)
+        self._partial = lines.pop()
+        decoded = [
+            (line, decode(line)) if len(line) <= limit else self._overlong(line) for line in lines if line
+        ]
+        # The byte beyond the limit may be a CR that belongs to the line's end.
+        if len(self._partial) > limit + 1:
+            decoded.append(self._overlong(self._partial))
+            self._partial, self._skipping = b"", True
+        self._count(decoded)
+        return decoded
+
+    def reset(self) -> None:
+        """Forget the line in progress: what comes next belongs to another connection."""
+        self._partial, self._skipping = b"", False
+
+    def _after_line_end(self, data: bytes) -> bytes:
+        _, end, rest = data.partition(self._codec.framing.end)
+        self._skipping = not end
+        return rest
+
+    def _overlong(self, line: bytes) -> Decoded:
+        prefix = line[: self._max_line]
+        return prefix, Malformed(Reason.OVERLONG, prefix, f"longer than {self._max_line} bytes")
+
+    def _count(self, decoded: list[Decoded]) -> None:
+        classes = self._classes
+        for _, meaning in decoded:
+            classes[meaning.__class__] += 1
+            if meaning.__class__ is Malformed:
+                self.malformed[meaning.reason] += 1

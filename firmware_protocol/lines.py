@@ -1,0 +1,140 @@
+"""The grammar of one line kind: its numbers, how they become a message and how a message becomes them.
+
+A number on the wire is digits with an optional minus before them, and with at most one point where the field
+has decimals. Python's ``int`` and ``float`` take more than that (``1_0``, ``+1``, ``1e3``, ``nan``); the
+codec lets nothing but ``NUMERIC`` come near them, and ``explain`` names what else stood there.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+from firmware_protocol.messages import Reason
+
+NUMERIC = b"0123456789.-"
+UNIT_NORM = (0.9, 1.1)  # rounding to two decimals moves the norm of four components by 0.01 at most
+
+_WHOLE = re.compile(rb"-?[0-9]{1,64}")
+_DECIMAL = re.compile(rb"-?(?=.?[0-9])[0-9]{0,64}\.?[0-9]{0,64}")
+_UNIT = f"from {UNIT_NORM[0]} to {UNIT_NORM[1]}"
+
+Refusal: TypeAlias = tuple[Reason, str]
+
+
+def is_unit(components: Iterable[float]) -> bool:
+    """Whether the norm is close enough to 1 for two decimals to be the reason."""
+    return UNIT_NORM[0] <= math.hypot(*components) <= UNIT_NORM[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """The values that a field can take, and with how many decimals it is written; none: a whole number."""
+
+    low: float
+    high: float
+    decimals: int = 0
+
+    @property
+    def parse(self) -> Callable[[bytes], float]:
+        """``int`` or ``float``."""
+        return float if self.decimals else int
+
+    def explain(self, text: bytes) -> Refusal | None:
+        """Why the text is not such a number; None when it is one."""
+        if not (_DECIMAL if self.decimals else _WHOLE).fullmatch(text):
+            return Reason.NOT_A_NUMBER, f"expected {self.describe()}, got {text.decode()!r}"
+        if not self.low <= float(text) <= self.high:
+            return Reason.OUT_OF_RANGE, f"expected {self.describe()}, got {text.decode()}"
+        return None
+
+    def write(self, value: float) -> str:
+        """The value's digits; raises ``ValueError`` when it is out of range or loses a fraction."""
+        if not self.low <= value <= self.high or (not self.decimals and value % 1):
+            raise ValueError(f"expected {self.describe()}, got {value!r}")
+        return f"{value:.{self.decimals}f}"
+
+    def describe(self) -> str:
+        """For people: the type and the range."""
+        return f"{'a number' if self.decimals else 'a whole number'} from {self.low} to {self.high}"
+
+
+INT16 = Number(-(2**15), 2**15 - 1)
+INT32 = Number(-(2**31), 2**31 - 1)
+UINT32 = Number(0, 2**32 - 1)
+CENTIMETRES = Number(0, 2**15 - 1)
+DUTY = Number(-(2**15), 2**15 - 1, decimals=2)
+CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two uint32 µs is at most 2^32 µs
+COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four
+ADC_12_BIT = Number(0, 4095, decimals=2)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A message's field: one number, or with ``times`` a tuple of so many."""
+
+    name: str
+    number: Number
+    times: int | None = None
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """The numbers that it takes on the line."""
+        return (self.number,) * (1 if self.times is None else self.times)
+
+    def write(self, value: Any) -> list[str]:
+        """Its texts on the line; raises ``ValueError`` naming field, value and range."""
+        values = (value,) if self.times is None else value
+        if len(values) != len(self.numbers):
+            raise ValueError(f"{self.name}: expected {self.times} numbers, got {value!r}")
+        try:
+            return [self.number.write(each) for each in values]
+        except ValueError as error:
+            raise ValueError(f"{self.name}: {error}") from None
+
+
+@dataclass(frozen=True)
+class LineKind:
+    """A row of a codec's table: the line's first field, the message it means, and the numbers between.
+
+    ``unit`` asks for a norm near 1 of numbers in the range of ``COMPONENT``; ``end`` is the line's end where
+    the sketch strays from its usual.
+    """
+
+    kind: str
+    message: type[Any]
+    fields: tuple[Field, ...] = ()
+    unit: bool = False
+    end: bytes | None = None
+
+    @cached_property
+    def numbers(self) -> tuple[Number, ...]:
+        """Every number of the line, in order."""
+        return tuple(number for field in self.fields for number in field.numbers)
+
+    @cached_property
+    def slots(self) -> tuple[int | slice, ...]:
+        """Where each field's value lies in the tuple of the line's numbers."""
+        slots: list[int | slice] = []
+        start = 0
+        for field in self.fields:
+            stop = start + len(field.numbers)
+            slots.append(start if field.times is None else slice(start, stop))
+            start = stop
+        return tuple(slots)
+
+    def explain(self, texts: list[bytes]) -> Refusal:
+        """Why the texts after the kind, right in number, were refused by this row's reader."""
+        for number, text in zip(self.numbers, texts, strict=True):
+            if refusal := number.explain(text):
+                return refusal
+        return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*map(float, texts)):.3f}"
+
+    def write(self, message: object) -> list[str]:
+        """The line's texts, the kind first; raises ``ValueError`` naming what does not fit."""
+        texts = [text for field in self.fields for text in field.write(getattr(message, field.name))]
+        if self.unit and not is_unit(map(float, texts)):
+            raise ValueError(f"{self.message.__name__}: expected a norm {_UNIT}, got {message!r}")
+        return [self.kind, *texts]
