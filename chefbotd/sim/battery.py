@@ -1,0 +1,56 @@
+"""The battery: what is left in it, the voltage it gives for that, and what the board's ADC reads of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.sim.plant import Supply
+
+# Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
+CHARGE_SHARE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+REST_VOLTAGE_V = (10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73)
+ADC_MAX = 4095
+
+
+class BatteryParameters(Parameters):
+    """A 12 V lead-acid battery, the electronics on it besides the motors, and the ADC that watches it."""
+
+    capacity_ah: float = Field(10.0, gt=0, le=1000)
+    start_charge_share: float = Field(1.0, ge=0, le=1)
+    resistance_ohm: float = Field(0.05, ge=0, le=10)
+    electronics_current_a: float = Field(2.0, ge=0, le=100)
+    adc_reference_v: float = Field(3.3, gt=0, le=10)
+    divider_ratio: float = Field(4.0, ge=1, le=100)
+    adc_noise_counts: float = Field(2.0, ge=0, le=100)
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """A battery with ``charge_share`` (0 to 1) left in it."""
+
+    parameters: BatteryParameters
+    charge_share: float
+
+    @classmethod
+    def fresh(cls, parameters: BatteryParameters) -> "Battery":
+        """The battery as it is when the simulation starts."""
+        return cls(parameters, parameters.start_charge_share)
+
+    @property
+    def supply(self) -> Supply:
+        """The battery as the motors see it."""
+        rest_v = float(np.interp(self.charge_share, CHARGE_SHARE, REST_VOLTAGE_V))
+        return Supply(rest_v, self.parameters.resistance_ohm, self.parameters.electronics_current_a)
+
+    def drained(self, current_a: float, duration_s: float) -> "Battery":
+        """The battery after giving ``current_a`` (negative: taking it) for ``duration_s``."""
+        used = current_a * duration_s / (3600 * self.parameters.capacity_ah)
+        return Battery(self.parameters, min(max(self.charge_share - used, 0.0), 1.0))
+
+
+def adc_counts(terminal_v: float, parameters: BatteryParameters, noise: float = 0.0) -> int:
+    """The 12-bit reading of this voltage through the divider; ``noise`` is a standard normal draw."""
+    ideal = terminal_v / parameters.divider_ratio / parameters.adc_reference_v * ADC_MAX
+    return min(max(round(ideal + noise * parameters.adc_noise_counts), 0), ADC_MAX)

@@ -1,0 +1,53 @@
+"""Runs the simulated board in an event loop: bytes leave when the board's time has come."""
+
+import asyncio
+from collections.abc import Callable
+
+from chefbotd.clock import Clock
+from chefbotd.core.events import TruthSimulated
+from chefbotd.sim.launchpad import Launchpad
+
+STALE_S = 0.5
+
+
+class BoardRunner:
+    """Powers a board on at construction and keeps its time level with the clock's.
+
+    Times of emission are absolute, so being late does not add up. Lines more than ``STALE_S`` late are
+    counted and not sent: after a long stall the host gets the present, not minutes of the past at once.
+    """
+
+    def __init__(self, launchpad: Launchpad, send: Callable[[bytes], None], clock: Clock) -> None:
+        self._launchpad, self._send, self._clock = launchpad, send, clock
+        self._powered_on_s = clock.now_s()
+        self.lines_skipped = 0
+
+    @property
+    def duty(self) -> tuple[int, ...]:
+        """The motor command in force."""
+        return self._launchpad.duty
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host, arriving now."""
+        self._launchpad.receive(data, self._board_s())
+
+    def truth(self, stamp_s: float) -> TruthSimulated:
+        """Where the robot really is now, stamped as told."""
+        return self._launchpad.truth(self._board_s(), stamp_s)
+
+    async def run(self) -> None:
+        """Send until cancelled."""
+        while True:
+            due_s = self._launchpad.next_event_s()
+            await asyncio.sleep(max(due_s - self._board_s(), 0.0))
+            self._send_until(max(due_s, self._board_s()))
+
+    def _send_until(self, now_s: float) -> None:
+        lines = self._launchpad.advance(now_s)
+        fresh = [line for left_s, line in lines if now_s - left_s <= STALE_S]
+        self.lines_skipped += len(lines) - len(fresh)
+        if fresh:
+            self._send(b"".join(fresh))
+
+    def _board_s(self) -> float:
+        return self._clock.now_s() - self._powered_on_s

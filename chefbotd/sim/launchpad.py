@@ -1,0 +1,57 @@
+"""The simulated LaunchPad: the board's side of the wire, without I/O; time is an argument."""
+
+from chefbotd.core.events import TruthSimulated
+from chefbotd.sim.sketch import BoardParameters, Sketch, Wiring
+from chefbotd.sim.uart import Uart
+
+
+class Launchpad:
+    """A board wired to a robot, powered on at time 0. When and how often it is asked changes nothing."""
+
+    def __init__(self, wiring: Wiring, parameters: BoardParameters, seed: int) -> None:
+        self._robot = wiring.robot
+        self._uart = Uart(
+            parameters.line_rate_bytes_s, parameters.transmit_buffer_bytes, parameters.receive_buffer_bytes
+        )
+        self._sketch = Sketch(wiring, parameters, self._uart, seed)
+        self._program = self._sketch.run()
+        self._resume_s = 0.0
+
+    @property
+    def duty(self) -> tuple[int, ...]:
+        """The motor command in force, as the sketch has it."""
+        return self._sketch.duty
+
+    @property
+    def commands_ignored(self) -> int:
+        """Lines from the host that were no command."""
+        return self._sketch.commands_ignored
+
+    @property
+    def received_dropped(self) -> int:
+        """Bytes from the host that found the receive buffer full."""
+        return self._uart.received_dropped
+
+    def next_event_s(self) -> float:
+        """When to call ``advance`` next: no line leaves before."""
+        return min(self._uart.next_s, self._resume_s)
+
+    def advance(self, to_s: float) -> list[tuple[float, bytes]]:
+        """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
+        self._run(to_s)
+        return self._uart.take(to_s)
+
+    def receive(self, data: bytes, at_s: float) -> None:
+        """Bytes from the host; the sketch reads them when its next cycle begins."""
+        self._run(at_s)
+        self._uart.receive(data)
+
+    def truth(self, at_s: float, stamp_s: float) -> TruthSimulated:
+        """Where the robot really is at ``at_s`` of the board's time, stamped ``stamp_s``."""
+        self._run(at_s)
+        self._robot.advance(at_s)
+        return self._robot.truth(stamp_s)
+
+    def _run(self, to_s: float) -> None:
+        while self._resume_s <= to_s:
+            self._resume_s = next(self._program)

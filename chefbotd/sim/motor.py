@@ -1,0 +1,109 @@
+"""The parts of the drive train as their makers give them: gear motor with its bridge, wheels and weight.
+
+All quantities are referred to the gearbox's output shaft, which is the wheel's axle.
+"""
+
+import math
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.parameters import Parameters
+
+GRAVITY_M_S2 = 9.80665
+
+
+class MotorParameters(Parameters):
+    """A gear motor as its data sheet gives it, and the bridge that drives it.
+
+    The defaults are the published robot's 80 rpm at 12 V; currents and stall torque are those of the common
+    12 V motor of its class (64 counts per turn, 131.25:1 gear).
+    """
+
+    rated_voltage_v: float = Field(12.0, gt=0, le=60)
+    no_load_speed_rpm: float = Field(80.0, gt=0, le=10_000)
+    no_load_current_a: float = Field(0.3, gt=0, le=10)
+    stall_current_a: float = Field(5.0, gt=0, le=100)
+    stall_torque_n_m: float = Field(1.765, gt=0, le=100)
+    dry_friction_share: float = Field(0.8, ge=0, le=1)
+    static_to_kinetic_friction: float = Field(1.3, ge=1, le=3)
+    rotor_inertia_kg_m2: float = Field(0.012, gt=0, le=10)
+    full_scale_duty: int = Field(1023, ge=1, le=65_535)
+    dead_zone_duty: int = Field(20, ge=0)
+
+    @model_validator(mode="after")
+    def _is_a_motor(self) -> Self:
+        if self.no_load_current_a >= self.stall_current_a:
+            raise ValueError(f"no_load_current_a {self.no_load_current_a} must be below stall_current_a")
+        if self.dead_zone_duty >= self.full_scale_duty:
+            raise ValueError(f"dead_zone_duty {self.dead_zone_duty} must be below full_scale_duty")
+        if self.torque_constant_n_m_a > self.back_emf_constant_v_s:
+            raise ValueError(
+                f"stall_torque_n_m {self.stall_torque_n_m} is more than the electrical power can give"
+            )
+        return self
+
+    @property
+    def resistance_ohm(self) -> float:
+        """Winding resistance: at stall there is no back-EMF."""
+        return self.rated_voltage_v / self.stall_current_a
+
+    @property
+    def no_load_speed_rad_s(self) -> float:
+        """Shaft speed at the rated voltage when nothing is driven."""
+        return self.no_load_speed_rpm * math.tau / 60
+
+    @property
+    def back_emf_constant_v_s(self) -> float:
+        """Volts per rad/s."""
+        return (
+            self.rated_voltage_v - self.resistance_ohm * self.no_load_current_a
+        ) / self.no_load_speed_rad_s
+
+    @property
+    def torque_constant_n_m_a(self) -> float:
+        """Newton metres per ampere; less than the back-EMF constant by what the gearbox loses."""
+        return self.stall_torque_n_m / self.stall_current_a
+
+    @property
+    def dry_friction_n_m(self) -> float:
+        """Coulomb friction of motor and gearbox: a share of what the no-load current overcomes."""
+        return self.dry_friction_share * self.torque_constant_n_m_a * self.no_load_current_a
+
+    @property
+    def viscous_friction_n_m_s(self) -> float:
+        """The rest of the no-load friction, in proportion to speed."""
+        share = 1 - self.dry_friction_share
+        return share * self.torque_constant_n_m_a * self.no_load_current_a / self.no_load_speed_rad_s
+
+
+class BodyParameters(Parameters):
+    """The robot's wheels and weight; a mass of 0 is a robot whose wheels hang free.
+
+    The multipliers make a side's real wheels differ from the nominal radius; a side's slip is the share of
+    its rim travel that does not become motion over the ground.
+    """
+
+    wheel_radius_m: float = Field(0.045, gt=0, le=1)
+    track_width_m: float = Field(0.3, gt=0, le=5)
+    wheels_per_side: int = Field(1, ge=1, le=2)
+    counts_per_turn: float = Field(4200.0, gt=0)
+    radius_m: float = Field(0.18, gt=0, le=2)
+    mass_kg: float = Field(6.0, ge=0, le=500)
+    yaw_inertia_kg_m2: float = Field(0.1, ge=0, le=100)
+    rolling_resistance: float = Field(0.03, ge=0, le=1)
+    grip: float = Field(0.6, ge=0, le=2)
+    left_radius_multiplier: float = Field(1.0, gt=0.5, lt=2)
+    right_radius_multiplier: float = Field(1.0, gt=0.5, lt=2)
+    left_slip: float = Field(0.0, ge=0, lt=1)
+    right_slip: float = Field(0.0, ge=0, lt=1)
+
+    @property
+    def wheel_count(self) -> int:
+        """Driven wheels on both sides."""
+        return 2 * self.wheels_per_side
+
+    @property
+    def load_n(self) -> float:
+        """The weight on each driven wheel."""
+        return self.mass_kg * GRAVITY_M_S2 / self.wheel_count

@@ -1,0 +1,171 @@
+"""The drive train: DC gear motors, wheels and the robot's own mass, stepped exactly over a fixed time.
+
+The motor is the textbook one without inductance (Lynch and Park, *Modern Robotics*, section 8.9.1)::
+
+    voltage = resistance * current + back_emf_constant * speed      torque = torque_constant * current
+
+which makes the wheels a linear system between two friction forces. It is solved exactly (matrix
+exponential), so a step of any length is stable; dry friction is then found as the torque, within its bounds,
+that stops each wheel. Wheels come in pairs, left before right, front before rear: (left, right) or (front
+left, front right, rear left, rear right).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from chefbotd.core.geometry import Twist2D
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.motor import BodyParameters, MotorParameters
+
+FRICTION_SWEEPS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """What feeds the bridges: a voltage behind a resistance, and what the electronics take of it."""
+
+    open_circuit_v: float
+    resistance_ohm: float = 0.0
+    base_load_a: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WheelState:
+    """Angle turned since power-on and speed of every wheel, forward positive."""
+
+    angle_rad: Vector
+    velocity_rad_s: Vector
+
+
+class _Propagator:
+    """Exact solution over one step of ``inertia * acceleration = torque - damping * velocity``."""
+
+    def __init__(self, inertia_kg_m2: Vector, damping_n_m_s: float, step_s: float) -> None:
+        inertias, axes = np.linalg.eigh(inertia_kg_m2)
+        rates = damping_n_m_s / inertias
+        responses = step_s / inertias
+        if damping_n_m_s > 0:
+            responses = -np.expm1(-rates * step_s) / damping_n_m_s
+        self.decay: Vector = axes @ np.diag(np.exp(-rates * step_s)) @ axes.T
+        self.gain: Vector = axes @ np.diag(responses) @ axes.T
+        self.own_gain: Vector = np.diag(self.gain).copy()
+
+
+class Plant:
+    """Steps the wheels of one robot; holds constants only, the state goes through ``step``."""
+
+    def __init__(self, motor: MotorParameters, body: BodyParameters, step_s: float) -> None:
+        """Raises ``ValueError`` unless ``step_s`` is positive."""
+        if not step_s > 0:
+            raise ValueError(f"step_s must be positive, got {step_s}")
+        self.step_s = step_s
+        self._motor = motor
+        self._twist_from_wheels = _twist_from_wheels(body)
+        inertia = _inertia(motor, body, self._twist_from_wheels)
+        magnetic = motor.torque_constant_n_m_a * motor.back_emf_constant_v_s / motor.resistance_ohm
+        self._driven = _Propagator(inertia, motor.viscous_friction_n_m_s + magnetic, step_s)
+        self._coasting = _Propagator(inertia, motor.viscous_friction_n_m_s, step_s)
+        rolling = body.rolling_resistance * body.load_n * body.wheel_radius_m
+        self._kinetic_n_m = np.full(body.wheel_count, motor.dry_friction_n_m + rolling)
+        self._spinning_n_m = body.grip * body.load_n * body.wheel_radius_m
+        self._open = np.zeros(body.wheel_count)
+
+    @property
+    def standing(self) -> WheelState:
+        """Wheels at rest at angle 0."""
+        return WheelState(self._open, self._open)
+
+    def pulse_width(self, duty: Sequence[int]) -> Vector:
+        """The signed share of the supply that each bridge passes on for these duties, one per wheel.
+
+        Pulses inside the dead zone are too short to switch; beyond full scale nothing is added.
+
+        Raises:
+            ValueError: there are not as many duties as wheels.
+        """
+        if len(duty) != len(self._open):
+            raise ValueError(f"{len(duty)} duties for {len(self._open)} wheels")
+        asked = np.asarray(duty, dtype=np.float64)
+        dead, full = self._motor.dead_zone_duty, self._motor.full_scale_duty
+        return np.copysign(np.clip((np.abs(asked) - dead) / (full - dead), 0.0, 1.0), asked)
+
+    def terminal_voltage_v(self, state: WheelState, pulse_width: Vector, supply: Supply) -> float:
+        """What is left of the supply under the load of the motors: solved in closed form.
+
+        A bridge draws ``pulse_width`` times its motor's current; braking into the supply raises it.
+        """
+        per_ohm = supply.resistance_ohm / self._motor.resistance_ohm
+        regenerated = self._motor.back_emf_constant_v_s * float(pulse_width @ state.velocity_rad_s)
+        unloaded = supply.open_circuit_v - supply.resistance_ohm * supply.base_load_a + per_ohm * regenerated
+        return unloaded / (1 + per_ohm * float(pulse_width @ pulse_width))
+
+    def step(
+        self, state: WheelState, pulse_width: Vector | None, terminal_v: float, skid: float = 0.0
+    ) -> WheelState:
+        """The state ``step_s`` later.
+
+        Args:
+            state: the wheels now.
+            pulse_width: from ``pulse_width``; 0 shorts the motor (both bridge inputs high: it brakes);
+                None opens every bridge (the motors coast).
+            terminal_v: from ``terminal_voltage_v``.
+            skid: share of the wheels' grip that is overcome because the robot is held by something.
+        """
+        velocity = state.velocity_rad_s
+        if not velocity.any() and (pulse_width is None or not pulse_width.any()):
+            return state
+        if pulse_width is None:
+            propagator, free = self._coasting, self._coasting.decay @ velocity
+        else:
+            torque = self._motor.torque_constant_n_m_a / self._motor.resistance_ohm * terminal_v * pulse_width
+            propagator = self._driven
+            free = propagator.decay @ velocity + propagator.gain @ torque
+        after = self._rub(propagator, velocity, free, skid)
+        return WheelState(state.angle_rad + (0.5 * self.step_s) * (velocity + after), after)
+
+    def _rub(self, propagator: _Propagator, velocity: Vector, free: Vector, skid: float) -> Vector:
+        """Velocities after dry friction, given those without it."""
+        kinetic = self._kinetic_n_m + skid * self._spinning_n_m
+        after: Vector = free - propagator.gain @ np.copysign(kinetic, velocity)
+        if (after * velocity > 0).all():
+            return after
+        limit = np.where(velocity == 0, kinetic * self._motor.static_to_kinetic_friction, kinetic)
+        return _stick_or_slide(propagator, free, limit)
+
+    def twist(self, wheel_velocity_rad_s: Vector) -> Twist2D:
+        """How the robot moves over free ground; a side moves with the mean of its rims."""
+        linear, angular = self._twist_from_wheels @ wheel_velocity_rad_s
+        return Twist2D(float(linear), float(angular))
+
+    def motor_current_a(self, state: WheelState, pulse_width: Vector | None, terminal_v: float) -> Vector:
+        """Winding current per motor; none flows through an open bridge."""
+        if pulse_width is None:
+            return self._open
+        back_emf_v = self._motor.back_emf_constant_v_s * state.velocity_rad_s
+        return (pulse_width * terminal_v - back_emf_v) / self._motor.resistance_ohm
+
+
+def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vector:
+    """Projected Gauss-Jacobi: a wheel whose friction need not reach its limit to stop it, stands."""
+    torque = np.zeros_like(limit)
+    for _ in range(FRICTION_SWEEPS):
+        residual = free - propagator.gain @ torque
+        torque = np.clip(torque + residual / propagator.own_gain, -limit, limit)
+    return np.where(np.abs(torque) < limit, 0.0, free - propagator.gain @ torque)
+
+
+def _twist_from_wheels(body: BodyParameters) -> Vector:
+    """The 2 x N matrix from wheel speeds to (forward m/s, CCW rad/s)."""
+    left = body.wheel_radius_m * body.left_radius_multiplier * (1 - body.left_slip)
+    right = body.wheel_radius_m * body.right_radius_multiplier * (1 - body.right_slip)
+    pair = np.array([[left / 2, right / 2], [-left / body.track_width_m, right / body.track_width_m]])
+    return np.tile(pair, body.wheels_per_side) / body.wheels_per_side
+
+
+def _inertia(motor: MotorParameters, body: BodyParameters, twist_from_wheels: Vector) -> Vector:
+    """The N x N inertia that the axles feel: rotors, and the robot's mass through the wheels."""
+    moved = np.diag([body.mass_kg, body.yaw_inertia_kg_m2 if body.mass_kg else 0.0])
+    carried: Vector = twist_from_wheels.T @ moved @ twist_from_wheels
+    return motor.rotor_inertia_kg_m2 * np.eye(body.wheel_count) + carried

@@ -1,0 +1,129 @@
+"""A pseudo-terminal that stands for the board's USB serial device, with a cable that can be pulled."""
+
+import asyncio
+import os
+import select
+import termios
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+READ_BYTES = 4096
+HOST_POLL_S = 0.02
+
+
+class PtyBoard:
+    """The host's end is ``device``, and ``link_path`` if given: a stable name, like udev's, that follows it.
+
+    The board has its own power: pulling the cable leaves it running, only unheard. Bytes that the host does
+    not take are lost and counted, as in a UART bridge: a device that nobody has open takes none, and one that
+    is open but not read holds what the kernel's buffer holds (about 16 KiB).
+    """
+
+    def __init__(self, receive: Callable[[bytes], None], link_path: Path | None = None) -> None:
+        self._receive, self._link_path = receive, link_path
+        self._master: int | None = None
+        self._hangups = select.poll()
+        self._look_again: asyncio.TimerHandle | None = None
+        self.device: Path | None = None
+        self.bytes_dropped = 0
+
+    def plug(self) -> Path:
+        """Make a fresh device and return its path; one that is plugged in already stays as it is.
+
+        Must be called in a running event loop.
+
+        Raises:
+            OSError: no pseudo-terminal is left, or ``link_path`` cannot be made or is something else already.
+        """
+        if self.device is not None:
+            return self.device
+        master, self.device = _open_raw()
+        self._master = master
+        self._hangups.register(master, 0)
+        try:
+            self._point_link(self.device)
+        except OSError:
+            self.unplug()
+            raise
+        self._await_host(master)
+        return self.device
+
+    def unplug(self) -> None:
+        """Pull the cable: a host that has the device open sees it hang up, and its names are gone."""
+        if self._master is None or self.device is None:
+            return
+        if self._look_again is not None:
+            self._look_again.cancel()
+            self._look_again = None
+        else:
+            asyncio.get_running_loop().remove_reader(self._master)
+        self._hangups.unregister(self._master)
+        self._remove_link(self.device)
+        os.close(self._master)
+        self._master = self.device = None
+
+    def send(self, data: bytes) -> None:
+        """Towards the host, without waiting; what does not go is lost."""
+        self.bytes_dropped += len(data) - self._write(data)
+
+    def _write(self, data: bytes) -> int:
+        if self._master is None or not self._host_is_there():
+            return 0
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def _host_is_there(self) -> bool:
+        """Whether anybody has the device open: the kernel reports a hang-up while nobody has."""
+        return not self._hangups.poll(0)
+
+    def _await_host(self, master: int) -> None:
+        """Look for a host now and then: a reader on a device that nobody has open would spin."""
+        loop = asyncio.get_running_loop()
+        if self._host_is_there():
+            self._look_again = None
+            loop.add_reader(master, self._read, master)
+        else:
+            self._look_again = loop.call_later(HOST_POLL_S, self._await_host, master)
+
+    def _read(self, master: int) -> None:
+        try:
+            data = os.read(master, READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:  # EIO: the last host has closed the device; what it has not read is not for the next
+            asyncio.get_running_loop().remove_reader(master)
+            termios.tcflush(master, termios.TCOFLUSH)
+            self._await_host(master)
+            return
+        self._receive(data)
+
+    def _point_link(self, device: Path) -> None:
+        """Put the stable name in place at once; only a symbolic link is ever replaced."""
+        if self._link_path is None:
+            return
+        if self._link_path.exists() and not self._link_path.is_symlink():
+            raise FileExistsError(f"{self._link_path} is no symbolic link: not replaced")
+        fresh = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
+        fresh.symlink_to(device)
+        fresh.replace(self._link_path)
+
+    def _remove_link(self, device: Path) -> None:
+        """Remove the stable name, unless another board has it by now."""
+        link = self._link_path
+        if link is not None and link.is_symlink() and link.readlink() == device:
+            link.unlink()
+
+
+def _open_raw() -> tuple[int, Path]:
+    """A new pseudo-terminal in raw mode: our end, not blocking, and the path of the host's."""
+    master, slave = os.openpty()
+    try:
+        tty.setraw(slave)
+        device = Path(os.ttyname(slave))
+    finally:
+        os.close(slave)
+    os.set_blocking(master, False)
+    return master, device

@@ -1,0 +1,165 @@
+"""The simulated robot: motors, battery and walls put together, stepped on a fixed grid of time.
+
+State exists at whole steps only; a reading between two of them is interpolated and a command given between
+two of them acts from the second. So when and how often the robot is looked at never changes what it does.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from chefbotd.core.events import TruthSimulated
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.battery import Battery
+from chefbotd.sim.motor import BodyParameters
+from chefbotd.sim.plant import Plant, WheelState
+from chefbotd.sim.sensors import Motion
+from chefbotd.sim.world import World
+
+STRAIGHT_RAD = 1e-9
+TOUCH_M = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotState:
+    """Everything about the robot at one step.
+
+    ``free_m`` is how far it can certainly go before it touches a wall; ``skid`` is the share of its motion
+    that a wall takes away.
+    """
+
+    world_from_base: Pose2D
+    twist: Twist2D
+    wheels: WheelState
+    battery: Battery
+    terminal_v: float
+    free_m: float
+    forward_m_s2: float = 0.0
+    skid: float = 0.0
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the robot touches a wall."""
+        return self.free_m < TOUCH_M
+
+
+class Robot:
+    """A disc on wheels between walls."""
+
+    def __init__(
+        self, plant: Plant, body: BodyParameters, world: World, battery: Battery, start: Pose2D
+    ) -> None:
+        """Raises ``ValueError`` when the start pose is closer to a wall than the robot's radius."""
+        clearance_m = world.clearance_m((start.x_m, start.y_m))
+        if clearance_m < body.radius_m:
+            raise ValueError(
+                f"start pose {start} is {clearance_m:.3f} m from a wall, robot radius {body.radius_m} m"
+            )
+        self._plant, self._body, self._world = plant, body, world
+        self._pulse_width: Vector | None = None
+        idle_v = plant.terminal_voltage_v(plant.standing, plant.standing.velocity_rad_s, battery.supply)
+        self._now = self._before = RobotState(
+            start, STANDING, plant.standing, battery, idle_v, clearance_m - body.radius_m
+        )
+        self._steps = 0
+        self._read_s = 0.0
+
+    def drive(self, duty: Sequence[int]) -> None:
+        """Put these duties into force, one per wheel; 0 brakes. Raises ``ValueError`` on a wrong number."""
+        self._pulse_width = self._plant.pulse_width(duty)
+
+    def release(self) -> None:
+        """Open the bridges: the motors coast."""
+        self._pulse_width = None
+
+    def advance(self, to_s: float) -> None:
+        """Bring the robot to this time, at which the readings below are taken; never back."""
+        self._read_s = max(to_s, self._read_s)
+        while self._steps * self._plant.step_s < self._read_s:
+            self._before, self._now = self._now, self._step(self._now)
+            self._steps += 1
+
+    @property
+    def wheel_angles_rad(self) -> Vector:
+        """How far each wheel has turned since power-on."""
+        behind_s = self._steps * self._plant.step_s - self._read_s
+        now, before = self._now.wheels.angle_rad, self._before.wheels.angle_rad
+        angles: Vector = now - (now - before) * (behind_s / self._plant.step_s)
+        return angles
+
+    @property
+    def state(self) -> RobotState:
+        """The robot at the step that ends at or just after the time it was brought to."""
+        return self._now
+
+    @property
+    def motion(self) -> Motion:
+        """What its IMU feels."""
+        state = self._now
+        sideways = state.twist.linear_m_s * state.twist.angular_rad_s
+        return Motion(
+            state.world_from_base.heading_rad, state.twist.angular_rad_s, state.forward_m_s2, sideways
+        )
+
+    def truth(self, stamp_s: float) -> TruthSimulated:
+        """The true pose and motion, stamped as told."""
+        state = self._now
+        return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact)
+
+    def _step(self, state: RobotState) -> RobotState:
+        battery, pulse_width = state.battery, self._pulse_width
+        shares = np.zeros_like(state.wheels.velocity_rad_s) if pulse_width is None else pulse_width
+        terminal_v = self._plant.terminal_voltage_v(state.wheels, shares, battery.supply)
+        drawn = self._plant.motor_current_a(state.wheels, pulse_width, terminal_v) @ shares
+        battery = battery.drained(battery.parameters.electronics_current_a + float(drawn), self._plant.step_s)
+        wheels = self._plant.step(state.wheels, pulse_width, terminal_v, state.skid)
+        return self._moved(state, wheels, battery, terminal_v)
+
+    def _moved(
+        self, state: RobotState, wheels: WheelState, battery: Battery, terminal_v: float
+    ) -> RobotState:
+        """The robot after its wheels have turned: as far as the walls let it."""
+        step_s, before = self._plant.step_s, state.world_from_base
+        twist = self._plant.twist((wheels.angle_rad - state.wheels.angle_rad) / step_s)
+        wanted = before.compose(arc(twist, step_s))
+        pose, free_m = self._let_through(state, wanted)
+        skid = 0.0
+        if pose is not wanted:
+            skid = max(1 - _distance_m(before, pose) / _distance_m(before, wanted), 0.0)
+            forward_m = before.inverse().compose(pose).x_m
+            twist = Twist2D(forward_m / step_s, twist.angular_rad_s)
+        forward_m_s2 = (twist.linear_m_s - state.twist.linear_m_s) / step_s
+        return RobotState(pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid)
+
+    def _let_through(self, state: RobotState, wanted: Pose2D) -> tuple[Pose2D, float]:
+        """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.
+
+        The walls are looked at only when the robot may have used up its last clearance.
+        """
+        before = state.world_from_base
+        travel_m = _distance_m(before, wanted)
+        if travel_m < state.free_m or travel_m == 0:
+            return wanted, state.free_m - travel_m
+        radius_m = self._body.radius_m
+        place = self._world.settle((before.x_m, before.y_m), (wanted.x_m, wanted.y_m), radius_m)
+        free_m = self._world.clearance_m(place) - radius_m
+        if place == (wanted.x_m, wanted.y_m):
+            return wanted, free_m
+        return Pose2D(*place, wanted.heading_rad), free_m
+
+
+def _distance_m(a: Pose2D, b: Pose2D) -> float:
+    return math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
+
+
+def arc(twist: Twist2D, duration_s: float) -> Pose2D:
+    """Where a constant twist leads, exactly: ``before_from_after``."""
+    turned_rad = twist.angular_rad_s * duration_s
+    travelled_m = twist.linear_m_s * duration_s
+    if abs(turned_rad) < STRAIGHT_RAD:
+        return Pose2D(travelled_m, 0.0, turned_rad)
+    radius_m = travelled_m / turned_rad
+    return Pose2D(radius_m * math.sin(turned_rad), radius_m * (1 - math.cos(turned_rad)), turned_rad)

@@ -1,0 +1,112 @@
+"""What the robot's ultrasonic sensor and IMU make of the truth; chance comes as a seeded generator."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.parameters import Parameters
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.motor import GRAVITY_M_S2
+from chefbotd.sim.world import World
+
+# MPU-6050 at its power-on ranges, 2 g and 250 degrees/s (register map RM-MPU-6000A, sections 4.17, 4.19).
+COUNTS_PER_G = 16_384
+COUNTS_PER_DEG_S = 131
+INT16_MAX = 32_767
+
+
+class UltrasonicParameters(Parameters):
+    """An HC-SR04 looking forward from ``mount_x_m`` ahead of the axle."""
+
+    mount_x_m: float = Field(0.15, ge=-2, le=2)
+    field_of_view_rad: float = Field(0.26, gt=0, le=math.pi)
+    rays: int = Field(9, ge=1, le=361)
+    min_range_m: float = Field(0.02, ge=0)
+    max_range_m: float = Field(4.0, gt=0, le=20)
+    noise_m: float = Field(0.002, ge=0, le=1)
+    lost_echo_share: float = Field(0.0, ge=0, le=1)
+
+
+class ImuParameters(Parameters):
+    """An MPU-6050 with its motion processor; ``missing_share`` of the cycles find no packet ready."""
+
+    heading_bias_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
+    heading_drift_rad_s: float = Field(0.0001, ge=-1, le=1)
+    heading_noise_rad: float = Field(0.002, ge=0, le=1)
+    missing_share: float = Field(0.02, ge=0, le=1)
+    gyro_bias_rad_s: float = Field(0.01, ge=-1, le=1)
+    gyro_noise_rad_s: float = Field(0.001, ge=0, le=1)
+    acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
+
+
+class Ultrasonic:
+    """A fan of rays over the sensor's cone; the nearest hit is the echo."""
+
+    def __init__(self, parameters: UltrasonicParameters, world: World) -> None:
+        self._parameters, self._world = parameters, world
+        half = parameters.field_of_view_rad / 2
+        self._fan_rad: Vector = (
+            np.linspace(-half, half, parameters.rays) if parameters.rays > 1 else np.zeros(1)
+        )
+
+    def distance_m(self, world_from_base: Pose2D, chance: np.random.Generator) -> float | None:
+        """Distance to what returns the first echo; None when nothing in range does."""
+        sensor = world_from_base.compose(Pose2D(self._parameters.mount_x_m))
+        hits_m = self._world.first_hits_m((sensor.x_m, sensor.y_m), sensor.heading_rad + self._fan_rad)
+        noise, luck = chance.standard_normal(), chance.random()
+        distance_m = float(hits_m.min()) + float(noise) * self._parameters.noise_m
+        if distance_m > self._parameters.max_range_m or luck < self._parameters.lost_echo_share:
+            return None
+        return max(distance_m, self._parameters.min_range_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What an IMU feels: heading (world frame), turning, and acceleration in the base frame."""
+
+    heading_rad: float
+    angular_rad_s: float
+    forward_m_s2: float
+    leftward_m_s2: float
+
+
+class Imu:
+    """Heading relative to where the robot pointed when the board booted, drifting from there."""
+
+    def __init__(self, parameters: ImuParameters, booted_s: float, boot_heading_rad: float) -> None:
+        self._parameters, self._booted_s, self._boot_heading_rad = parameters, booted_s, boot_heading_rad
+
+    def orientation(
+        self, motion: Motion, at_s: float, chance: np.random.Generator
+    ) -> tuple[float, float, float, float] | None:
+        """The quaternion (x, y, z, w) of a level robot; None when no packet is ready."""
+        noise, luck = chance.standard_normal(), chance.random()
+        if luck < self._parameters.missing_share:
+            return None
+        drift_rad = self._parameters.heading_drift_rad_s * (at_s - self._booted_s)
+        error_rad = (
+            self._parameters.heading_bias_rad + drift_rad + self._parameters.heading_noise_rad * float(noise)
+        )
+        half = wrap_angle(motion.heading_rad - self._boot_heading_rad + error_rad) / 2
+        return 0.0, 0.0, math.sin(half), math.cos(half)
+
+    def counts(
+        self, motion: Motion, chance: np.random.Generator
+    ) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+        """Raw int16 readings, acceleration (gravity included) and angular rate, each x y z."""
+        felt = np.array([motion.forward_m_s2, motion.leftward_m_s2, GRAVITY_M_S2])
+        felt += self._parameters.acceleration_noise_m_s2 * chance.standard_normal(3)
+        rate = np.array([0.0, 0.0, motion.angular_rad_s]) + self._parameters.gyro_bias_rad_s
+        rate += self._parameters.gyro_noise_rad_s * chance.standard_normal(3)
+        return (
+            _int16(felt / GRAVITY_M_S2 * COUNTS_PER_G),
+            _int16(np.degrees(rate) * COUNTS_PER_DEG_S),
+        )
+
+
+def _int16(values: Vector) -> tuple[int, int, int]:
+    x, y, z = np.clip(np.rint(values), -INT16_MAX - 1, INT16_MAX)
+    return int(x), int(y), int(z)

@@ -1,0 +1,170 @@
+"""The simulated board as a process of its own: a device to open, and one-word commands to play with it."""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict
+from pathlib import Path
+
+from chefbotd.clock import SystemClock
+from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.pty import PtyBoard
+
+Say = Callable[[str], None]
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+MAX_WORD_BYTES = 64
+
+
+def say_on_stdout(line: str) -> None:
+    """Print a line at once, for whoever reads it through a pipe."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+async def simulate(
+    parameters: SimulationParameters,
+    *,
+    link_path: Path | None = None,
+    seed: int | None = None,
+    as_json: bool = False,
+    commands: AsyncIterator[str] | None = None,
+    say: Say = say_on_stdout,
+) -> None:
+    """Run a simulated board until ``quit``, SIGINT or SIGTERM; the first line said is the device's path.
+
+    Args:
+        parameters: what to simulate.
+        link_path: a symbolic link to keep pointed at the device; removed at the end.
+        seed: stands in for the configured one.
+        as_json: say JSON objects instead of plain lines.
+        commands: words from ``Session.WORDS``; default: the lines of stdin. Their end does not end the run.
+        say: takes each line of output.
+
+    Raises:
+        OSError: the map cannot be read, or the device or its link cannot be made.
+        ValueError: the map is none, or the start pose is too close to a wall.
+    """
+    session = Session(parameters, link_path, seed, as_json, say)
+    loop = asyncio.get_running_loop()
+    for number in STOP_SIGNALS:
+        loop.add_signal_handler(number, session.quit)
+    try:
+        await session.run(stdin_lines() if commands is None else commands)
+    finally:
+        for number in STOP_SIGNALS:
+            loop.remove_signal_handler(number)
+
+
+class Session:
+    """One run of the program: a board on a pseudo-terminal, and the words it obeys."""
+
+    def __init__(
+        self,
+        parameters: SimulationParameters,
+        link_path: Path | None,
+        seed: int | None,
+        as_json: bool,
+        say: Say,
+    ) -> None:
+        self._pty = PtyBoard(self._from_host, link_path)
+        self._runner = BoardRunner(build_launchpad(parameters, seed), self._pty.send, SystemClock())
+        self._as_json, self._say_line = as_json, say
+        self._done = asyncio.Event()
+        self._words = {
+            "plug": self.plug,
+            "unplug": self.unplug,
+            "truth": self.truth,
+            "reset": self.reset,
+            "quit": self.quit,
+        }
+
+    async def run(self, commands: AsyncIterator[str]) -> None:
+        """Plug in, run and obey until told to quit; unplugs on every way out."""
+        try:
+            self.plug()
+            async with asyncio.TaskGroup() as tasks:
+                running = [tasks.create_task(self._runner.run()), tasks.create_task(self._obey(commands))]
+                await self._done.wait()
+                for task in running:
+                    task.cancel()
+        finally:
+            self._pty.unplug()
+
+    async def _obey(self, commands: AsyncIterator[str]) -> None:
+        async for line in commands:
+            word = line.strip()
+            if word in self._words:
+                self._words[word]()
+            elif word:
+                known = " ".join(self._words)
+                self._say({"error": f"unknown word {word!r}, expected one of: {known}"}, "error")
+
+    def plug(self) -> None:
+        """Connect the cable, and say the path of the device."""
+        self._say({"device": str(self._pty.plug())}, "device")
+
+    def unplug(self) -> None:
+        """Pull the cable; the board runs on."""
+        self._pty.unplug()
+        self._say({"unplugged": True})
+
+    def truth(self) -> None:
+        """Say where the robot really is, always as JSON."""
+        truth = self._runner.truth(SystemClock().now_s())
+        moved = {**asdict(truth.world_from_base), **asdict(truth.twist), "in_contact": truth.in_contact}
+        self._say_line(json.dumps({**moved, "duty": self._runner.duty}))
+
+    def reset(self) -> None:
+        """Send the board the reset command, as a host would."""
+        self._runner.receive(b"r\r")
+        self._say({"reset": True})
+
+    def quit(self) -> None:
+        """End the run."""
+        self._done.set()
+
+    def _from_host(self, data: bytes) -> None:
+        self._runner.receive(data)
+
+    def _say(self, answer: dict[str, str | bool], plain: str | None = None) -> None:
+        """Say an answer; as plain text the value called ``plain``, or its one key when there is none."""
+        text = next(iter(answer)) if plain is None else str(answer[plain])
+        self._say_line(json.dumps(answer) if self._as_json else text)
+
+
+async def stdin_lines() -> AsyncIterator[str]:
+    """The lines of stdin, be it a terminal, a pipe, a file or closed: read by a thread of its own."""
+    loop, lines = asyncio.get_running_loop(), asyncio.Queue[str | None]()
+
+    def pass_on(line: str | None) -> None:
+        try:
+            loop.call_soon_threadsafe(lines.put_nowait, line)
+        except RuntimeError:  # the loop has closed while this thread was waiting: nobody listens
+            raise SystemExit from None
+
+    threading.Thread(target=_read_lines, args=(pass_on,), name="stdin", daemon=True).start()
+    while (line := await lines.get()) is not None:
+        yield line
+
+
+def _read_lines(pass_on: Callable[[str | None], None]) -> None:
+    """Read descriptor 0 itself: a buffered reader's lock, held here at exit, would abort the interpreter."""
+    pending = b""
+    while data := _read_some():
+        *whole, pending = (pending + data).split(b"\n")
+        pending = pending[-MAX_WORD_BYTES:]
+        for line in whole:
+            pass_on(line.decode(errors="replace"))
+    pass_on(None)
+
+
+def _read_some() -> bytes:
+    try:
+        return os.read(0, 4096)
+    except OSError:  # stdin is closed
+        return b""

@@ -1,0 +1,46 @@
+"""The board's serial port: bytes take time to leave, buffers are finite, and what overflows is lost."""
+
+import math
+from collections import deque
+
+
+class Uart:
+    """Lines drain at the line rate; what has left waits to be taken, what has arrived waits to be read."""
+
+    def __init__(self, rate_bytes_s: float, transmit_buffer_bytes: int, receive_buffer_bytes: int) -> None:
+        self._byte_s = 1 / rate_bytes_s
+        self._transmit_buffer_bytes, self._receive_buffer_bytes = transmit_buffer_bytes, receive_buffer_bytes
+        self._idle_s = 0.0
+        self._left: deque[tuple[float, bytes]] = deque()
+        self._received = bytearray()
+        self.received_dropped = 0
+
+    def send(self, line: bytes, at_s: float) -> float:
+        """Queue a line; the sender may go on at the time returned, when what has yet to leave fits the buffer."""
+        self._idle_s = max(at_s, self._idle_s) + len(line) * self._byte_s
+        self._left.append((self._idle_s, line))
+        return max(at_s, self._idle_s - self._transmit_buffer_bytes * self._byte_s)
+
+    @property
+    def next_s(self) -> float:
+        """When the last byte of the next line leaves; inf when there is none."""
+        return self._left[0][0] if self._left else math.inf
+
+    def take(self, to_s: float) -> list[tuple[float, bytes]]:
+        """The lines whose last byte has left by ``to_s``, each with its time."""
+        taken = []
+        while self.next_s <= to_s:
+            taken.append(self._left.popleft())
+        return taken
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host; those that find the buffer full are lost and counted."""
+        room = self._receive_buffer_bytes - len(self._received)
+        self._received += data[:room]
+        self.received_dropped += max(len(data) - room, 0)
+
+    def read(self) -> bytes:
+        """Everything received and not yet read."""
+        data = bytes(self._received)
+        self._received.clear()
+        return data
