@@ -1,0 +1,159 @@
+"""The board's clock."""
+
+import random
+
+import pytest
+
+from chefbotd.link.board_clock import BoardClock, ClockRelation, Verdict
+
+WRAP = 2**32
+
+
+def run(
+    clock: BoardClock, start_micros: int, cycles: int, *, cycle_s: float = 0.02, host_s: float = 100.0
+) -> float:
+    """So many regular cycles; returns the host time after the last."""
+    for number in range(cycles):
+        micros = (start_micros + round(number * cycle_s * 1e6)) % WRAP
+        assert clock.observe(micros, cycle_s, host_s + number * cycle_s) is Verdict.GOOD
+    return host_s + (cycles - 1) * cycle_s
+
+
+def test_board_time_advances_by_the_boards_own_microseconds():
+    """Fifty cycles of 20 ms by the board are 1 s, however unevenly they arrive at the host."""
+    clock = BoardClock()
+    rng = random.Random(1)
+    first = None
+    for number in range(51):
+        clock.observe(1_000_000 + number * 20_000, 0.02, 100.0 + number * 0.02 + rng.uniform(0, 0.015))
+        first = first if first is not None else clock.latest_s
+    assert clock.latest_s - first == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_counter_wraps_without_a_jump():
+    """A run over 2^32 microseconds is as long as any other."""
+    clock = BoardClock()
+    run(clock, WRAP - 500_000, 51, host_s=100.0)
+    assert clock.latest_s == pytest.approx(101.0, abs=1e-6)
+
+
+def test_cycles_lost_on_the_wire_are_bridged_by_the_host_clock():
+    """Four lost lines: the step of 100 ms disagrees with the line's own 20 ms but not with the host's 100 ms."""
+    clock = BoardClock()
+    host_s = run(clock, 0, 10)
+    before = clock.latest_s
+    assert clock.observe(9 * 20_000 + 100_000, 0.02, host_s + 0.1) is Verdict.GOOD
+    assert clock.latest_s - before == pytest.approx(0.1)
+
+
+def test_a_replay_faster_than_real_time_is_believed():
+    """50 ms cycles arriving every millisecond agree with their own second field."""
+    clock = BoardClock()
+    for number in range(100):
+        assert clock.observe(number * 50_000, 0.05, 100.0 + number * 0.001) is Verdict.GOOD
+    assert clock.latest_s == pytest.approx(100.0 + 99 * 0.05)
+
+
+def test_one_damaged_reading_is_left_out():
+    """A line whose microseconds lost digits puts the clock in doubt for one cycle and changes nothing."""
+    clock = BoardClock()
+    host_s = run(clock, 5_000_000, 10)
+    before = clock.latest_s
+    assert clock.observe(518, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.in_doubt
+    assert clock.latest_s == before
+    assert clock.observe(5_000_000 + 11 * 20_000, 0.02, host_s + 0.04) is Verdict.GOOD
+    assert not clock.in_doubt
+    assert clock.latest_s - before == pytest.approx(0.04)
+    assert clock.suspects == 1
+
+
+def test_two_agreeing_readings_near_zero_are_a_restart():
+    """The board restarted without a banner being seen: the second new reading tells, and board time goes on."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    before = clock.latest_s
+    assert clock.observe(800_000, 0.02, host_s + 1.5) is Verdict.SUSPECT
+    assert clock.observe(820_000, 0.02, host_s + 1.52) is Verdict.RESTARTED
+    assert clock.latest_s - before == pytest.approx(1.52)
+
+
+def test_two_agreeing_readings_a_little_ahead_are_a_gap():
+    """After a pause that nobody timed the clock goes on by what the board says, without a restart."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    before = clock.latest_s
+    ahead = 50_000_000 + 9 * 20_000 + 3_000_000
+    assert clock.observe(ahead, 0.02, host_s + 0.01) is Verdict.SUSPECT
+    assert clock.observe(ahead + 20_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.latest_s - before == pytest.approx(3.02)
+
+
+def test_a_leap_far_ahead_is_no_restart():
+    """Microseconds an hour ahead, confirmed: the clock moved, the board did not restart; host time bridges."""
+    clock = BoardClock()
+    host_s = run(clock, 0, 10)
+    before = clock.latest_s
+    assert clock.observe(3_000_000_000, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.observe(3_000_020_000, 0.02, host_s + 0.04) is Verdict.RESYNCED
+    assert clock.latest_s - before == pytest.approx(0.04)
+
+
+def test_after_a_banner_the_next_reading_counts():
+    """Told of the restart, the clock takes the next reading as its new beginning, at once."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    clock.restart()
+    assert clock.latest_s is None
+    assert clock.observe(20_000, 0.02, host_s + 2.0) is Verdict.GOOD
+    assert clock.latest_s == pytest.approx(host_s + 2.0)
+
+
+def test_without_a_reading_board_time_is_host_time():
+    """Boards that never send `t` are timed by the host."""
+    assert BoardClock().board_s(7.0) == 7.0
+
+
+def test_between_readings_host_time_fills_in():
+    """30 ms after a reading, board time is 30 ms later; it never goes back."""
+    clock = BoardClock()
+    host_s = run(clock, 0, 10)
+    assert clock.board_s(host_s + 0.03) - clock.latest_s == pytest.approx(0.03)
+    assert clock.board_s(host_s - 0.03) == clock.latest_s
+
+
+def test_skew_and_offset_are_found_through_jitter():
+    """A board whose seconds are 80 ppm shorter, read with up to 2 ms of delay: the fit finds 80 ppm within 20."""
+    relation, rng = ClockRelation(), random.Random(3)
+    for number in range(6000):
+        board_s = 50.0 + number * 0.02
+        relation.observe(board_s, 1000.0 + board_s * (1 + 80e-6) + rng.uniform(0, 0.002))
+    assert relation.skew_ppm == pytest.approx(80, abs=20)
+    assert relation.jitter_s == pytest.approx(0.0005, abs=0.0001)  # mean distance from the middle of 2 ms
+    assert relation.host_s(170.0) == pytest.approx(1000.0 + 170.0 * (1 + 80e-6) + 0.001, abs=0.0005)
+
+
+def test_late_readings_do_not_bend_the_line():
+    """One reading in twenty waits 50 ms in a buffer: all of them are left out and the line stays."""
+    relation = ClockRelation()
+    for number in range(2000):
+        late_s = 0.05 if number % 20 == 19 else 0.0
+        relation.observe(number * 0.02, number * 0.02 + 1000.0 + late_s)
+    assert relation.left_out == 100
+    assert relation.host_s(40.0) == pytest.approx(1040.0, abs=1e-6)
+
+
+def test_a_clock_that_really_moved_is_followed():
+    """The host slept for 10 s: after fifty readings that do not fit, the fit starts afresh."""
+    relation = ClockRelation()
+    for number in range(500):
+        relation.observe(number * 0.02, number * 0.02)
+    for number in range(500, 800):
+        relation.observe(number * 0.02, number * 0.02 + 10.0)
+    assert relation.host_s(16.0) == pytest.approx(26.0, abs=1e-6)
+
+
+def test_too_few_readings_tell_no_skew():
+    """Before there is a line there is no skew and no jitter, and host time is a guess."""
+    relation = ClockRelation()
+    assert (relation.skew_ppm, relation.jitter_s, relation.host_s(3.0)) == (None, None, 3.0)

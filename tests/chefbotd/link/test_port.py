@@ -1,0 +1,177 @@
+"""Opening real device files: ptys and sockets of this machine."""
+
+import asyncio
+import contextlib
+import os
+import termios
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pytest
+import uvloop
+
+from chefbotd.link.port import LinkParameters, open_port
+
+
+class Recorder(asyncio.Protocol):
+    """Remembers what happened to its connection."""
+
+    def __init__(self) -> None:
+        self.data = asyncio.Event()
+        self.received = b""
+        self.lost: asyncio.Future[Exception | None] = asyncio.get_running_loop().create_future()
+
+    def data_received(self, data: bytes) -> None:
+        self.received += data
+        self.data.set()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.lost.set_result(exc)
+
+
+@dataclass
+class Pty:
+    """Both ends of a pseudo-terminal."""
+
+    master: int
+    path: str
+
+
+@pytest.fixture
+def pty() -> Iterator[Pty]:
+    """A pty in raw mode; what a test leaves open is closed."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    path = os.ttyname(slave)
+    os.close(slave)
+    yield Pty(master, path)
+    with contextlib.suppress(OSError):
+        os.close(master)
+
+
+@pytest.fixture(params=[asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def runner(request: pytest.FixtureRequest) -> Iterator[asyncio.Runner]:
+    """Both loops: the daemon's and the standard one."""
+    with asyncio.Runner(loop_factory=request.param) as running:
+        yield running
+
+
+def test_bytes_go_both_ways(pty: Pty, runner: asyncio.Runner):
+    """What the board writes is received, and a write is at the board when it returns."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        transport = await open_port(LinkParameters(device=pty.path), protocol)
+        os.write(pty.master, b"u\t12\n")
+        await protocol.data.wait()
+        assert protocol.received == b"u\t12\n"
+        transport.write(b"s 1 2\r")
+        assert os.read(pty.master, 100) == b"s 1 2\r"
+        transport.abort()
+        transport.abort()
+        await protocol.lost
+
+    runner.run(scenario())
+
+
+def test_a_hang_up_is_noticed(pty: Pty, runner: asyncio.Runner):
+    """When the board's end closes, the connection is lost without anyone writing."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        await open_port(LinkParameters(device=pty.path), protocol)
+        await asyncio.sleep(0)
+        os.close(pty.master)
+        await protocol.lost
+
+    runner.run(scenario())
+
+
+def test_a_peer_that_never_reads_blocks_nobody(pty: Pty, runner: asyncio.Runner):
+    """Sixteen kilobytes into a pty that holds four: the write returns and the rest is known to be unsent."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        transport = await open_port(LinkParameters(device=pty.path), protocol)
+        transport.write(b"x" * 16_384)
+        assert transport.get_write_buffer_size() > 0
+        transport.write(b"y")
+        transport.abort()
+        await protocol.lost
+        transport.write(b"z")
+
+    runner.run(scenario())
+
+
+@pytest.mark.parametrize("hang_up", [True, False])
+def test_hang_up_on_close_is_as_configured(pty: Pty, runner: asyncio.Runner, hang_up: bool):
+    """The port's HUPCL flag says what the configuration says."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        transport = await open_port(LinkParameters(device=pty.path, hang_up_on_close=hang_up), protocol)
+        descriptor = transport.get_extra_info("serial").fileno()
+        assert bool(termios.tcgetattr(descriptor)[2] & termios.HUPCL) == hang_up
+        transport.abort()
+        await protocol.lost
+
+    runner.run(scenario())
+
+
+def test_a_second_opener_is_refused(pty: Pty, runner: asyncio.Runner):
+    """With 'exclusive' there is one owner; the error names the device."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        transport = await open_port(LinkParameters(device=pty.path), protocol)
+        with pytest.raises(OSError, match=pty.path):
+            await open_port(LinkParameters(device=pty.path), Recorder())
+        transport.abort()
+        await protocol.lost
+
+    runner.run(scenario())
+
+
+def test_a_missing_device_is_an_error_that_names_it(runner: asyncio.Runner):
+    """No such file: the message has the path."""
+
+    async def scenario() -> None:
+        with pytest.raises(OSError, match="/dev/no-such-board"):
+            await open_port(LinkParameters(device="/dev/no-such-board"), Recorder())
+
+    runner.run(scenario())
+
+
+def test_an_unknown_kind_of_address_is_an_error_that_names_it(runner: asyncio.Runner):
+    """An unknown URL scheme is refused with the device in the message, as an OSError like every other failure."""
+
+    async def scenario() -> None:
+        with pytest.raises(OSError, match="nonsense://board"):
+            await open_port(LinkParameters(device="nonsense://board"), Recorder())
+
+    runner.run(scenario())
+
+
+def test_a_socket_is_a_port_too(runner: asyncio.Runner):
+    """``socket://host:port`` connects to a serial server and carries bytes both ways."""
+
+    async def scenario() -> None:
+        received = asyncio.get_running_loop().create_future()
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(b"u\t12\n")
+            received.set_result(await reader.readexactly(6))
+            writer.close()
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        protocol = Recorder()
+        transport = await open_port(LinkParameters(device=f"socket://127.0.0.1:{port}"), protocol)
+        await protocol.data.wait()
+        transport.write(b"s 1 2\r")
+        assert await received == b"s 1 2\r"
+        await protocol.lost
+        server.close()
+
+    runner.run(scenario())

@@ -1,0 +1,97 @@
+"""Keeping the link open."""
+
+import asyncio
+import random
+
+import pytest
+
+from chefbotd.bus import Bus
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.core.events import LinkClosed, LinkOpened
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.reconnect import BoardLink, waits_s
+from chefbotd.link.session import BoardSession
+from chefbotd.testing.transport import FakeSerialDevice
+from firmware_protocol.codec import CLASSIC
+
+PARAMETERS = LinkParameters(reconnect_first_s=0.1, reconnect_longest_s=1.0, reconnect_jitter=0.2)
+
+
+def test_waits_double_up_to_the_longest_and_vary():
+    """0.1, 0.2, 0.4, 0.8, 1.0, 1.0 s, each within 20 % of that, and not all exactly on it."""
+    waits = waits_s(PARAMETERS, random.Random(1))
+    got = [next(waits) for _ in range(6)]
+    nominal = [0.1, 0.2, 0.4, 0.8, 1.0, 1.0]
+    assert got == [pytest.approx(n, rel=0.2) for n in nominal]
+    assert got != pytest.approx(nominal, rel=1e-3)
+
+
+def run_link(device: FakeSerialDevice, story) -> tuple[list[type], bytes]:
+    """Run a link while ``story`` happens; returns the link events and everything written to the device."""
+
+    async def scenario() -> list[type]:
+        bus = Bus()
+        inbox = bus.subscribe(LinkOpened, LinkClosed)
+        session = BoardSession(bus, LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+        link = BoardLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
+        task = asyncio.create_task(link.run())
+        await story(session)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return [type(inbox.take()) for _ in range(len(inbox))]
+
+    return run_virtual(scenario()), bytes(device.written)
+
+
+def test_a_device_that_comes_late_is_opened_when_it_comes():
+    """Absent for 3 s at the start, then plugged: opened within one longest wait."""
+    device = FakeSerialDevice(plugged=False)
+
+    async def story(session: BoardSession) -> None:
+        await asyncio.sleep(3.0)
+        assert not session.is_open
+        device.plug()
+        await asyncio.sleep(1.2)
+        assert session.is_open
+
+    assert run_link(device, story)[0] == [LinkOpened, LinkClosed]
+
+
+def test_a_lost_link_comes_back_by_itself():
+    """Unplugged and plugged again: told both times, and the first line after it is a stop."""
+    device = FakeSerialDevice()
+
+    async def story(session: BoardSession) -> None:
+        await asyncio.sleep(1.0)
+        device.unplug()
+        await asyncio.sleep(1.0)
+        device.written.clear()
+        device.plug()
+        await asyncio.sleep(1.2)
+        assert bytes(device.written) == b"s 0 0\r"
+
+    assert run_link(device, story)[0] == [LinkOpened, LinkClosed, LinkOpened, LinkClosed]
+
+
+def test_ending_the_link_stops_the_motors_and_closes_the_port():
+    """Cancelled with the motors on: the last line is a stop and the port is given up."""
+    device = FakeSerialDevice()
+
+    async def story(session: BoardSession) -> None:
+        await asyncio.sleep(1.0)
+        session.send_duty((100, 100))
+
+    kinds, written = run_link(device, story)
+    assert kinds == [LinkOpened, LinkClosed]
+    assert written == b"s 0 0\rs 100 100\rs 0 0\r"
+
+
+def test_a_device_that_stays_away_is_mentioned_once_a_minute(capsys: pytest.CaptureFixture[str]):
+    """Ten minutes without a device are ten or eleven log lines, not six hundred."""
+    device = FakeSerialDevice(plugged=False)
+
+    async def story(session: BoardSession) -> None:
+        await asyncio.sleep(600.0)
+
+    run_link(device, story)
+    assert 10 <= capsys.readouterr().out.count("link cannot be opened") <= 11

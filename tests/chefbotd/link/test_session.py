@@ -1,0 +1,295 @@
+"""The session: bytes to events, duties to bytes."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.core import events
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.session import BoardSession
+from chefbotd.testing.board import ScriptedBoard
+from chefbotd.testing.transport import FakeSerialDevice
+from firmware_protocol import messages as wire
+from firmware_protocol.codec import CLASSIC
+
+EVERYTHING = (
+    events.LinkOpened,
+    events.LinkClosed,
+    events.BoardRestarted,
+    events.LineRefused,
+    events.TextReceived,
+    events.EncodersCounted,
+    events.UltrasonicEchoed,
+    events.DutyEchoed,
+    events.OrientationReported,
+    events.InertialCounted,
+    events.BatteryCounted,
+)
+
+
+class Bench:
+    """A session on a fake device, with an inbox for everything it publishes."""
+
+    def __init__(self) -> None:
+        self.bus = Bus()
+        self.device = FakeSerialDevice()
+        self.board = ScriptedBoard(self.device)
+        self.session = BoardSession(self.bus, LoopClock(), CLASSIC, device="/dev/fake", setpoints_per_s=200.0)
+        self.inbox: Inbox[object] = self.bus.subscribe(*EVERYTHING)
+
+    def heard(self) -> list[object]:
+        """Everything published since the last call."""
+        return [self.inbox.take() for _ in range(len(self.inbox))]
+
+
+def on_bench(scenario: Callable[[Bench], Awaitable[None]]) -> None:
+    """Run a scenario with the device open, on the virtual clock."""
+
+    async def run() -> None:
+        bench = Bench()
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0)
+        assert isinstance(bench.inbox.take(), events.LinkOpened)
+        await scenario(bench)
+
+    run_virtual(run())
+
+
+def test_opening_puts_a_stop_on_the_wire():
+    """Whatever the board was doing before: the first line it gets is a stop."""
+
+    async def scenario(bench: Bench) -> None:
+        assert bytes(bench.device.written) == b"s 0 0\r"
+        assert bench.session.is_open
+
+    on_bench(scenario)
+
+
+def test_every_line_of_a_cycle_becomes_its_event():
+    """One cycle `t e u s i b` in one chunk: each frame is an event stamped with the time of reading."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(
+            wire.BoardTime(20_000, 0.02),
+            wire.EncoderCounts((5, -6)),
+            wire.UltrasonicDistance(123),
+            wire.DutyEcho((10.0, -10.0)),
+            wire.Orientation(0.0, 0.0, 0.71, 0.71),
+            wire.RawImu((1, 2, 3), (4, 5, 6)),
+            wire.BatteryLevel(3000.0),
+        )
+        now = LoopClock().now_s()
+        assert bench.heard() == [
+            events.EncodersCounted(now, now, (5, -6)),
+            events.UltrasonicEchoed(now, 123),
+            events.DutyEchoed(now, (10.0, -10.0)),
+            events.OrientationReported(now, 0.0, 0.0, 0.71, 0.71),
+            events.InertialCounted(now, (1, 2, 3), (4, 5, 6)),
+            events.BatteryCounted(now, 3000.0),
+        ]
+
+    on_bench(scenario)
+
+
+def test_encoders_carry_their_cycles_board_time():
+    """Two cycles 20 ms apart by the board, read 35 ms apart: the counts are 20 ms apart in board time."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(0, 0, cycle_s=0.02)
+        await asyncio.sleep(0.035)
+        bench.board.cycle(10, 10, cycle_s=0.02)
+        first, second = bench.heard()
+        assert second.board_s - first.board_s == pytest.approx(0.02)
+        assert second.stamp_s - first.stamp_s == pytest.approx(0.035)
+
+    on_bench(scenario)
+
+
+def test_encoders_without_a_time_line_are_timed_by_the_host():
+    """The second cycle's `t` was lost: its counts are placed by how long the host waited."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(0, 0)
+        await asyncio.sleep(0.021)
+        bench.board.say(wire.EncoderCounts((10, 10)))
+        first, second = bench.heard()
+        assert second.board_s - first.board_s == pytest.approx(0.021)
+
+    on_bench(scenario)
+
+
+def test_counts_of_a_doubtful_cycle_wait_for_the_next():
+    """A `t` line that lost digits: its cycle's counts are not passed on; the next cycle's are, and nothing is lost."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(0, 0)
+        await asyncio.sleep(0.02)
+        bench.board.say(b"t\t4000000004\t0.02\n", wire.EncoderCounts((10, 10)))
+        await asyncio.sleep(0.02)
+        bench.board.say(wire.BoardTime(60_000, 0.02), wire.EncoderCounts((20, 20)))
+        assert [event.counts for event in bench.heard()] == [(0, 0), (20, 20)]
+
+    on_bench(scenario)
+
+
+def test_a_restart_is_noticed_by_the_banner():
+    """The first banner line after frames says that the board restarted; the rest of the banner is only text."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(100, 100)
+        bench.heard()
+        bench.board.say(
+            wire.ResetDone(),
+            wire.Banner("Initializing I2C devices..."),
+            wire.Banner("Testing device connections..."),
+        )
+        kinds = [type(event) for event in bench.heard()]
+        assert kinds == [events.TextReceived, events.BoardRestarted, events.TextReceived, events.TextReceived]
+        assert bench.session.board_restarts == 1
+
+    on_bench(scenario)
+
+
+def test_a_restart_without_a_banner_is_noticed_by_the_clock():
+    """Time near zero, twice in a row, after a minute of running: a restart, told before that cycle's counts."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(wire.BoardTime(60_000_000, 0.02), wire.EncoderCounts((100, 100)))
+        await asyncio.sleep(1.0)
+        bench.board.say(wire.BoardTime(500_000, 0.02), wire.EncoderCounts((0, 0)))
+        await asyncio.sleep(0.02)
+        bench.board.say(wire.BoardTime(520_000, 0.02), wire.EncoderCounts((1, 1)))
+        kinds = [type(event) for event in bench.heard()]
+        assert kinds == [events.EncodersCounted, events.BoardRestarted, events.EncodersCounted]
+
+    on_bench(scenario)
+
+
+def test_text_and_refused_lines_are_told_apart_and_counted():
+    """Text is passed on; a malformed line is passed on with its reason; both are counted."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(b"hello\r\ne\t12\n", wire.UltrasonicDistance(7))
+        text, refused, _ = bench.heard()
+        assert text.text == "hello"
+        assert (refused.reason, refused.line) == ("field_count", b"e\t12")
+        assert bench.session.refused == {"field_count": 1}
+        assert bench.session.frames == {"Text": 1, "UltrasonicDistance": 1}
+
+    on_bench(scenario)
+
+
+def test_raw_lines_are_seen_in_both_directions_while_someone_listens():
+    """With a subscriber every line in and out is an event, as it stood on the wire."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(wire.UltrasonicDistance(7))
+        raw = bench.bus.subscribe(events.LineSeen)
+        bench.board.say(wire.UltrasonicDistance(8))
+        await asyncio.sleep(1.0)
+        bench.session.send_duty((5, -5))
+        seen = [raw.take() for _ in range(len(raw))]
+        assert [(str(e.direction), e.line) for e in seen] == [("in", b"u\t8"), ("out", b"s 5 -5")]
+
+    on_bench(scenario)
+
+
+def test_reset_stops_first():
+    """A board that restarts must not do so with the motors on: the stop goes before the reset."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.session.send_duty((100, 100))
+        await asyncio.sleep(1.0)
+        bench.session.reset_board()
+        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\rs 0 0\rr\r"
+
+    on_bench(scenario)
+
+
+def test_a_board_that_does_not_read_gets_the_newest_command_only():
+    """While it is stalled one line is in the buffer and one waits; reading again it gets those two, not ten."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.device.transport.stall()
+        for number in range(1, 11):
+            bench.session.send_duty((number, number))
+            await asyncio.sleep(0.02)
+        bench.device.transport.drain()
+        await asyncio.sleep(0.1)
+        assert bytes(bench.device.written) == b"s 0 0\rs 1 1\rs 10 10\r"
+        assert bench.session.setpoints_replaced == 8
+
+    on_bench(scenario)
+
+
+def test_closing_sends_a_stop_first():
+    """The last line on the wire of a link that we close is a stop."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.session.send_duty((100, 100))
+        bench.session.close()
+        await asyncio.sleep(0)
+        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\rs 0 0\r"
+        assert isinstance(bench.heard()[-1], events.LinkClosed)
+        assert not bench.session.is_open
+
+    on_bench(scenario)
+
+
+def test_without_a_link_commands_vanish_quietly():
+    """Before the first and after the last connection a duty, a stop and a reset do nothing."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.device.unplug()
+        await asyncio.sleep(0)
+        before = bytes(bench.device.written)
+        bench.session.send_duty((1, 1))
+        bench.session.reset_board()
+        bench.session.close()
+        await asyncio.sleep(1.0)
+        assert bytes(bench.device.written) == before
+        assert "readiness" in bench.heard()[-1].reason
+
+    on_bench(scenario)
+
+
+def test_a_board_that_went_on_counting_while_unplugged_is_not_restarted():
+    """The cable was out for 2 s and the board's clock went on for 2 s: no restart, the counts go on."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(wire.BoardTime(1_000_000, 0.02), wire.EncoderCounts((5, 5)))
+        bench.device.unplug()
+        await asyncio.sleep(2.0)
+        bench.device.plug()
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0)
+        bench.board.say(wire.BoardTime(3_000_000, 0.02), wire.EncoderCounts((9, 9)))
+        first, second = (e for e in bench.heard() if isinstance(e, events.EncodersCounted))
+        assert second.board_s - first.board_s == pytest.approx(2.0)
+        assert bench.session.board_restarts == 0
+        assert bench.session.opens == 2
+
+    on_bench(scenario)
+
+
+def test_half_a_line_does_not_survive_a_reconnection():
+    """What was cut by the unplug is not glued to what comes after the replug."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(b"u\t1")
+        bench.device.unplug()
+        bench.device.plug()
+        await asyncio.sleep(0)
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0)
+        bench.heard()
+        bench.board.say(b"u\t23\n")
+        assert [event.distance_cm for event in bench.heard()] == [23]
+
+    on_bench(scenario)

@@ -1,0 +1,188 @@
+"""The gate: modes, arbitration and the dead-man."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.safety.gate import (
+    COME_TO_REST,
+    HALT,
+    NEXT,
+    Command,
+    GateState,
+    Mode,
+    SafetyParameters,
+    SourceParameters,
+    Trigger,
+    accept,
+    change_mode,
+    decide,
+    stop,
+)
+
+PARAMETERS = SafetyParameters()
+SLOW = Twist2D(0.1, 0.0)
+FAST = Twist2D(0.3, 0.0)
+TURN = Twist2D(0.0, 1.0)
+
+EXPECTED_NEXT = {
+    Mode.ARMED: {"arm": "armed", "estop": "estopped", "fault": "disarmed", "recovery": "armed"},
+    Mode.DISARMED: {"arm": "armed", "estop": "estopped", "fault": "disarmed", "recovery": "armed"},
+    Mode.ESTOPPED: {"arm": "armed", "estop": "estopped", "fault": "estopped", "recovery": "estopped"},
+}
+
+
+def given_commands(*commands: Command) -> GateState:
+    """A gate that has accepted these."""
+    state = GateState()
+    for command in commands:
+        state = accept(PARAMETERS, state, command)
+    return state
+
+
+@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize("trigger", Trigger)
+def test_every_mode_answers_every_trigger(mode: Mode, trigger: Trigger):
+    """The table is complete: an e-stop is only left by arm, a fault by arm or recovery."""
+    expected = EXPECTED_NEXT[mode][trigger]
+    assert NEXT[mode, trigger] == expected
+    assert change_mode(GateState(mode, "before"), trigger, "after").mode == expected
+
+
+@pytest.mark.parametrize("trigger", [Trigger.ESTOP, Trigger.FAULT])
+def test_leaving_armed_forgets_every_command(trigger: Trigger):
+    """After an e-stop or a fault nothing is left that could move the robot once it is armed again."""
+    state = change_mode(given_commands(Command("teleop", FAST, 0.0)), trigger, "why")
+    assert (state.commands, state.reason) == ((), "why")
+    assert decide(PARAMETERS, state, 0.0) == HALT
+    armed = change_mode(state, Trigger.ARM, "armed")
+    assert decide(PARAMETERS, armed, 0.0) == COME_TO_REST
+
+
+def test_arming_what_is_armed_disturbs_no_command():
+    """A second arm while driving changes nothing."""
+    state = given_commands(Command("teleop", FAST, 0.0))
+    assert change_mode(state, Trigger.ARM, "again") is state
+
+
+def test_a_later_fault_does_not_hide_the_estop():
+    """A lost link during an e-stop leaves mode and reason of the e-stop in place."""
+    stopped = change_mode(GateState(), Trigger.ESTOP, "button")
+    assert change_mode(stopped, Trigger.FAULT, "link") == stopped
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind"), [(Mode.DISARMED, RefusalKind.DISARMED), (Mode.ESTOPPED, RefusalKind.ESTOPPED)]
+)
+def test_commands_are_refused_unless_armed(mode: Mode, kind: RefusalKind):
+    """The refusal names the mode, the reason and the way out."""
+    with pytest.raises(Refused, match=r"\(why\); 'arm' comes first") as refusal:
+        accept(PARAMETERS, GateState(mode, "why"), Command("teleop", FAST, 0.0))
+    assert refusal.value.kind is kind
+
+
+def test_an_unknown_source_is_refused_by_name():
+    """The refusal names the source that was given and those there are."""
+    with pytest.raises(Refused, match=r"'joystick'.*navigation, safety, teleop") as refusal:
+        accept(PARAMETERS, GateState(), Command("joystick", FAST, 0.0))
+    assert refusal.value.kind is RefusalKind.UNKNOWN_SOURCE
+
+
+def test_the_highest_live_source_wins():
+    """Safety 10 beats teleop 7 beats navigation 5, in whatever order they spoke."""
+    commands = [
+        Command("safety", STANDING, 0.0),
+        Command("navigation", FAST, 0.0),
+        Command("teleop", SLOW, 0.0),
+    ]
+    assert decide(PARAMETERS, given_commands(*commands), 0.1).source == "safety"
+    assert decide(PARAMETERS, given_commands(*commands[1:]), 0.1).twist == SLOW
+
+
+def test_a_source_that_falls_silent_gives_way():
+    """Safety's command lasts 0.2 s; after it teleop's, still alive, is in force."""
+    state = given_commands(Command("teleop", FAST, 0.0), Command("safety", SLOW, 0.0))
+    assert decide(PARAMETERS, state, 0.2).source == "safety"
+    assert decide(PARAMETERS, state, 0.201).source == "teleop"
+
+
+def test_of_two_equals_the_newer_wins():
+    """With the same priority, whoever spoke last is followed."""
+    equal = SourceParameters(priority=3, timeout_s=1.0)
+    parameters = SafetyParameters(sources={"a": equal, "b": equal})
+    state = GateState(commands=(Command("b", FAST, 0.2), Command("a", SLOW, 0.1)))
+    assert decide(parameters, state, 0.3).source == "b"
+
+
+def test_the_dead_man_outlasts_no_command():
+    """Teleop's own timeout is 1.0 s, but the dead-man ends its command after 0.5 s, measured from the command."""
+    state = given_commands(Command("teleop", FAST, 10.0))
+    assert decide(PARAMETERS, state, 10.5).twist == FAST
+    assert decide(PARAMETERS, state, 10.501) == COME_TO_REST
+
+
+def test_a_newer_command_replaces_its_sources_older_one():
+    """A source has one command, its newest."""
+    state = given_commands(Command("teleop", FAST, 0.0), Command("teleop", TURN, 0.1))
+    assert state.commands == (Command("teleop", TURN, 0.1),)
+
+
+def test_stop_forgets_every_source_and_latches_nothing():
+    """After stop the robot comes to rest; the next command moves it again."""
+    state = stop(given_commands(Command("teleop", FAST, 0.0), Command("navigation", FAST, 0.0)))
+    assert decide(PARAMETERS, state, 0.0) == COME_TO_REST
+    again = accept(PARAMETERS, state, Command("teleop", SLOW, 0.1))
+    assert decide(PARAMETERS, again, 0.1).twist == SLOW
+
+
+@pytest.mark.parametrize(
+    ("bad", "told"),
+    [
+        ({"command_timeout_s": 0.05}, "greater than or equal to 0.1"),
+        ({"command_timeout_s": 2.5}, "less than or equal to 2"),
+        ({"sources": {}}, "at least 1 item"),
+        ({"sources": {"a": {"priority": 256, "timeout_s": 1}}}, "less than or equal to 255"),
+        ({"rearm": "sometimes"}, "'manual' or 'auto'"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(bad: dict[str, object], told: str):
+    """The dead-man is 0.1 to 2 s, priorities 0 to 255, and there is at least one source."""
+    with pytest.raises(ValidationError, match=told):
+        SafetyParameters.model_validate(bad)
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.sampled_from(list(Trigger))),
+            st.tuples(st.sampled_from(["safety", "teleop", "navigation"]), st.floats(0.0, 0.3)),
+            st.tuples(st.none(), st.none()),
+        ),
+        max_size=30,
+    )
+)
+def test_the_robot_is_never_driven_unless_armed(story: list[tuple[object, ...]]):
+    """Whatever the order of triggers, commands and stops: a twist other than zero is only decided in ARMED, and only
+    one that an accepted, live command asked for."""
+    state, now_s, asked = GateState(), 0.0, set()
+    for step in story:
+        now_s += 0.1
+        if len(step) == 1:
+            state = change_mode(state, step[0], "story")
+        elif step[0] is None:
+            state = stop(state)
+        else:
+            twist = Twist2D(step[1], 0.0)
+            try:
+                state = accept(PARAMETERS, state, Command(step[0], twist, now_s))
+                asked.add(twist)
+            except Refused:
+                assert state.mode is not Mode.ARMED
+        decision = decide(PARAMETERS, state, now_s)
+        assert decision.halted == (state.mode is not Mode.ARMED)
+        if decision.twist != STANDING:
+            assert decision.twist in asked
+            assert not decision.halted
