@@ -1,0 +1,220 @@
+"""JSON-RPC 2.0 over lines, strict and without I/O: a line is a ``Request`` or it is a ``Failure``.
+
+What a robot must never guess at is refused rather than repaired: numbers that are not finite or do not fit, keys
+said twice, text that is no Unicode, objects nested deeper than any method needs.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, NoReturn
+
+from chefbotd.core.commands import RefusalKind
+
+MAX_DEPTH = 8
+MAX_INTEGER_DIGITS = 19  # those of 2^63 - 1
+
+RequestId = str | int | None
+
+
+class ErrorKind(StrEnum):
+    """Stable names of the socket's own errors; a refusing robot adds ``RefusalKind``."""
+
+    PARSE_ERROR = "parse_error"
+    NOT_UTF8 = "not_utf8"
+    NON_FINITE_NUMBER = "non_finite_number"
+    HUGE_INTEGER = "huge_integer"
+    DUPLICATE_KEY = "duplicate_key"
+    TOO_DEEP = "too_deep"
+    LONE_SURROGATE = "lone_surrogate"
+    REQUEST_TOO_LARGE = "request_too_large"
+    INVALID_REQUEST = "invalid_request"
+    METHOD_NOT_FOUND = "method_not_found"
+    INVALID_PARAMS = "invalid_params"
+    UNKNOWN_TOPIC = "unknown_topic"
+    INTERNAL = "internal"
+    TOO_MANY_CLIENTS = "too_many_clients"
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorClass:
+    """A JSON-RPC code, and what a kind of error means."""
+
+    code: int
+    meaning: str
+
+
+ERRORS: Mapping[str, ErrorClass] = {
+    ErrorKind.PARSE_ERROR: ErrorClass(-32700, "the line is not JSON"),
+    ErrorKind.NOT_UTF8: ErrorClass(-32700, "the line is not UTF-8"),
+    ErrorKind.NON_FINITE_NUMBER: ErrorClass(-32700, "NaN, Infinity, or a number beyond a double"),
+    ErrorKind.HUGE_INTEGER: ErrorClass(-32700, "an integer that does not fit 64 bits"),
+    ErrorKind.DUPLICATE_KEY: ErrorClass(-32700, "an object says a key twice"),
+    ErrorKind.TOO_DEEP: ErrorClass(-32700, f"nested deeper than {MAX_DEPTH}"),
+    ErrorKind.LONE_SURROGATE: ErrorClass(-32700, "an escape that is half of a surrogate pair"),
+    ErrorKind.REQUEST_TOO_LARGE: ErrorClass(-32600, "a longer line than is taken; the connection is closed"),
+    ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but no JSON-RPC 2.0 request"),
+    ErrorKind.METHOD_NOT_FOUND: ErrorClass(-32601, "no such method"),
+    ErrorKind.INVALID_PARAMS: ErrorClass(
+        -32602, "a parameter is missing, unknown, or of the wrong type or range"
+    ),
+    ErrorKind.UNKNOWN_TOPIC: ErrorClass(-32602, "no such topic on this robot"),
+    ErrorKind.INTERNAL: ErrorClass(-32603, "a fault in the daemon; it is in the log"),
+    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(-32000, "no room for another client; the connection is closed"),
+    RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
+    RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
+    RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
+    RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
+    RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),
+    RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside of what this robot takes"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A well-formed call; without ``wants_answer`` it is a notification: carried out, never answered."""
+
+    method: str
+    params: dict[str, Any]
+    id: RequestId = None
+    wants_answer: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why there is no result; ``details`` joins ``kind`` in the error's ``data``."""
+
+    kind: str
+    message: str
+    id: RequestId = None
+    details: Mapping[str, object] = field(default_factory=dict)
+
+
+class _Unacceptable(ValueError):
+    def __init__(self, kind: ErrorKind, message: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+def parse(line: bytes | bytearray) -> Request | Failure:
+    """A line without its end, as a request; never raises, whatever the bytes."""
+    try:
+        message = _decode(line)
+    except _Unacceptable as problem:
+        return Failure(problem.kind, str(problem))
+    except UnicodeDecodeError as problem:
+        return Failure(ErrorKind.NOT_UTF8, f"byte {problem.start} is no UTF-8")
+    except json.JSONDecodeError as problem:
+        return Failure(ErrorKind.PARSE_ERROR, f"not JSON: {problem}")
+    return _request(message)
+
+
+def _decode(line: bytes | bytearray) -> object:
+    if line.count(b"{") + line.count(b"[") > MAX_DEPTH and _depth(line) > MAX_DEPTH:
+        raise _Unacceptable(ErrorKind.TOO_DEEP, f"nested deeper than {MAX_DEPTH}")
+    message = _DECODER.decode(line.decode())
+    if b"\\u" in line:
+        _refuse_lone_surrogates(message)
+    return message
+
+
+def _depth(line: bytes | bytearray) -> int:
+    """How deep the brackets outside of strings are nested, for any bytes."""
+    depth = deepest = 0
+    for bracket in re.findall(rb"[\[{\]}]", re.sub(rb'"(?:[^"\\]|\\.)*"', b"", line)):
+        depth += 1 if bracket in b"[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
+def _refuse_lone_surrogates(message: object) -> None:
+    try:
+        json.dumps(message, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise _Unacceptable(ErrorKind.LONE_SURROGATE, "half of a surrogate pair is no text") from None
+
+
+def _without_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    members = dict(pairs)
+    if len(members) != len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise _Unacceptable(ErrorKind.DUPLICATE_KEY, f"{twice!a} is said twice")
+    return members
+
+
+def _bounded_int(digits: str) -> int:
+    if len(digits.lstrip("-")) > MAX_INTEGER_DIGITS or not -(2**63) <= (value := int(digits)) < 2**63:
+        raise _Unacceptable(ErrorKind.HUGE_INTEGER, f"{digits[:24]} does not fit 64 bits")
+    return value
+
+
+def _finite_float(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _refuse_constant(text)
+
+
+def _refuse_constant(text: str) -> NoReturn:
+    raise _Unacceptable(ErrorKind.NON_FINITE_NUMBER, f"{text[:24]} is no finite number")
+
+
+_DECODER = json.JSONDecoder(
+    object_pairs_hook=_without_duplicates,
+    parse_float=_finite_float,
+    parse_int=_bounded_int,
+    parse_constant=_refuse_constant,
+)
+
+_MEMBERS = {"jsonrpc", "id", "method", "params"}
+
+
+def _request(message: object) -> Request | Failure:
+    """Check the envelope; a misspelt member is refused, since its absence would mean defaults."""
+    if not isinstance(message, dict):
+        return Failure(ErrorKind.INVALID_REQUEST, "a request is one JSON object; batches are not served")
+    request_id = message.get("id")
+    if isinstance(request_id, bool) or not isinstance(request_id, str | int | None):
+        return Failure(
+            ErrorKind.INVALID_REQUEST, f"id must be a string, an integer or null, got {request_id!r}"
+        )
+    problem = _envelope_problem(message)
+    if problem is not None:
+        return Failure(ErrorKind.INVALID_REQUEST, problem, request_id)
+    return Request(message["method"], message.get("params", {}), request_id, "id" in message)
+
+
+def _envelope_problem(message: dict[str, Any]) -> str | None:
+    if message.get("jsonrpc") != "2.0":
+        return f'jsonrpc must be "2.0", got {message.get("jsonrpc")!a}'
+    if not isinstance(message.get("method"), str):
+        return f"method must be a string, got {message.get('method')!a}"
+    if not isinstance(message.get("params", {}), dict):
+        return "params must be an object: parameters go by name"
+    if unknown := sorted(message.keys() - _MEMBERS):
+        return f"unknown member {unknown[0]!a}"
+    return None
+
+
+def encode(message: Mapping[str, object]) -> bytes:
+    """One compact line with its end; raises ``ValueError`` for numbers that are not finite."""
+    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def result(request_id: RequestId, body: bytes) -> bytes:
+    """The answer to a call; ``body`` is the result, already JSON."""
+    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (json.dumps(request_id).encode(), body)
+
+
+def notification(method: str, body: bytes) -> bytes:
+    """A message that expects no answer; ``body`` is its params, already JSON."""
+    return b'{"jsonrpc":"2.0","method":"%b","params":%b}\n' % (method.encode(), body)
+
+
+def error(failure: Failure) -> bytes:
+    """The answer to a call that failed."""
+    data = {"kind": str(failure.kind), **failure.details}
+    body = {"code": ERRORS[failure.kind].code, "message": failure.message, "data": data}
+    return encode({"jsonrpc": "2.0", "id": failure.id, "error": body})

@@ -1,0 +1,42 @@
+"""A method of the socket, as a row of a table."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+from chefbotd.api.fanout import Receiver
+from chefbotd.api.jsonrpc import ErrorKind
+from chefbotd.api.models import Params
+
+
+class Caller(Receiver, Protocol):
+    """The client behind a request."""
+
+    def reply(self, line: bytes) -> None:
+        """Take an answer now; never waits."""
+        ...
+
+
+class Unserved(Exception):
+    """A well-formed request that the socket itself cannot carry out."""
+
+    def __init__(self, kind: ErrorKind, message: str, details: Mapping[str, object] | None = None) -> None:
+        super().__init__(message)
+        self.kind, self.details = kind, details or {}
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way."""
+
+    params: type[Params]
+    result: type[BaseModel]
+    handle: Callable[[Caller, Any], BaseModel]
+    afterwards: Callable[[Caller, Any], None] | None = None
+
+    @property
+    def summary(self) -> str:
+        """The handler's own first line."""
+        return (self.handle.__doc__ or "").partition("\n")[0]

@@ -1,0 +1,51 @@
+"""What the socket asks of the robot; whoever wires the daemon implements it."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from chefbotd.core.events import StatsSampled
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.motion.pid import PidParameters
+
+
+class Robot(Protocol):
+    """Called synchronously, so that a stop goes from the socket to the wire in one call stack.
+
+    A method that does not do what it is asked raises ``chefbotd.core.commands.Refused``.
+    """
+
+    def drive(self, source: str, twist: Twist2D) -> None:
+        """Take a velocity command from one of the configured sources."""
+        ...
+
+    def stop(self) -> None:
+        """Stand still now."""
+        ...
+
+    def estop(self, reason: str) -> None:
+        """Stand still now, and until armed again."""
+        ...
+
+    def arm(self) -> None:
+        """Allow motion."""
+        ...
+
+    def pid(self) -> Mapping[str, PidParameters]:
+        """The gains by wheel name."""
+        ...
+
+    def set_pid(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        """Change gains of one wheel or of ``"all"``: what every wheel now has."""
+        ...
+
+    def set_odometry(self, pose: Pose2D) -> None:
+        """Declare ``odom_from_base``."""
+        ...
+
+    def reset_board(self) -> None:
+        """Restart the board."""
+        ...
+
+    def stats(self) -> StatsSampled:
+        """The counters as they stand."""
+        ...

@@ -1,0 +1,132 @@
+"""The data of each topic: what a client reads, in SI units and REP-103 axes."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus
+
+
+class TopicData(BaseModel):
+    """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class OdometryData(TopicData):
+    """Dead reckoning: the base's pose in ``odom``, its twist in its own frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float = Field(description="CCW positive, in (-pi, pi]")
+    linear_m_s: float
+    angular_rad_s: float
+    covariance: tuple[float, ...] = Field(description="3x3, row by row, over x, y, heading")
+    frame_id: Literal["odom"] = "odom"
+    child_frame_id: Literal["base_footprint"] = "base_footprint"
+
+
+class WheelsData(TopicData):
+    """A joint state after a control step, all lists in the order of the configured wheels."""
+
+    name: tuple[str, ...]
+    position_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+    target_rad_s: tuple[float, ...]
+    duty: tuple[int, ...]
+
+
+class ImuData(TopicData):
+    """The IMU; what this variant does not measure is null."""
+
+    orientation: tuple[float, float, float, float] | None = Field(description="unit quaternion x, y, z, w")
+    heading_rad: float | None
+    angular_velocity_rad_s: tuple[float, float, float] | None
+    linear_acceleration_m_s2: tuple[float, float, float] | None
+
+
+class RangeData(TopicData):
+    """One beam; ``range_m`` is null unless ``status`` is ``ok``."""
+
+    sensor: str
+    status: RangeStatus
+    range_m: float | None
+    min_range_m: float
+    max_range_m: float
+    field_of_view_rad: float
+    stamp_s: float
+
+
+class RangesData(TopicData):
+    """The latest beam of each range sensor, each with its own stamp."""
+
+    ranges: tuple[RangeData, ...]
+
+
+class BatteryData(TopicData):
+    """The battery."""
+
+    voltage_v: float
+    percentage: float
+    status: BatteryLevelStatus
+
+
+class LinkData(TopicData):
+    """The serial link; ``reason`` says why it is down."""
+
+    state: Literal["up", "down"]
+    device: str
+    reason: str
+
+
+class SafetyData(TopicData):
+    """The gate: its mode and why, whose command is in force, and whether the robot may move."""
+
+    mode: str
+    reason: str
+    source: str | None
+    armed: bool
+
+
+class TextData(TopicData):
+    """A line of text from the board."""
+
+    text: str
+
+
+class RawData(TopicData):
+    """A line as it stood on the wire; bytes beyond ASCII are escaped in hexadecimal."""
+
+    direction: Direction
+    line: str
+
+
+class StatsData(TopicData):
+    """Counters since the daemon started, and the worst of the last second."""
+
+    uptime_s: float
+    frames: dict[str, int]
+    refused: dict[str, int]
+    lines_out: int
+    setpoints_replaced: int
+    link_opens: int
+    board_restarts: int
+    encoder_readings_refused: int
+    control_steps: int
+    bus_dropped: dict[str, int]
+    clients: int
+    telemetry_dropped: int
+    loop_lag_s: float
+    board_clock_skew_ppm: float | None
+    board_clock_jitter_s: float | None
+
+
+class SimData(TopicData):
+    """Where the simulated robot really is, in the world's frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    linear_m_s: float
+    angular_rad_s: float
+    in_contact: bool

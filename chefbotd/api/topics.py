@@ -1,0 +1,136 @@
+"""The topics: for each, the events behind it, the model of its data, and how the one becomes the other.
+
+A topic's state is its latest event, except where a row says how an event joins what came before (``ranges``
+holds the latest beam of every sensor). States are cheap; data is made from them only for someone who asked.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from chefbotd.api.telemetry import (
+    BatteryData,
+    ImuData,
+    LinkData,
+    OdometryData,
+    RangeData,
+    RangesData,
+    RawData,
+    SafetyData,
+    SimData,
+    StatsData,
+    TextData,
+    TopicData,
+    WheelsData,
+)
+from chefbotd.core import events
+
+ARMED_MODE = "armed"
+
+
+def _replace(previous: object, event: object) -> object:
+    return event
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A row of the table; events of an ``on_demand`` topic are not even made unless someone subscribes."""
+
+    name: str
+    events: tuple[type[Any], ...]
+    model: type[TopicData]
+    data: Callable[[Any], TopicData]
+    join: Callable[[Any, Any], Any] = _replace
+    on_demand: bool = False
+
+
+def topics(wheel_names: tuple[str, ...], *, simulated: bool) -> dict[str, Topic]:
+    """The topics of this robot by name; ``sim`` only where there is a truth to tell."""
+    rows = [
+        Topic("odometry", (events.OdometryUpdated,), OdometryData, _odometry),
+        Topic("wheels", (events.WheelsDriven,), WheelsData, partial(_wheels, wheel_names)),
+        Topic("imu", (events.ImuMeasured,), ImuData, _same_fields(ImuData)),
+        Topic("ranges", (events.RangeMeasured,), RangesData, _ranges, join=_join_beam),
+        Topic("battery", (events.BatteryMeasured,), BatteryData, _same_fields(BatteryData)),
+        Topic("link", (events.LinkOpened, events.LinkClosed), LinkData, link_data),
+        Topic("safety", (events.SafetyChanged,), SafetyData, safety_data),
+        Topic("text", (events.TextReceived,), TextData, _same_fields(TextData)),
+        Topic("raw", (events.LineSeen,), RawData, _raw, on_demand=True),
+        Topic("stats", (events.StatsSampled,), StatsData, _same_fields(StatsData)),
+    ]
+    if simulated:
+        rows.append(Topic("sim", (events.TruthSimulated,), SimData, _sim))
+    return {topic.name: topic for topic in rows}
+
+
+def _same_fields(model: type[TopicData]) -> Callable[[object], TopicData]:
+    return partial(model.model_validate, from_attributes=True)
+
+
+def _odometry(event: events.OdometryUpdated) -> OdometryData:
+    return OdometryData(
+        x_m=event.odom_from_base.x_m,
+        y_m=event.odom_from_base.y_m,
+        heading_rad=event.odom_from_base.heading_rad,
+        linear_m_s=event.twist.linear_m_s,
+        angular_rad_s=event.twist.angular_rad_s,
+        covariance=tuple(event.covariance.ravel().tolist()),
+    )
+
+
+def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
+    return WheelsData(
+        name=names,
+        position_rad=event.position_rad,
+        velocity_rad_s=event.velocity_rad_s,
+        target_rad_s=event.target_rad_s,
+        duty=event.duty,
+    )
+
+
+Beams = Mapping[str, events.RangeMeasured]
+
+
+def _join_beam(beams: Beams | None, event: events.RangeMeasured) -> Beams:
+    return {**(beams or {}), event.sensor: event}
+
+
+def _ranges(beams: Beams) -> RangesData:
+    return RangesData(
+        ranges=tuple(RangeData.model_validate(beam, from_attributes=True) for beam in beams.values())
+    )
+
+
+def link_data(event: events.LinkOpened | events.LinkClosed | None) -> LinkData:
+    """The link's state; None: nothing has been heard of it, so it is down."""
+    match event:
+        case events.LinkOpened():
+            return LinkData(state="up", device=event.device, reason="")
+        case events.LinkClosed():
+            return LinkData(state="down", device=event.device, reason=event.reason)
+    return LinkData(state="down", device="", reason="not opened yet")
+
+
+def safety_data(event: events.SafetyChanged | None) -> SafetyData:
+    """The gate's state; None: it has not spoken, and until it does nothing may move."""
+    if event is None:
+        return SafetyData(mode="unknown", reason="the gate has not reported yet", source=None, armed=False)
+    return SafetyData(
+        mode=event.mode, reason=event.reason, source=event.source, armed=event.mode == ARMED_MODE
+    )
+
+
+def _raw(event: events.LineSeen) -> RawData:
+    return RawData(direction=event.direction, line=event.line.decode("ascii", "backslashreplace"))
+
+
+def _sim(event: events.TruthSimulated) -> SimData:
+    return SimData(
+        x_m=event.world_from_base.x_m,
+        y_m=event.world_from_base.y_m,
+        heading_rad=event.world_from_base.heading_rad,
+        linear_m_s=event.twist.linear_m_s,
+        angular_rad_s=event.twist.angular_rad_s,
+        in_contact=event.in_contact,
+    )

@@ -1,0 +1,112 @@
+"""A command socket on loopback with a fake robot behind it, and a raw client that sees every line."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from chefbotd.api import ApiParameters, Server
+from chefbotd.bus import Bus
+from chefbotd.clock import LoopClock
+from tests.fakes.robot import WHEELS, FakeRobot
+
+
+@dataclass
+class Served:
+    """What a test of the socket holds in its hands."""
+
+    server: Server
+    robot: FakeRobot
+    bus: Bus
+    host: str
+    port: int
+
+
+@asynccontextmanager
+async def serving(*, simulated: bool = False, **limits: Any) -> AsyncIterator[Served]:
+    """Serve a fake robot on a free port for as long as the block lasts."""
+    robot, bus = FakeRobot(), Bus()
+    parameters = ApiParameters(port=0, **limits)
+    server = Server(
+        robot,
+        bus,
+        LoopClock(),
+        parameters,
+        robot_name="testbot",
+        session="s1",
+        wheel_names=WHEELS,
+        simulated=simulated,
+    )
+    running = asyncio.ensure_future(server.run())
+    try:
+        host, port = await server.address()
+        yield Served(server, robot, bus, host, port)
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+class LineClient:
+    """A client that sends bytes and reads JSON lines, as ``nc`` would."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+
+    def send(self, line: bytes) -> None:
+        """Send bytes as they are, with a line end."""
+        self._writer.write(line + b"\n")
+
+    def send_raw(self, data: bytes) -> None:
+        """Send bytes as they are."""
+        self._writer.write(data)
+
+    def request(self, method: str, request_id: int = 1, **params: Any) -> None:
+        """Send a well-formed request."""
+        self.send(
+            json.dumps({"jsonrpc": "2.0", "id": request_id, "method": method, "params": params}).encode()
+        )
+
+    async def read(self, timeout_s: float = 10.0) -> dict[str, Any]:
+        """The next message; raises ``EOFError`` at the end of the connection."""
+        async with asyncio.timeout(timeout_s):
+            line = await self._reader.readline()
+        if not line.endswith(b"\n"):
+            raise EOFError(f"the connection ended after {line!r}")
+        message: dict[str, Any] = json.loads(line)
+        return message
+
+    async def ask(self, method: str, **params: Any) -> dict[str, Any]:
+        """Send a request; its answer, with events in between left out."""
+        self.request(method, **params)
+        while True:
+            message = await self.read()
+            if message.get("id") == 1:
+                return message
+
+    def half_close(self) -> None:
+        """Send no more, and say so."""
+        self._writer.write_eof()
+
+    def stop_reading(self) -> None:
+        """Read nothing more from the socket."""
+        self._writer.transport.pause_reading()  # type: ignore[attr-defined]
+
+    def read_on(self) -> None:
+        """Read again."""
+        self._writer.transport.resume_reading()  # type: ignore[attr-defined]
+
+
+@asynccontextmanager
+async def line_client(served: Served, *, greeted: bool = True) -> AsyncIterator[LineClient]:
+    """Connect, and read the greeting unless it is wanted."""
+    reader, writer = await asyncio.open_connection(served.host, served.port, limit=1 << 20)
+    client = LineClient(reader, writer)
+    try:
+        if greeted:
+            assert (await client.read())["method"] == "hello"
+        yield client
+    finally:
+        writer.close()
+        await asyncio.sleep(0)

@@ -1,0 +1,88 @@
+"""A robot behind the command socket that remembers what it was asked, and refuses on demand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from chefbotd.core.commands import Refused, RefusalKind
+from chefbotd.core.events import StatsSampled
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.motion.pid import PidParameters
+
+WHEELS = ("left", "right")
+
+STATS = StatsSampled(
+    stamp_s=1.0,
+    uptime_s=60.0,
+    frames={"encoders": 100},
+    refused={"noise": 2},
+    lines_out=50,
+    setpoints_replaced=1,
+    link_opens=1,
+    board_restarts=0,
+    encoder_readings_refused=0,
+    control_steps=99,
+    bus_dropped={},
+    clients=1,
+    telemetry_dropped=0,
+    loop_lag_s=0.001,
+    board_clock_skew_ppm=None,
+    board_clock_jitter_s=None,
+)
+
+
+class FakeRobot:
+    """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[object, ...]] = []
+        self.answer: Exception | None = None
+        self.gains = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
+
+    def _record(self, *call: object) -> None:
+        if self.answer is not None:
+            raise self.answer
+        self.calls.append(call)
+
+    def drive(self, source: str, twist: Twist2D) -> None:
+        """Remember it."""
+        self._record("drive", source, twist)
+
+    def stop(self) -> None:
+        """Remember it."""
+        self._record("stop")
+
+    def estop(self, reason: str) -> None:
+        """Remember it."""
+        self._record("estop", reason)
+
+    def arm(self) -> None:
+        """Remember it."""
+        self._record("arm")
+
+    def pid(self) -> Mapping[str, PidParameters]:
+        """The gains as last set."""
+        self._record("pid")
+        return self.gains
+
+    def set_pid(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        """Change them; only the two wheels of ``WHEELS`` are known."""
+        self._record("set_pid", wheel, dict(changes))
+        if wheel not in (*WHEELS, "all"):
+            raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
+        for name in WHEELS:
+            if wheel in (name, "all"):
+                self.gains[name] = self.gains[name].model_copy(update=changes)
+        return self.gains
+
+    def set_odometry(self, pose: Pose2D) -> None:
+        """Remember it."""
+        self._record("set_odometry", pose)
+
+    def reset_board(self) -> None:
+        """Remember it."""
+        self._record("reset_board")
+
+    def stats(self) -> StatsSampled:
+        """The same ones always, but for a count of commands."""
+        self._record("stats")
+        return replace(STATS, control_steps=len(self.calls))
