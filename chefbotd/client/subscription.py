@@ -1,4 +1,4 @@
-"""Telemetry as an asynchronous iterator, bounded: a slow reader loses the oldest events, and sees how many."""
+"""Telemetry as an asynchronous iterator, bounded: a slow reader loses the oldest, and sees how many."""
 
 import asyncio
 from collections import Counter
@@ -12,7 +12,7 @@ from chefbotd.client.errors import ConnectionLost
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One telemetry object: counted by topic, stamped by the daemon's clock; ``age_s`` is its age when sent."""
+    """One telemetry object: counted by topic, stamped by the daemon's clock, ``age_s`` old when sent."""
 
     topic: str
     seq: int
@@ -84,5 +84,5 @@ class Subscription(AsyncIterator[Event]):
 
     async def _ensure_started(self) -> None:
         if not self._started:
-            self._started = True
             await self._start(self)
+            self._started = True

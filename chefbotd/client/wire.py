@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import json
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 
@@ -27,8 +27,7 @@ class Wire(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Asyncio: the socket is connected."""
-        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - a stream connection has no other kind
-        self._transport = transport
+        self._transport = cast(asyncio.Transport, transport)  # uvloop's is one in all but its bases
         self._writable.set()
 
     def connection_lost(self, exc: Exception | None) -> None:
