@@ -1,0 +1,78 @@
+"""The commands of chefbotctl that change something without driving: stop, arm, gains, resets."""
+
+import math
+from collections.abc import Awaitable, Callable
+
+import click
+
+from chefbotd.cli import output
+from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite, gain
+from chefbotd.cli.conversation import Conversation
+from chefbotd.client import Client
+
+
+def _do(chat: Conversation, act: Callable[[Client], Awaitable[None]], said: str) -> None:
+    chat.hold(act)
+    output.say(chat.as_json, {"done": True}, said)
+
+
+@click.command()
+@click.pass_obj
+def stop(chat: Conversation) -> None:
+    """Stop the robot; the next drive command moves it again."""
+    _do(chat, lambda robot: robot.stop(), "Stopped.")
+
+
+@click.command()
+@click.option("--reason", help="Why, for whoever arms the robot again.")
+@click.pass_obj
+def estop(chat: Conversation, reason: str | None) -> None:
+    """Stop the robot at once and keep it stopped until 'arm'."""
+    _do(chat, lambda robot: robot.estop(reason), "Stopped, and locked until 'chefbotctl arm'.")
+
+
+@click.command()
+@click.pass_obj
+def arm(chat: Conversation) -> None:
+    """Allow motion again after an emergency stop or a fault."""
+    _do(chat, lambda robot: robot.arm(), "Armed: the robot may move.")
+
+
+@click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@click.argument("x_m", metavar="X", type=finite, default=0.0)
+@click.argument("y_m", metavar="Y", type=finite, default=0.0)
+@click.argument("heading_deg", metavar="DEG", type=finite, default=0.0)
+@click.pass_obj
+def reset_odometry(chat: Conversation, x_m: float, y_m: float, heading_deg: float) -> None:
+    """Say where the robot is: X and Y in metres, DEG counter-clockwise; the origin by default."""
+    heading_rad = math.radians(heading_deg)
+    said = f"Odometry starts from ({x_m:g} m, {y_m:g} m, {heading_deg:g}°)."
+    _do(chat, lambda robot: robot.reset_odometry(x_m, y_m, heading_rad), said)
+
+
+@click.command()
+@click.pass_obj
+def reset_board(chat: Conversation) -> None:
+    """Restart the robot's board; motion needs 'arm' afterwards."""
+    _do(chat, lambda robot: robot.reset_board(), "The board restarts; 'chefbotctl arm' allows motion again.")
+
+
+@click.group()
+def pid() -> None:
+    """Show and change the gains of the wheels' controllers."""
+
+
+@pid.command("get")
+@click.pass_obj
+def get_pid(chat: Conversation) -> None:
+    """Show every wheel's gains."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.get_pid()))
+
+
+@pid.command("set")
+@click.argument("wheel", metavar="WHEEL|all")
+@click.argument("changes", nargs=-1, required=True, metavar="NAME=VALUE...", type=gain)
+@click.pass_obj
+def set_pid(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
+    """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.set_pid(wheel, **dict(changes))))

@@ -1,0 +1,63 @@
+"""What arguments may look like; each function is a click type, and what does not fit is a usage error."""
+
+import math
+from dataclasses import dataclass
+
+import click
+
+NUMBERS_MAY_BE_NEGATIVE = {"ignore_unknown_options": True}
+"""Context settings of a command whose arguments are numbers: ``-0.1`` is then no option."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a daemon listens."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+def address(text: str) -> Address:
+    """``HOST:PORT`` or ``[IPV6]:PORT``."""
+    host, _, port = text.rpartition(":")
+    bare = host.removeprefix("[").removesuffix("]")
+    if not bare or (":" in bare and bare == host) or not _is_port(port):
+        raise click.BadParameter(f"{text!r} is not HOST:PORT with a port from 0 to 65535")
+    return Address(bare, int(port))
+
+
+def _is_port(text: str) -> bool:
+    return text.isascii() and text.isdigit() and int(text) <= 65535
+
+
+def finite(text: str | float) -> float:
+    """A number that is not infinite."""
+    try:
+        number = float(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not a number") from None
+    if not math.isfinite(number):
+        raise click.BadParameter(f"{text!r} is not finite")
+    return number
+
+
+def positive(text: str | float) -> float:
+    """A finite number above zero."""
+    number = finite(text)
+    if number <= 0:
+        raise click.BadParameter(f"{text!r} is not above zero")
+    return number
+
+
+GAIN_WORDS: dict[str, object] = {"true": True, "false": False, "none": None}
+
+
+def gain(text: str) -> tuple[str, object]:
+    """``NAME=VALUE``: a gain by its short name, and a number, ``true``, ``false`` or ``none``."""
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise click.BadParameter(f"{text!r} is not NAME=VALUE, such as kp=400")
+    return name, GAIN_WORDS[value] if value in GAIN_WORDS else finite(value)

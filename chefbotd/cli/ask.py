@@ -1,0 +1,60 @@
+"""The commands of chefbotctl that only look: status, watch, describe."""
+
+from typing import Any, Literal
+
+import click
+
+from chefbotd.cli import output
+from chefbotd.cli.arguments import positive
+from chefbotd.cli.conversation import Conversation
+from chefbotd.client import Client
+
+TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "text", "raw", "stats", "sim")
+"""For completion only: the daemon has the last word on what there is."""
+
+
+def _topics(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[str]:
+    return [topic for topic in TOPICS if topic.startswith(incomplete)]
+
+
+@click.command()
+@click.pass_obj
+def status(chat: Conversation) -> None:
+    """Show mode, link, pose, speed, battery, ranges and counters."""
+
+    async def ask(robot: Client) -> dict[str, Any]:
+        hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
+        return {**hello, **await robot.get_state(), "stats": await robot.get_stats()}
+
+    output.status(chat.as_json, chat.hold(ask))
+
+
+@click.command()
+@click.argument("topics", metavar="TOPIC...", nargs=-1, required=True, shell_complete=_topics)
+@click.option("--rate", "max_rate_hz", type=positive, metavar="HZ", help="At most so many a second.")
+@click.option("--count", type=click.IntRange(min=1), help="End after so many events.")
+@click.option("--ordered", is_flag=True, help="Every event in order, rather than the latest.")
+@click.pass_obj
+def watch(
+    chat: Conversation, topics: tuple[str, ...], max_rate_hz: float | None, count: int | None, ordered: bool
+) -> None:
+    """Print the events of each TOPIC as they come, one a line, until interrupted."""
+    policy: Literal["ordered", "latest"] = "ordered" if ordered else "latest"
+
+    async def follow(robot: Client) -> None:
+        seen = 0
+        async with robot.subscribe(topics, max_rate_hz, policy) as events:
+            async for event in events:
+                output.event(chat.as_json, event)
+                seen += 1
+                if seen == count:
+                    return
+
+    chat.hold(follow)
+
+
+@click.command()
+@click.pass_obj
+def describe(chat: Conversation) -> None:
+    """Show the methods and topics of the daemon; with --json, their JSON Schemas."""
+    output.description(chat.as_json, chat.hold(lambda robot: robot.describe()))

@@ -1,0 +1,145 @@
+"""The robot's state in words for people: pure functions from the socket's data to short texts.
+
+``status`` and the teleop screen show the same words.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from chefbotd.core.geometry import Pose2D
+
+Data = Mapping[str, Any]
+
+STALE_S = 1.0
+"""Telemetry comes several times a second; a value older than this says nothing of now."""
+
+
+class Mood(StrEnum):
+    """How a fact strikes the reader; each is also a style of rich."""
+
+    PLAIN = "default"
+    GOOD = "green"
+    NOTICE = "yellow"
+    ALARM = "bold red"
+    FAINT = "dim"
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A line of a status display; ``age_s`` is None for what does not age."""
+
+    label: str
+    text: str
+    mood: Mood = Mood.PLAIN
+    age_s: float | None = None
+
+
+def link(data: Data) -> Fact:
+    """Up or down, with the device and the reason."""
+    if data["state"] == "up":
+        return Fact("link", f"up on {data['device']}", Mood.GOOD)
+    return Fact("link", f"down: {data['reason'] or 'no device yet'} ({data['device'] or '-'})", Mood.ALARM)
+
+
+def safety(data: Data) -> Fact:
+    """Whether the robot may move, and who drives."""
+    if not data["armed"]:
+        return Fact("mode", f"{data['mode']}: {data['reason']} (arm to move)", Mood.ALARM)
+    driver = f"driven by {data['source']}" if data["source"] else "nobody drives"
+    return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
+
+
+def odometry(data: Data) -> Fact:
+    """The pose in ``odom``."""
+    return Fact("pose", pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"])))
+
+
+def pose(value: Pose2D) -> str:
+    """A pose in metres and degrees."""
+    return f"x {value.x_m:+.3f} m  y {value.y_m:+.3f} m  heading {math.degrees(value.heading_rad):+.1f}°"
+
+
+def speed(data: Data) -> Fact:
+    """The measured twist."""
+    return Fact("speed", twist(data["linear_m_s"], data["angular_rad_s"]))
+
+
+def twist(linear_m_s: float, angular_rad_s: float) -> str:
+    """A twist in m/s and rad/s."""
+    return f"{linear_m_s:+.3f} m/s  {angular_rad_s:+.3f} rad/s"
+
+
+def wheels(data: Data) -> Fact:
+    """Each wheel's speed and duty."""
+    rows = zip(data["name"], data["velocity_rad_s"], data["duty"], strict=True)
+    return Fact("wheels", ", ".join(f"{n} {v:+.2f} rad/s at {d:+d}" for n, v, d in rows))
+
+
+def battery(data: Data) -> Fact:
+    """Volts, percentage, and whether that is low."""
+    mood = {"ok": Mood.GOOD, "low": Mood.NOTICE, "critical": Mood.ALARM}[data["status"]]
+    return Fact("battery", f"{data['voltage_v']:.2f} V, {data['percentage']:.0f} %, {data['status']}", mood)
+
+
+def ranges(data: Data) -> Fact:
+    """Each beam's distance, or why there is none."""
+    return Fact("ranges", ", ".join(map(_beam, data["ranges"])) or "none")
+
+
+def _beam(data: Data) -> str:
+    told = f"{data['range_m']:.2f} m" if data["status"] == "ok" else data["status"].replace("_", " ")
+    return f"{data['sensor']} {told}"
+
+
+def imu(data: Data) -> Fact:
+    """The IMU's own heading, or its turning rate where it has no heading."""
+    if data["heading_rad"] is not None:
+        return Fact("imu", f"heading {math.degrees(data['heading_rad']):+.1f}°")
+    if data["angular_velocity_rad_s"] is not None:
+        return Fact("imu", f"turning {data['angular_velocity_rad_s'][2]:+.3f} rad/s")
+    return Fact("imu", "says nothing", Mood.NOTICE)
+
+
+def truth(data: Data) -> Fact:
+    """Where a simulated robot really is."""
+    told = pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"]))
+    return Fact("truth", told + (", touching a wall" if data["in_contact"] else ""))
+
+
+def counters(data: Data) -> Fact:
+    """What the daemon has counted, with everything that went wrong."""
+    wrong = {
+        "lines refused": sum(data["refused"].values()),
+        "encoder readings refused": data["encoder_readings_refused"],
+        "board restarts": data["board_restarts"],
+        "events dropped": sum(data["bus_dropped"].values()) + data["telemetry_dropped"],
+    }
+    told = [f"{n} {what}" for what, n in wrong.items() if n]
+    lines = f"{sum(data['frames'].values())} lines in, {data['lines_out']} out"
+    text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, f"{data['clients']} clients", *told])
+    return Fact("counters", text, Mood.NOTICE if told else Mood.PLAIN)
+
+
+BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
+    ("odometry", odometry),
+    ("odometry", speed),
+    ("wheels", wheels),
+    ("imu", imu),
+    ("ranges", ranges),
+    ("battery", battery),
+    ("sim", truth),
+)
+
+
+def of_state(state: Data) -> list[Fact]:
+    """Everything in an answer of ``get_state``; what is older than a second is faint."""
+    told = [safety(state["safety"]), link(state["link"])]
+    for topic, word in BY_TOPIC:
+        if latest := state["topics"].get(topic):
+            fact = word(latest["data"])
+            mood = fact.mood if latest["age_s"] < STALE_S else Mood.FAINT
+            told.append(Fact(fact.label, fact.text, mood, latest["age_s"]))
+    return told

@@ -1,0 +1,34 @@
+"""The commands of chefbotctl that drive: for a while, by keyboard, along a square."""
+
+import click
+
+from chefbotd.cli import facts, output
+from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite, positive
+from chefbotd.cli.conversation import Conversation
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.core.geometry import Twist2D
+
+
+@click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@click.argument("linear_m_s", metavar="V", type=finite)
+@click.argument("angular_rad_s", metavar="W", type=finite)
+@click.option("--for", "seconds", metavar="S", type=positive, required=True, help="For S seconds.")
+@click.pass_obj
+def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Drive forward at V m/s, turning left at W rad/s; always ends with a stop.
+
+    Negative numbers go backwards and to the right. Exit code 6 means that odometry saw next to no motion.
+    """
+    from chefbotd.cli.timed_drive import drive_for
+
+    twist = Twist2D(linear_m_s, angular_rad_s)
+    with output.countdown(seconds, quiet=chat.as_json) as report:
+        done = chat.hold(lambda robot: drive_for(robot, twist, seconds, report))
+    moved = {"x_m": done.moved.x_m, "y_m": done.moved.y_m, "heading_rad": done.moved.heading_rad}
+    output.say(
+        chat.as_json,
+        {"moved": moved, "happened": done.happened},
+        f"Moved, seen from the start: {facts.pose(done.moved)}",
+    )
+    if not done.happened:
+        raise ProgramError(Exit.NOT_DONE, "the robot was told to move, and odometry saw next to no motion")

@@ -1,0 +1,129 @@
+"""What the commands print: JSON for scripts, tables for people. rich is imported only to draw."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from chefbotd.cli import facts
+from chefbotd.client import Event
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+Data = Mapping[str, Any]
+
+
+def say(as_json: bool, value: object, text: str) -> None:
+    """One JSON object, or one sentence."""
+    click.echo(json.dumps(value) if as_json else text)
+
+
+def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) -> None:
+    if as_json:
+        click.echo(json.dumps(value))
+        return
+    from rich.console import Console
+
+    Console(highlight=False).print(draw())
+
+
+def _table(*columns: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    return Table(*columns, box=box.SIMPLE_HEAD, pad_edge=False)
+
+
+def status(as_json: bool, answer: Data) -> None:
+    """The state and the counters."""
+    _show(as_json, answer, lambda: _status(answer))
+
+
+def _status(answer: Data) -> "Table":
+    from rich.text import Text
+
+    table = _table(answer["robot"], f"protocol {answer['protocol']}, session {answer['session']}", "age")
+    for fact in [*facts.of_state(answer), facts.counters(answer["stats"])]:
+        age = "" if fact.age_s is None else f"{fact.age_s:.3f} s"
+        table.add_row(fact.label, Text(fact.text, style=fact.mood), Text(age, style=facts.Mood.FAINT))
+    return table
+
+
+def event(as_json: bool, event: Event) -> None:
+    """One event on one line."""
+    if as_json:
+        value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
+        click.echo(json.dumps({**value, "data": event.data}))
+    else:
+        told = " ".join(f"{name}={_brief(value)}" for name, value in event.data.items())
+        click.echo(f"{event.stamp_s:.3f} {event.topic} {told}")
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return "[" + ",".join(map(_brief, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{k}={_brief(v)}" for k, v in value.items()) + "}"
+    return "-" if value is None else str(value)
+
+
+def gains(as_json: bool, wheels: Mapping[str, Data]) -> None:
+    """Every wheel's gains, one column a wheel."""
+    _show(as_json, {"wheels": wheels}, lambda: _gains(wheels))
+
+
+def _gains(wheels: Mapping[str, Data]) -> "Table":
+    table = _table("gain", *wheels)
+    names = dict.fromkeys(name for one in wheels.values() for name in one)
+    for name in names:
+        table.add_row(name, *(_brief(gains.get(name)) for gains in wheels.values()))
+    return table
+
+
+def description(as_json: bool, answer: Data) -> None:
+    """The methods and topics, with what each takes or carries."""
+    _show(as_json, answer, lambda: _description(answer))
+
+
+def _description(answer: Data) -> "Table":
+    table = _table("", "name", "fields", "meaning")
+    for name, method in answer["methods"].items():
+        table.add_row("method", name, _fields(method["params"]), _meaning(method["params"]))
+    for name, topic in answer["topics"].items():
+        table.add_row("topic", name, _fields(topic), _meaning(topic))
+    return table
+
+
+def _fields(schema: Data) -> str:
+    return " ".join(schema.get("properties", {}))
+
+
+def _meaning(schema: Data) -> str:
+    return str(schema.get("description", "")).partition("\n")[0]
+
+
+@contextmanager
+def countdown(seconds: float, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A progress bar over ``seconds`` on a terminal's stderr; nothing when quiet or where nobody sees it."""
+    if quiet or not sys.stderr.isatty():
+        yield _unseen
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    told = TextColumn("{task.completed:.1f} of {task.total:.1f} s")
+    bar = Progress(TextColumn("driving"), BarColumn(), told, console=Console(stderr=True), transient=True)
+    with bar:
+        task = bar.add_task("driving", total=seconds)
+        yield lambda gone_s: bar.update(task, completed=gone_s)
+
+
+def _unseen(_gone_s: float) -> None:
+    """Nobody looks."""

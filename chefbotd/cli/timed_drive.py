@@ -1,0 +1,94 @@
+"""Driving for a while: the command repeated against the daemon's dead-man, and a stop whatever happens."""
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from chefbotd.client import Client
+from chefbotd.core.geometry import Pose2D, Twist2D
+
+PERIOD_S = 0.05
+"""20 Hz, ten times within the daemon's dead-man of 0.5 s."""
+
+SETTLING_PATIENCE_S = 3.0
+STILL_M_S = 0.002
+STILL_RAD_S = 0.01
+MOVED_SHARE = 0.1
+"""A robot that did less than this share of what was asked has not moved, for all its limits and ramps."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What was asked for and what odometry says happened: ``moved`` is the end seen from the start."""
+
+    twist: Twist2D
+    seconds: float
+    moved: Pose2D
+
+    @property
+    def happened(self) -> bool:
+        """Whether the robot moved at all, as far as it was asked to.
+
+        Distances are compared along the way asked for: a full turn ends where it began, so turns over half a
+        circle count as done.
+        """
+        asked_m = abs(self.twist.linear_m_s) * self.seconds
+        asked_rad = abs(self.twist.angular_rad_s) * self.seconds
+        if asked_rad > math.pi:
+            return True
+        went_m = math.hypot(self.moved.x_m, self.moved.y_m)
+        return went_m >= MOVED_SHARE * asked_m and abs(self.moved.heading_rad) >= MOVED_SHARE * asked_rad
+
+
+async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
+    """Drive, telling ``report`` the seconds gone by, then stop and wait until the robot stands.
+
+    The stop is sent on every way out: the end, an error, a cancellation. Raises the client's errors.
+    """
+    start = await odometry(robot)
+    try:
+        await _repeat(robot, twist, seconds, report)
+    finally:
+        await robot.stop()
+    end = await _settled(robot)
+    return Drive(twist, seconds, pose(start).inverse().compose(pose(end)))
+
+
+async def _repeat(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> None:
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    while (gone_s := loop.time() - began_s) < seconds:
+        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+        report(gone_s)
+        await asyncio.sleep(min(PERIOD_S, seconds - gone_s))
+    report(seconds)
+
+
+async def _settled(robot: Client) -> dict[str, Any]:
+    loop = asyncio.get_running_loop()
+    patience_ends_s = loop.time() + SETTLING_PATIENCE_S
+    while True:
+        await asyncio.sleep(PERIOD_S)
+        reading = await odometry(robot)
+        if standing(reading) or loop.time() > patience_ends_s:
+            return reading
+
+
+async def odometry(robot: Client) -> dict[str, Any]:
+    """The latest reading of the topic ``odometry``; empty when there has been none yet."""
+    state = await robot.get_state()
+    reading: dict[str, Any] = state["topics"].get("odometry", {}).get("data", {})
+    return reading
+
+
+def standing(reading: dict[str, Any]) -> bool:
+    """Whether an odometry reading says that the robot stands."""
+    linear_m_s, angular_rad_s = reading.get("linear_m_s", 0.0), reading.get("angular_rad_s", 0.0)
+    return bool(abs(linear_m_s) < STILL_M_S and abs(angular_rad_s) < STILL_RAD_S)
+
+
+def pose(reading: dict[str, Any]) -> Pose2D:
+    """The pose in a reading of ``odometry`` or ``sim``; the origin when there is none."""
+    return Pose2D(reading.get("x_m", 0.0), reading.get("y_m", 0.0), reading.get("heading_rad", 0.0))

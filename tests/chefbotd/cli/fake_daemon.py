@@ -1,0 +1,169 @@
+"""The far end: a daemon's command socket in front of a robot that moves exactly as it is told."""
+
+import asyncio
+import json
+import math
+import socket
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from chefbotd.clock import run_virtual
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+
+T = TypeVar("T")
+TICK_S = 0.02
+DEAD_MAN_S = 0.5
+PID = {"kp": 400.0, "ki": 100.0, "conditional_integration": True, "back_calculation_s": None}
+SCHEMA = {"description": "A velocity.\nMore.", "properties": {"linear_m_s": {}, "angular_rad_s": {}}}
+
+
+class FakeDaemon:
+    """Answers on a port of its own; ``calls`` is everything it was asked, in order.
+
+    ``refuse`` maps a method to a kind of refusal; ``hang_up_on`` names a method that ends the connection
+    instead; ``stuck`` wheels do not turn; ``slip`` is the share of its motion that the robot does not make,
+    though its wheels do.
+    """
+
+    def __init__(self) -> None:
+        # the protocol is named because asyncio turns Nagle's algorithm off only where it is
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+        self._listener.bind(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.calls: list[tuple[float, str, dict[str, Any]]] = []
+        self.refuse: dict[str, str] = {}
+        self.hang_up_on: str | None = None
+        self.stuck = False
+        self.simulated = True
+        self.protocol = "1.0"
+        self.slip = 0.0
+        self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
+        self._driven_s = -math.inf
+        self._subscribed: dict[asyncio.StreamWriter, list[str]] = {}
+        self._seq = 0
+
+    def close(self) -> None:
+        """Give the port back, for a daemon that never served."""
+        self._listener.close()
+
+    def methods(self) -> list[str]:
+        """The names of the methods called, repetitions folded."""
+        names = [name for _, name, _ in self.calls]
+        return [name for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
+
+    def run(self, main: Coroutine[Any, Any, T]) -> T:
+        """A runner for the programs: ``main`` on a virtual clock, with this daemon serving beside it."""
+        return run_virtual(self.beside(main))
+
+    async def beside(self, main: Coroutine[Any, Any, T]) -> T:
+        """Serve while ``main`` runs."""
+        server = await asyncio.start_server(self._converse, sock=self._listener)
+        moving = asyncio.create_task(self._move())
+        try:
+            return await main
+        finally:
+            moving.cancel()
+            server.close()
+            for writer in self._subscribed:
+                writer.transport.abort()
+
+    async def _move(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(TICK_S)
+            if self.stuck or loop.time() - self._driven_s > DEAD_MAN_S:
+                self.twist = STANDING
+            turned_rad = self.twist.angular_rad_s * TICK_S
+            step = Pose2D(self.twist.linear_m_s * TICK_S, 0.0, turned_rad)
+            self.pose = self.pose.compose(step)
+            self.truth = self.truth.compose(Pose2D(step.x_m * (1 - self.slip), 0.0, turned_rad))
+            self._publish(loop.time())
+
+    def _publish(self, now_s: float) -> None:
+        self._seq += 1
+        for writer, topics in self._subscribed.items():
+            for topic in topics:
+                if topic in self._topics():
+                    event = {"topic": topic, **self._latest(topic, now_s)}
+                    _send(writer, {"method": "event", "params": event})
+
+    def _topics(self) -> dict[str, dict[str, Any]]:
+        speed = {"linear_m_s": self.twist.linear_m_s, "angular_rad_s": self.twist.angular_rad_s}
+        topics: dict[str, dict[str, Any]] = {
+            "odometry": {**_pose(self.pose), **speed, "covariance": [0.0] * 9},
+            "wheels": {"name": ["left", "right"], "velocity_rad_s": [1.0, -2.0], "duty": [100, -200]},
+            "imu": {"heading_rad": 0.5, "angular_velocity_rad_s": None},
+            "ranges": {"ranges": [{"sensor": "front", "status": "ok", "range_m": 1.5}]},
+            "battery": {"voltage_v": 12.34, "percentage": 78.0, "status": "ok"},
+            "safety": {"mode": "armed", "reason": "started", "source": None, "armed": True},
+            "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
+        }
+        if self.simulated:
+            topics["sim"] = {**_pose(self.truth), **speed, "in_contact": False}
+        return topics
+
+    def _latest(self, topic: str, now_s: float) -> dict[str, Any]:
+        return {"seq": self._seq, "stamp_s": now_s - 0.004, "age_s": 0.004, "data": self._topics()[topic]}
+
+    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        greeting = {"robot": "fake", "session": "s1", "link": "up", "auth": "none", "capabilities": []}
+        _send(writer, {"method": "hello", "params": {"protocol": self.protocol, **greeting}})
+        self._subscribed[writer] = []
+        while line := await reader.readline():
+            request = json.loads(line)
+            now_s = asyncio.get_running_loop().time()
+            self.calls.append((now_s, request["method"], request["params"]))
+            if request["method"] == self.hang_up_on:
+                break
+            _send(writer, {"id": request["id"], **self._answer(writer, now_s, request)})
+        del self._subscribed[writer]
+        writer.close()
+
+    def _answer(self, writer: asyncio.StreamWriter, now_s: float, request: dict[str, Any]) -> dict[str, Any]:
+        method, params = request["method"], request["params"]
+        if kind := self.refuse.get(method):
+            return {"error": {"code": -32000, "message": "it will not", "data": {"kind": kind}}}
+        if method == "drive":
+            self.twist, self._driven_s = Twist2D(params["linear_m_s"], params["angular_rad_s"]), now_s
+        elif method in ("stop", "estop"):
+            self.twist = STANDING
+        elif method == "subscribe":
+            self._subscribed[writer] = params["topics"]
+        answers: dict[str, Callable[[], dict[str, Any]]] = {
+            "ping": lambda: {"pong": True, "stamp_s": now_s},
+            "get_state": lambda: self._state(now_s),
+            "get_stats": lambda: STATS,
+            "get_pid": lambda: {"wheels": {"left": PID, "right": PID}},
+            "set_pid": lambda: {"wheels": {"left": {**PID, **params}, "right": PID}},
+            "describe": lambda: {
+                "methods": {"drive": {"params": SCHEMA, "result": {}}},
+                "topics": dict.fromkeys(self._topics(), SCHEMA),
+            },
+        }
+        return {"result": answers.get(method, lambda: {"ok": True})()}
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        topics = self._topics()
+        latest = {topic: self._latest(topic, now_s) for topic in topics}
+        return {"stamp_s": now_s, "link": topics["link"], "safety": topics["safety"], "topics": latest}
+
+
+STATS: dict[str, Any] = {
+    "uptime_s": 12.0,
+    "frames": {"EncoderCounts": 100, "BoardTime": 100},
+    "refused": {"not_ascii": 1},
+    "lines_out": 50,
+    "clients": 1,
+    "encoder_readings_refused": 0,
+    "board_restarts": 2,
+    "bus_dropped": {},
+    "telemetry_dropped": 0,
+}
+
+
+def _pose(pose: Pose2D) -> dict[str, float]:
+    return {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
+
+
+def _send(writer: asyncio.StreamWriter, message: dict[str, Any]) -> None:
+    writer.write(json.dumps({"jsonrpc": "2.0", **message}).encode() + b"\n")
