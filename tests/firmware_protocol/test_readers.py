@@ -1,0 +1,131 @@
+"""Every shape of line has a reader that agrees with the grammar."""
+
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_protocol.codec import FROM_BOARD, LineCodec
+from firmware_protocol.lines import COMPONENT, INT16, Field, LineKind, Number
+from firmware_protocol.messages import Malformed, Reason
+
+TENTHS = Number(-10, 10, decimals=1)
+
+
+@dataclass(frozen=True, slots=True)
+class One:
+    """A single number."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
+class OneInTuple:
+    """A tuple of a single number."""
+
+    a: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Two:
+    """Two fields of a number each."""
+
+    a: int
+    b: float
+
+
+@dataclass(frozen=True, slots=True)
+class TwoInTuple:
+    """One field of two numbers."""
+
+    ab: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Mixed:
+    """Numbers and a tuple."""
+
+    a: int
+    bc: tuple[float, ...]
+    d: int
+
+
+@dataclass(frozen=True, slots=True)
+class UnitVector:
+    """A vector of norm 1 in the plane."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class Quaternion:
+    """A vector of norm 1 in four dimensions."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+SHAPES = [
+    (LineKind("k", One, (Field("a", INT16),)), One(1)),
+    (LineKind("k", OneInTuple, (Field("a", INT16, 1),)), OneInTuple((1,))),
+    (LineKind("k", Two, (Field("a", INT16), Field("b", TENTHS))), Two(1, 2.5)),
+    (LineKind("k", TwoInTuple, (Field("ab", TENTHS, 2),)), TwoInTuple((1.5, -2.5))),
+    (
+        LineKind("k", Mixed, (Field("a", INT16), Field("bc", TENTHS, 2), Field("d", INT16))),
+        Mixed(1, (2.5, -3.5), 4),
+    ),
+    (
+        LineKind("k", UnitVector, (Field("x", COMPONENT), Field("y", COMPONENT)), unit=True),
+        UnitVector(0.6, -0.8),
+    ),
+    (
+        LineKind("k", Quaternion, tuple(Field(n, COMPONENT) for n in "xyzw"), unit=True),
+        Quaternion(0.5, 0.5, -0.5, 0.5),
+    ),
+]
+shapes = pytest.mark.parametrize(("row", "message"), SHAPES, ids=[row.message.__name__ for row, _ in SHAPES])
+
+
+@shapes
+def test_each_shape_of_message_survives_its_line(row: LineKind, message: object) -> None:
+    """One number, two, a unit vector or any mix: the reader rebuilds the fields as they were."""
+    codec = LineCodec(FROM_BOARD, [row])
+    line = codec.encode(message).removesuffix(b"\n")  # type: ignore[arg-type]
+    assert codec.decode(line) == message
+
+
+@shapes
+def test_each_shape_refuses_digits_before_its_kind(row: LineKind, message: object) -> None:
+    """The tail of a cut line glued before a good one is not taken for the good one."""
+    codec = LineCodec(FROM_BOARD, [row])
+    line = b"12" + codec.encode(message).removesuffix(b"\n")  # type: ignore[arg-type]
+    assert codec.decode(line) == Malformed(Reason.UNKNOWN, line, "expected one of k")
+
+
+@shapes
+def test_each_shape_refuses_a_number_out_of_its_range(row: LineKind, message: object) -> None:
+    """The last number is too large for every type here; unit vectors say so in their own way."""
+    codec = LineCodec(FROM_BOARD, [row])
+    start, _, _ = codec.encode(message).rpartition(b"\t")  # type: ignore[arg-type]
+    meaning = codec.decode(start + b"\t32768")
+    assert isinstance(meaning, Malformed)
+    assert meaning.reason is (Reason.NOT_UNIT if row.unit else Reason.OUT_OF_RANGE)
+
+
+@shapes
+@given(data=st.data())
+@settings(max_examples=100)
+def test_a_reader_refuses_exactly_what_the_grammar_refuses(
+    row: LineKind, message: object, data: st.DataObject
+) -> None:
+    """The fast path and the explanation never disagree about a line."""
+    codec = LineCodec(FROM_BOARD, [row])
+    text = st.text("0123456789.-", min_size=0, max_size=6).map(str.encode)
+    texts = data.draw(st.lists(text, min_size=len(row.numbers), max_size=len(row.numbers)))
+    fits = all(number.explain(each) is None for number, each in zip(row.numbers, texts, strict=True))
+    norm_fits = fits and (not row.unit or 0.81 <= sum(float(each) ** 2 for each in texts) <= 1.21)
+    assert isinstance(codec.decode(b"\t".join([b"k", *texts])), row.message if norm_fits else Malformed)
