@@ -1,0 +1,242 @@
+"""Encoder decoding: wraps, signs, windows, and the refusal of impossible jumps."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from chefbotd.motion import encoder
+from chefbotd.motion.encoder import EncoderParameters, EncodersState, Reading
+
+PERIOD_S = 0.02
+FORWARD = (1, 1)
+Counts = tuple[int, ...]
+
+
+def parameters(**changes: float) -> EncoderParameters:
+    """1000 counts a turn, at most 10 turns a second: 200 counts in 20 ms, and no slack."""
+    values = {"counts_per_turn": 1000.0, "max_speed_rad_s": 10 * math.tau, "slack_counts": 0} | changes
+    return EncoderParameters.model_validate(values)
+
+
+def feed(
+    params: EncoderParameters, *frames: Counts, signs: Counts = FORWARD, state: EncodersState = encoder.START
+) -> tuple[EncodersState, list[Reading]]:
+    """Decode frames that come one period apart, after those of ``state``."""
+    start_s = 0.0 if state.base is None else state.base.board_s + PERIOD_S
+    readings = []
+    for number, counts in enumerate(frames):
+        state, reading = encoder.decode(params, signs, state, counts, start_s + number * PERIOD_S)
+        readings.append(reading)
+    return state, readings
+
+
+def turns(*parts: float) -> object:
+    """About so many turns per wheel."""
+    return pytest.approx(tuple(part * math.tau for part in parts))
+
+
+def test_the_first_reading_is_the_reference() -> None:
+    """Whatever the counters stand at when the link opens, the wheels have not moved yet."""
+    _, (first,) = feed(parameters(), (123_456, -98))
+    assert first == Reading((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), rebased=True)
+
+
+def test_counts_become_angles_and_speeds() -> None:
+    """100 and -50 counts of 1000 in 20 ms: a tenth and a twentieth of a turn, 5 and -2.5 turns a second."""
+    _, (_, reading) = feed(parameters(), (7, 7), (107, -43))
+    assert reading.travel_rad == turns(0.1, -0.05)
+    assert reading.position_rad == turns(0.1, -0.05)
+    assert reading.velocity_rad_s == turns(5, -2.5)
+    assert not reading.refused
+
+
+def test_a_sign_turns_an_encoder_round() -> None:
+    """With -1 for the left wheel its falling count is forward."""
+    _, (_, reading) = feed(parameters(), (0, 0), (-100, 100), signs=(-1, 1))
+    assert reading.position_rad == turns(0.1, 0.1)
+
+
+@pytest.mark.parametrize("width_bits", [16, 32])
+def test_counters_wrap_at_their_width(width_bits: int) -> None:
+    """From 30 below the top to 20 above the bottom is 50 counts forward, and back again."""
+    half = 1 << (width_bits - 1)
+    frames = ((half - 30, -half + 20), (-half + 20, half - 30), (half - 30, -half + 20))
+    _, (_, there, back) = feed(parameters(width_bits=width_bits), *frames)
+    assert there.travel_rad == turns(0.05, -0.05)
+    assert back.position_rad == (0.0, 0.0)
+
+
+def test_unsigned_counters_wrap_too() -> None:
+    """A 16-bit counter that is sent as 0 to 65535 needs no other setting."""
+    _, (_, reading) = feed(parameters(width_bits=16), (65_530, 5), (4, 65_531))
+    assert reading.travel_rad == turns(0.01, -0.01)
+
+
+def test_four_wheels_are_decoded_alike() -> None:
+    """Every tuple is as long as the wheels are many, in their order."""
+    _, (_, reading) = feed(parameters(), (0, 0, 0, 0), (10, 20, 30, 40), signs=(1, -1, 1, -1))
+    assert reading.travel_rad == turns(0.01, -0.02, 0.03, -0.04)
+
+
+def test_velocity_is_the_mean_over_the_window() -> None:
+    """With three readings: (10 + 30) counts in 40 ms are 1 turn a second, then (30 + 50) are 2."""
+    _, readings = feed(parameters(velocity_window=3), (0, 0), (10, 10), (40, 40), (90, 90))
+    assert [reading.velocity_rad_s[0] / math.tau for reading in readings] == pytest.approx([0, 0.5, 1, 2])
+
+
+def test_a_wheel_slower_than_the_threshold_stands() -> None:
+    """One count in 20 ms is 0.05 turns a second: zero below a threshold of 0.1, although its travel counts."""
+    _, (_, reading) = feed(parameters(standstill_rad_s=0.1 * math.tau), (0, 0), (1, 10))
+    assert reading.velocity_rad_s == turns(0, 0.5)
+    assert reading.travel_rad == turns(0.001, 0.01)
+
+
+def test_the_same_board_time_twice_divides_nothing_by_zero() -> None:
+    """A reading with the stamp of the last replaces it: travel counts, the velocity spans real time."""
+    params = parameters(slack_counts=10)
+    state, _ = feed(params, (0, 0), (20, 20))
+    _, again = encoder.decode(params, FORWARD, state, (30, 30), PERIOD_S)
+    assert again.travel_rad == turns(0.01, 0.01)
+    assert again.velocity_rad_s == turns(1.5, 1.5)
+
+
+def test_board_time_that_goes_back_starts_a_new_window() -> None:
+    """No speed is computed over a span that runs backwards."""
+    params = parameters(slack_counts=10)
+    state, _ = feed(params, (0, 0), (20, 20))
+    _, back = encoder.decode(params, FORWARD, state, (25, 25), -1.0)
+    assert back.velocity_rad_s == (0.0, 0.0)
+    assert back.travel_rad == turns(0.005, 0.005)
+
+
+def test_the_fastest_possible_change_is_believed_and_one_more_is_not() -> None:
+    """200 counts in 20 ms are 10 turns a second, the limit, and 201 are too many; slack adds to it."""
+    _, (_, most) = feed(parameters(max_speed_rad_s=10.0001 * math.tau), (0, 0), (200, -200))
+    _, (_, more) = feed(parameters(max_speed_rad_s=10.0001 * math.tau), (0, 0), (200, -201))
+    _, (_, slack) = feed(parameters(max_speed_rad_s=10.0001 * math.tau, slack_counts=1), (0, 0), (200, -201))
+    assert (most.refused, more.refused, slack.refused) == (False, True, False)
+
+
+def test_a_number_that_lost_digits_moves_no_wheel() -> None:
+    """The right wheel's 12500 arrives as 125: refused for both wheels, and caught up by the next frame."""
+    frames = ((12_300, 12_300), (12_400, 12_400), (12_500, 125), (12_600, 12_600))
+    _, (_, good, refused, next_good) = feed(parameters(), *frames)
+    assert refused.jumped == (1,)
+    assert refused.travel_rad == (0.0, 0.0)
+    assert refused.position_rad == good.position_rad
+    assert refused.velocity_rad_s == good.velocity_rad_s
+    assert next_good.travel_rad == turns(0.2, 0.2)
+    assert next_good.velocity_rad_s == turns(5, 5)
+
+
+def test_time_spent_refusing_allows_more_travel() -> None:
+    """After a second of silence 9000 counts are nine turns in a second: possible."""
+    state, _ = feed(parameters(), (0, 0))
+    _, reading = encoder.decode(parameters(), FORWARD, state, (9000, 9000), 1.0)
+    assert reading.travel_rad == turns(9, 9)
+
+
+def test_counters_that_have_moved_are_a_new_reference() -> None:
+    """Three refused readings that agree re-base there, without travel; the next counts from there."""
+    frames = ((0, 0), (5000, 5000), (5010, 5010), (5020, 5020), (5030, 5030))
+    _, (_, *refused, after) = feed(parameters(), *frames)
+    assert [reading.refused for reading in refused] == [True, True, True]
+    assert [reading.rebased for reading in refused] == [False, False, True]
+    assert after.travel_rad == after.position_rad == turns(0.01, 0.01)
+    assert after.velocity_rad_s == turns(0.5, 0.5)
+    assert not after.refused
+
+
+def test_refused_readings_that_disagree_are_never_believed() -> None:
+    """Noise far from the counters and far from itself is refused for as long as it lasts."""
+    noise = [(n % 2 * 40_000 + 20_000, 10) for n in range(1, 9)]
+    state, readings = feed(parameters(), (0, 0), *noise)
+    assert all(reading.refused and not reading.rebased for reading in readings[1:])
+    _, (good,) = feed(parameters(), (20, 20), state=state)
+    assert good.travel_rad == turns(0.02, 0.02)
+
+
+def test_a_good_reading_forgets_the_suspects() -> None:
+    """Refusals count towards a new reference only in a row."""
+    frames = ((0, 0), (5000, 0), (5000, 0), (10, 0), (5000, 0), (5000, 0), (20, 0))
+    _, readings = feed(parameters(), *frames)
+    assert not any(reading.rebased for reading in readings[1:])
+    assert readings[-1].position_rad == turns(0.02, 0)
+
+
+def test_one_confirmation_follows_every_jump() -> None:
+    """With ``confirmations`` of one the first impossible reading is the new reference."""
+    _, (_, jump, after) = feed(parameters(confirmations=1), (0, 0), (5000, 0), (5010, 10))
+    assert jump.rebased
+    assert after.travel_rad == turns(0.01, 0.01)
+
+
+def test_a_board_reset_does_not_move_the_robot() -> None:
+    """After ``rebase`` the counters may start at zero again: positions go on from where they were."""
+    state, _ = feed(parameters(), (400, 400), (500, 450))
+    _, (reference, reading) = feed(parameters(), (0, 0), (10, 20), state=encoder.rebase(state))
+    assert reference.travel_rad == (0.0, 0.0)
+    assert reference.rebased
+    assert reference.position_rad == turns(0.1, 0.05)
+    assert reading.position_rad == turns(0.11, 0.07)
+
+
+@given(
+    st.lists(st.tuples(st.integers(-200, 200), st.integers(-200, 200)), max_size=60),
+    st.sampled_from([8, 16, 32]),
+)
+@settings(max_examples=60)
+def test_no_count_is_ever_lost(steps: list[tuple[int, int]], width_bits: int) -> None:
+    """Any possible motion, through any number of wraps, ends at exactly the counts that were turned."""
+    params = parameters(
+        width_bits=width_bits, max_speed_rad_s=3 * math.tau
+    )  # 60 counts: less than half of 8 bits
+    left = right = 0
+    frames = [(0, 0)]
+    for left_step, right_step in steps:
+        left, right = left + left_step % 60, right - right_step % 60
+        frames.append((left % (1 << width_bits), right % (1 << width_bits)))
+    _, readings = feed(params, *frames)
+    assert not any(reading.refused for reading in readings)
+    assert readings[-1].position_rad == (left * (math.tau / 1000), right * (math.tau / 1000))
+    assert math.fsum(r.travel_rad[0] for r in readings) == pytest.approx(readings[-1].position_rad[0])
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=40))
+@settings(max_examples=60)
+def test_corruption_never_shifts_the_odometry(corrupted: list[bool]) -> None:
+    """Frames garbled at random, with good ones after them, leave the position as if none had been garbled."""
+    frames = [(0, 0)]
+    for number, bad in enumerate(corrupted, start=1):
+        frames.append((number * 50, 500_000 + number * 100_000) if bad else (number * 50, number * 50))
+    frames.append((len(frames) * 50,) * 2)
+    _, readings = feed(parameters(), *frames)
+    assert [reading.refused for reading in readings] == [False, *corrupted, False]
+    assert readings[-1].position_rad == (frames[-1][0] * (math.tau / 1000),) * 2
+
+
+def test_a_frame_for_other_wheels_is_a_bug() -> None:
+    """Three counts for two wheels raise, at the reference and afterwards."""
+    with pytest.raises(ValueError, match="expected 2 counts"):
+        feed(parameters(), (1, 2, 3))
+    with pytest.raises(ValueError, match="longer"):
+        feed(parameters(), (1, 2), (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width_bits": 7},
+        {"width_bits": 65},
+        {"velocity_window": 1},
+        {"confirmations": 0},
+        {"counts_per_turn": 0},
+    ],
+)
+def test_parameters_out_of_range_are_refused(changes: dict[str, float]) -> None:
+    """The bad value is named."""
+    with pytest.raises(ValidationError, match=next(iter(changes))):
+        parameters(**changes)
