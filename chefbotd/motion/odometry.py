@@ -22,7 +22,7 @@ Matrix = npt.NDArray[np.float64]
 class OdometryParameters(Parameters):
     """How fast certainty is lost.
 
-    The defaults are one sigma of a centimetre per side after a metre, and of one degree after a turned radian.
+    The defaults are one sigma of a centimetre per side after a metre, and of a degree after a turned radian.
     """
 
     travel_variance_m2_per_m: float = Field(default=1e-4, ge=0, le=1)
