@@ -79,7 +79,7 @@ class AngularLimits(Parameters):
 
 
 class MotionLimits(Parameters):
-    """Both axes; with ``keep_curvature`` what slows one of them slows the other, so that the path keeps its shape."""
+    """Both axes; with ``keep_curvature`` what slows one slows the other, so that the path keeps its shape."""
 
     linear: LinearLimits
     angular: AngularLimits
@@ -95,6 +95,9 @@ class LimiterState:
 
 
 AT_REST = LimiterState()
+
+NO_GAP = 1e-9
+"""An axis as near to its target as this (m/s or rad/s) shapes no path any more, so it need not keep any pace."""
 
 
 def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: float) -> LimiterState:
@@ -148,10 +151,10 @@ def _paced(
     axis: AxisLimits, speed: float, acceleration: float, gap: float, pace_s: float, pace_s2: float
 ) -> AxisLimits:
     """The axis slowed to the pace, but not below what its present acceleration needs to end at the target."""
-    if gap == 0:
+    if abs(gap) < NO_GAP:
         return axis
     share = abs(gap) / axis.rate(speed, gap) / pace_s
-    if math.isinf(axis.jerk) or acceleration * gap < 0:
+    if pace_s2 == 0 or acceleration * gap < 0:
         return axis.slowed(share, axis.jerk)
     landing = acceleration * acceleration / (2 * abs(gap))
     return axis.slowed(share, min(axis.jerk, max(abs(gap) / pace_s2, landing)))

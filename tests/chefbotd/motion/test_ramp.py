@@ -1,0 +1,185 @@
+"""One axis from one speed to another: ramps, S-curves, and the way through zero."""
+
+import math
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from chefbotd.motion.ramp import AxisLimits, advance
+
+
+def limits(**changes: float) -> AxisLimits:
+    """Forward 2 up and 4 down, in reverse 1 up and 3 down, without a jerk limit."""
+    values = {
+        "max_forward": 1.0,
+        "max_reverse": 0.5,
+        "acceleration": 2.0,
+        "deceleration": 4.0,
+        "reverse_acceleration": 1.0,
+        "reverse_deceleration": 3.0,
+        "jerk": math.inf,
+    }
+    return AxisLimits(**(values | changes))
+
+
+@pytest.mark.parametrize(
+    ("speed", "target", "reached"),
+    [
+        (0.0, 1.0, 0.2),  # away from rest at 2
+        (0.5, 1.0, 0.7),  # faster at 2
+        (0.5, 0.0, 0.1),  # braking at 4
+        (0.0, -1.0, -0.1),  # into reverse at 1
+        (-0.4, -1.0, -0.5),  # faster in reverse at 1
+        (-0.4, 0.0, -0.1),  # braking in reverse at 3
+        (0.5, 0.55, 0.55),  # no further than the target
+        (0.5, 0.5, 0.5),
+        (0.2, -1.0, -0.05),  # 50 ms to zero at 4, then 50 ms into reverse at 1
+        (-0.15, 1.0, 0.1),  # 50 ms to zero at 3, then 50 ms forward at 2
+        (0.8, -1.0, 0.4),  # zero not reached yet
+    ],
+)
+def test_each_quarter_has_its_own_limit(speed: float, target: float, reached: float) -> None:
+    """After 100 ms towards the target, the speed worked out by hand."""
+    assert advance(limits(), speed, 0.0, target, 0.1)[0] == pytest.approx(reached, abs=1e-15)
+
+
+def test_a_ramp_reports_its_mean_acceleration() -> None:
+    """0.05 gained in 0.1 s is 0.5, although the ramp itself was steeper and then flat."""
+    assert advance(limits(), 0.5, 0.0, 0.55, 0.1)[1] == pytest.approx(0.5)
+
+
+def trace(
+    axis: AxisLimits, speed: float, target: float, dt_s: float, steps: int
+) -> list[tuple[float, float]]:
+    """Speed and acceleration after each step, from rest of the acceleration."""
+    points, acceleration = [(speed, 0.0)], 0.0
+    for _ in range(steps):
+        speed, acceleration = advance(axis, speed, acceleration, target, dt_s)
+        points.append((speed, acceleration))
+    return points
+
+
+def test_an_s_curve_by_hand() -> None:
+    """0 to 1 at 2 with a jerk of 4: rise 0.5 s to 0.5, fall 0.5 s, and never a hold.
+
+    At 0.25 s the speed is 4 * 0.25**2 / 2 = 0.125; at 0.5 s it is 0.5 and the acceleration 2; at 1 s it is there.
+    """
+    points = trace(limits(jerk=4.0), 0.0, 1.0, 0.25, 5)
+    expected = [(0, 0), (0.125, 1), (0.5, 2), (0.875, 1), (1, 0), (1, 0)]
+    assert [value for point in points for value in point] == pytest.approx(
+        [value for point in expected for value in point], abs=1e-12
+    )
+
+
+def test_an_s_curve_holds_its_acceleration() -> None:
+    """0 to 1 at 1 with a jerk of 4: 0.25 s rise (0.125), 0.75 s hold (0.75), 0.25 s fall (0.125)."""
+    points = trace(limits(jerk=4.0, acceleration=1.0), 0.0, 1.0, 0.125, 10)
+    assert points[2] == pytest.approx((0.125, 1))
+    assert points[8] == pytest.approx((0.875, 1))
+    assert points[10] == (1.0, 0.0)
+
+
+def test_an_acceleration_under_way_ends_before_the_speed_turns_round() -> None:
+    """A stop asked for at 0.5 and rising by 2: the speed peaks at 0.5 + 2**2 / (2 * 8) = 0.75."""
+    axis, speed, acceleration, peak = limits(jerk=8.0), 0.5, 2.0, 0.0
+    for _ in range(200):
+        speed, acceleration = advance(axis, speed, acceleration, 0.0, 0.01)
+        peak = max(peak, speed)
+    assert peak == pytest.approx(0.75, abs=1e-3)
+    assert (speed, acceleration) == (0.0, 0.0)
+
+
+def test_an_acceleration_too_large_to_end_in_time_overshoots_and_returns() -> None:
+    """From 0.9 rising by 2 at a jerk of 4, a target of 1 is passed by 0.4 and then reached for good."""
+    axis, speed, acceleration, peak = limits(jerk=4.0), 0.9, 2.0, 0.0
+    for _ in range(300):
+        speed, acceleration = advance(axis, speed, acceleration, 1.0, 0.01)
+        peak = max(peak, speed)
+    assert peak == pytest.approx(1.4, abs=1e-3)
+    assert (speed, acceleration) == (1.0, 0.0)
+
+
+def test_braking_into_reverse_is_as_gentle_at_zero_as_reverse_demands() -> None:
+    """From 1 to -0.5 the braking limit of 4 gives way to the 1 of reverse, smoothly, by the time of zero."""
+    axis = limits(jerk=20.0)
+    points = trace(axis, 1.0, -0.5, 0.001, 1500)
+    assert min(acceleration for speed, acceleration in points) == pytest.approx(-4.0, abs=1e-9)
+    assert min(acceleration for speed, acceleration in points if speed <= 0) == pytest.approx(-1.0, abs=1e-9)
+    assert points[-1] == (-0.5, 0.0)
+
+
+def test_a_harder_acceleration_beyond_zero_waits_for_zero() -> None:
+    """From reverse, braked at 1, to forward at 2: the acceleration passes 1 only beyond zero speed."""
+    axis = limits(jerk=20.0, reverse_deceleration=1.0)
+    points = trace(axis, -0.5, 1.0, 0.001, 2000)
+    assert max(acceleration for speed, acceleration in points if speed < 0) == pytest.approx(1.0, abs=1e-9)
+    assert max(acceleration for speed, acceleration in points) == pytest.approx(2.0, abs=1e-9)
+    assert points[-1] == (1.0, 0.0)
+
+
+speeds = st.floats(-1, 1)
+rates = st.floats(0.1, 10)
+axes = st.builds(
+    AxisLimits,
+    max_forward=st.just(1.0),
+    max_reverse=st.just(1.0),
+    acceleration=rates,
+    deceleration=rates,
+    reverse_acceleration=rates,
+    reverse_deceleration=rates,
+    jerk=st.floats(0.5, 200) | st.just(math.inf),
+)
+periods = st.lists(st.floats(0.001, 0.1), min_size=1, max_size=40)
+
+
+@given(axes, speeds, speeds, periods)
+@settings(max_examples=150)
+def test_the_target_is_approached_and_never_passed(
+    axis: AxisLimits, speed: float, target: float, periods_s: list[float]
+) -> None:
+    """From a steady speed, each step goes towards the target or waits, and none goes beyond."""
+    acceleration, direction = 0.0, math.copysign(1.0, target - speed)
+    for dt_s in periods_s:
+        before = speed
+        speed, acceleration = advance(axis, speed, acceleration, target, dt_s)
+        assert direction * (speed - before) >= -1e-12
+        assert direction * (target - speed) >= -1e-12
+
+
+@given(axes, speeds, speeds, periods)
+@settings(max_examples=150)
+def test_acceleration_and_jerk_stay_within_their_limits(
+    axis: AxisLimits, speed: float, target: float, periods_s: list[float]
+) -> None:
+    """From a steady speed no step changes the speed or the acceleration faster than allowed."""
+    acceleration = 0.0
+    for dt_s in periods_s:
+        before, rate_before = speed, acceleration
+        speed, acceleration = advance(axis, speed, acceleration, target, dt_s)
+        steepest = max(axis.rate(v, target - before) for v in (before, speed)) if target != before else 0.0
+        assert abs(speed - before) / dt_s <= steepest * (1 + 1e-6) + 1e-6
+        if math.isfinite(axis.jerk):
+            assert abs(acceleration - rate_before) <= axis.jerk * dt_s * (1 + 1e-6) + 1e-6
+
+
+@given(axes, speeds, st.floats(-3, 3), speeds, st.floats(0.001, 0.5), st.floats(0.05, 0.95))
+@settings(max_examples=200)
+def test_the_curve_does_not_depend_on_its_steps(
+    axis: AxisLimits, speed: float, acceleration: float, target: float, dt_s: float, cut: float
+) -> None:
+    """One step, or two that are together as long, end at the same speed."""
+    assume(math.isinf(axis.jerk) or speed * target >= 0)
+    whole, _ = advance(axis, speed, acceleration, target, dt_s)
+    between = advance(axis, speed, acceleration, target, dt_s * cut)
+    parts, _ = advance(axis, *between, target, dt_s * (1 - cut))
+    assert parts == pytest.approx(whole, abs=1e-5)
+
+
+@given(axes, speeds, st.floats(-3, 3), speeds)
+@settings(max_examples=100)
+def test_every_target_is_reached(axis: AxisLimits, speed: float, acceleration: float, target: float) -> None:
+    """However the axis moves now, it ends at rest of acceleration on exactly the target."""
+    for _ in range(400):
+        speed, acceleration = advance(axis, speed, acceleration, target, 0.2)
+    assert (speed, acceleration) == (target, 0.0)
