@@ -65,12 +65,11 @@ def measure(
 
 
 def _percentage(curve: tuple[tuple[float, float], ...], voltage_v: float) -> float:
-    if voltage_v >= curve[-1][0]:
-        return 100.0
+    percentage = 0.0
     for (lower_v, less), (higher_v, more) in pairwise(curve):
-        if voltage_v < higher_v:
-            return less + (more - less) * max(voltage_v - lower_v, 0.0) / (higher_v - lower_v)
-    return 100.0
+        filled = min(max((voltage_v - lower_v) / (higher_v - lower_v), 0.0), 1.0)
+        percentage += filled * (more - less)
+    return min(percentage, 100.0)
 
 
 def _status(params: BatteryParameters, voltage_v: float, previous: BatteryLevelStatus) -> BatteryLevelStatus:
