@@ -18,7 +18,7 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The kernel's monotonic clock. (uvloop's own ``loop.time`` is cached and counts whole milliseconds.)"""
+    """The kernel's monotonic clock; uvloop's own ``loop.time`` is cached and counts whole milliseconds."""
 
     def now_s(self) -> float:
         """Seconds since an arbitrary instant, never going back."""
@@ -64,7 +64,9 @@ class _JumpingSelector(selectors.DefaultSelector):
         if ready or timeout == 0:
             return ready
         if timeout is None:
-            raise Deadlock("every task waits and no timer is set: nothing can ever happen on the virtual clock")
+            raise Deadlock(
+                "every task waits and no timer is set: nothing can ever happen on the virtual clock"
+            )
         self.elapsed_s += max(timeout, 0.0)
         return ready
 

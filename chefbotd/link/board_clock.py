@@ -109,7 +109,7 @@ def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> b
     if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
         return True
     elapsed_s = host_s - earlier.host_s
-    return 0.0 < step_s and abs(step_s - elapsed_s) <= 0.1 + 0.1 * elapsed_s
+    return step_s > 0.0 and abs(step_s - elapsed_s) <= 0.1 + 0.1 * elapsed_s
 
 
 class ClockRelation:

@@ -4,7 +4,6 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, cast
 
-
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
@@ -27,7 +26,6 @@ from chefbotd.link.setpoint import SetpointWriter
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
-
 
 
 class BoardSession(asyncio.Protocol):

@@ -129,8 +129,7 @@ class Drive:
         return target == STANDING and state.limiter.twist == STANDING
 
     def _rim_accelerations(self, state: DriveState) -> tuple[float, ...]:
-        rates = Twist2D(state.limiter.linear_m_s2, state.limiter.angular_rad_s2)
-        return self._kinematics.rim_speeds_m_s(rates)
+        return self._kinematics.rim_speeds_m_s(state.limiter.acceleration)
 
     def _command(self, state: DriveState, outputs: tuple[float, ...]) -> DriveState:
         duty = tuple(round(u) * sign for u, sign in zip(outputs, self._motor_signs, strict=True))

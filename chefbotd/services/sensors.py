@@ -6,7 +6,6 @@ from typing import Any
 from chefbotd.bus import Bus, Inbox
 from chefbotd.core.events import (
     BatteryCounted,
-    BatteryLevelStatus,
     InertialCounted,
     OrientationReported,
     UltrasonicEchoed,
@@ -30,7 +29,7 @@ class SensorService:
     ) -> None:
         self._bus = bus
         self._ultrasonic, self._imu, self._battery = ultrasonic_parameters, imu_parameters, battery_parameters
-        self._battery_status = BatteryLevelStatus.OK
+        self._battery_state = battery.START
         self._interpret: dict[type[Any], Callable[[Any], object]] = {
             UltrasonicEchoed: self._range,
             OrientationReported: self._orientation,
@@ -54,6 +53,7 @@ class SensorService:
         return imu.from_counts(self._imu, event.stamp_s, event.acceleration, event.angular_rate)
 
     def _charge(self, event: BatteryCounted) -> object:
-        measured = battery.measure(self._battery, event.stamp_s, event.adc, self._battery_status)
-        self._battery_status = measured.status
+        self._battery_state, measured = battery.measure(
+            self._battery, self._battery_state, event.stamp_s, event.adc
+        )
         return measured

@@ -1,0 +1,191 @@
+"""The composition root: build every part, wire them, run them in one task group, stop the motors on the way out."""
+
+import asyncio
+import random
+import secrets
+import signal
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any
+
+import structlog
+import uvloop
+
+from chefbotd import systemd
+from chefbotd.api.server import Server
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock, SystemClock
+from chefbotd.core.events import StatsSampled
+from chefbotd.link.port import open_port
+from chefbotd.link.reconnect import BoardLink, Opener
+from chefbotd.link.session import BoardSession
+from chefbotd.motion.drive import Drive
+from chefbotd.robot import WiredRobot
+from chefbotd.services.drive import DriveService
+from chefbotd.services.odometry import OdometryService
+from chefbotd.services.sensors import SensorService
+from chefbotd.services.stats import StatsService
+from chefbotd.settings import Settings
+from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
+
+log = structlog.get_logger(component="app")
+
+VARIANTS = {"classic": CLASSIC, "four_wheels": FOUR_WHEELS}
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+Loop = Callable[[], Coroutine[Any, Any, None]]
+
+
+class Daemon:
+    """One robot, ready to run: on its serial port, or through whatever ``opener`` opens."""
+
+    def __init__(
+        self, settings: Settings, *, clock: Clock, opener: Opener = open_port, simulated: bool = False
+    ) -> None:
+        self.bus = Bus()
+        self._clock, self._started_s = clock, clock.now_s()
+        self.session = BoardSession(
+            self.bus,
+            clock,
+            VARIANTS[settings.robot.wire],
+            device=settings.link.device,
+            setpoints_per_s=settings.link.setpoints_per_s,
+        )
+        self._link = BoardLink(settings.link, self.session, opener, clock, random.Random())
+        self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
+        self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
+        self._sensors = SensorService(
+            self.bus,
+            ultrasonic_parameters=settings.ultrasonic,
+            imu_parameters=settings.imu,
+            battery_parameters=settings.battery,
+        )
+        self._stats = StatsService(self.bus, clock, self._collect_stats)
+        self.server = Server(
+            WiredRobot(self.driving, self._odometry, self.session, self._stats),
+            self.bus,
+            clock,
+            settings.api,
+            robot_name=settings.robot.name,
+            session=secrets.token_hex(4),
+            wheel_names=tuple(wheel.name for wheel in settings.chassis.wheels),
+            simulated=simulated,
+        )
+
+    async def run(self, *more: Loop) -> None:
+        """Run every part, and ``more`` beside them, until cancelled or until one of them fails.
+
+        The socket listens before the board is touched. However this ends, the motors are told to stop.
+        """
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self.server.run(), name="server")
+                await self.server.address()
+                for loop in (self.driving.run, self._odometry.run, self._sensors.run, self._stats.run, *more):
+                    group.create_task(loop())
+                group.create_task(self._link.run(), name="link")
+        finally:
+            self.session.stop_motors()
+
+    def _collect_stats(self, stamp_s: float, loop_lag_s: float) -> StatsSampled:
+        session, driving = self.session, self.driving
+        return StatsSampled(
+            stamp_s=stamp_s,
+            uptime_s=stamp_s - self._started_s,
+            frames=session.frames,
+            refused=session.refused,
+            lines_out=session.lines_out,
+            setpoints_replaced=session.setpoints_replaced,
+            link_opens=session.opens,
+            board_restarts=session.board_restarts,
+            encoder_readings_refused=driving.readings_refused,
+            control_steps=driving.steps,
+            bus_dropped=self.bus.drops(),
+            clients=self.server.clients,
+            telemetry_dropped=self.server.drops.total(),
+            loop_lag_s=loop_lag_s,
+            board_clock_skew_ppm=session.clock_skew_ppm,
+            board_clock_jitter_s=session.clock_jitter_s,
+        )
+
+
+def _drive_service(
+    settings: Settings, bus: Bus, clock: Clock, send_duty: Callable[[tuple[int, ...]], None]
+) -> DriveService:
+    wheels = settings.chassis.wheels
+    drive = Drive(settings.drive, settings.chassis, settings.limits, (settings.pid,) * len(wheels))
+    return DriveService(
+        bus,
+        clock,
+        send_duty,
+        drive,
+        wheels=wheels,
+        encoders=settings.encoders,
+        safety=settings.safety,
+        control=settings.control,
+    )
+
+
+def run(settings: Settings, *, simulated: bool) -> int:
+    """Run the daemon until SIGINT, SIGTERM or SIGHUP; returns the exit code (0, or 1 after a failure)."""
+    try:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(_until_signalled(settings, simulated=simulated))
+    except BaseExceptionGroup as failures:
+        for failure in _leaves(failures):
+            log.error("cannot go on", error=repr(failure), exc_info=failure)
+        return 1
+    return 0
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
+
+
+async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None  # noqa: S101 - a coroutine that runs has a task
+    signals: list[str] = []
+
+    def end(number: signal.Signals) -> None:
+        signals.append(number.name)
+        task.cancel()
+
+    for number in STOP_SIGNALS:
+        loop.add_signal_handler(number, end, number)
+    try:
+        await (_serve_simulated(settings) if simulated else _serve(Daemon(settings, clock=SystemClock())))
+    except asyncio.CancelledError:
+        if not signals:
+            raise
+    finally:
+        systemd.notify("STOPPING=1")
+    log.info("stopped", signal=signals[0])
+
+
+async def _serve(daemon: Daemon, *more: Loop) -> None:
+    async def report_ready() -> None:
+        host, port = await daemon.server.address()
+        systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
+
+    await daemon.run(report_ready, *more)
+
+
+async def _serve_simulated(settings: Settings) -> None:
+    # Imported here: what simulates a robot has no place in the memory of a daemon on a real one.
+    from chefbotd.sim.embedded import EmbeddedBoard
+
+    chassis = settings.chassis
+    parameters = settings.sim.with_chassis(
+        wheel_radius_m=chassis.wheels[0].radius_m,
+        track_width_m=chassis.track_width_m,
+        counts_per_turn=settings.encoders.counts_per_turn,
+        wheels_per_side=len(chassis.wheels) // 2,
+    )
+    with EmbeddedBoard(parameters, SystemClock()) as board:
+        link = settings.link.model_copy(update={"device": str(board.device)})
+        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
+        await _serve(daemon, lambda: board.run(daemon.bus.publish))

@@ -1,0 +1,50 @@
+"""The simulated board inside the daemon's own process: still on a real pty, and its true pose on the bus."""
+
+import asyncio
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from chefbotd.clock import Clock
+from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.pty import PtyBoard
+
+TRUTH_PERIOD_S = 0.02
+
+
+class EmbeddedBoard:
+    """A board that is plugged in while the context lasts; ``device`` is its path. ``run`` lets it live."""
+
+    def __init__(self, parameters: SimulationParameters, clock: Clock) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="chefbotd-")
+        self.device = Path(self._folder.name) / "board"
+        self._clock = clock
+        self._pty = PtyBoard(self._receive, self.device)
+        self._runner = BoardRunner(build_launchpad(parameters), self._pty.send, clock)
+
+    def _receive(self, data: bytes) -> None:
+        self._runner.receive(data)
+
+    def __enter__(self) -> Self:
+        self._pty.plug()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._pty.unplug()
+        self._folder.cleanup()
+
+    async def run(self, publish: Callable[[object], None]) -> None:
+        """Simulate until cancelled, publishing ``TruthSimulated`` 50 times a second."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._runner.run())
+            while True:
+                publish(self._runner.truth(self._clock.now_s()))
+                await asyncio.sleep(TRUTH_PERIOD_S)
