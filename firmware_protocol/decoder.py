@@ -23,7 +23,7 @@ class Decoder:
             raise ValueError(f"max_line must be at least 1 byte, got {max_line}")
         self._partial = b""
         self._skipping = False
-        self._classes: Counter[type[Any]] = Counter()
+        self._classes: dict[type[Any], int] = {}
         self.malformed: Counter[Reason] = Counter()
 
     @property
@@ -64,6 +64,7 @@ class Decoder:
     def _count(self, decoded: list[Decoded]) -> None:
         classes = self._classes
         for _, meaning in decoded:
-            classes[meaning.__class__] += 1
-            if meaning.__class__ is Malformed:
+            meant = meaning.__class__
+            classes[meant] = classes.get(meant, 0) + 1
+            if isinstance(meaning, Malformed):
                 self.malformed[meaning.reason] += 1
