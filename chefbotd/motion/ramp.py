@@ -63,7 +63,7 @@ def advance(
 def _ramp(limits: AxisLimits, speed: float, target: float, dt_s: float) -> float:
     """Brake to zero where the target lies beyond it, then go on with the time that is left."""
     direction = math.copysign(1.0, target - speed)
-    if speed * target < 0:
+    if speed < 0 < target or target < 0 < speed:
         braking_s = abs(speed) / limits.rate(speed, direction)
         if braking_s >= dt_s:
             return speed + direction * limits.rate(speed, direction) * dt_s

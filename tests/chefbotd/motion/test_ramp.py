@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.motion.ramp import AxisLimits, advance
@@ -163,23 +163,22 @@ def test_acceleration_and_jerk_stay_within_their_limits(
             assert abs(acceleration - rate_before) <= axis.jerk * dt_s * (1 + 1e-6) + 1e-6
 
 
-@given(axes, speeds, st.floats(-3, 3), speeds, st.floats(0.001, 0.5), st.floats(0.05, 0.95))
-@settings(max_examples=200)
-def test_the_curve_does_not_depend_on_its_steps(
-    axis: AxisLimits, speed: float, acceleration: float, target: float, dt_s: float, cut: float
+@given(axes, speeds, speeds, st.floats(0.001, 2.0), st.floats(0.05, 0.95))
+@settings(max_examples=150)
+def test_the_way_does_not_depend_on_its_steps(
+    axis: AxisLimits, speed: float, target: float, dt_s: float, cut: float
 ) -> None:
-    """One step, or two that are together as long, end at the same speed."""
-    assume(math.isinf(axis.jerk) or speed * target >= 0)
-    whole, _ = advance(axis, speed, acceleration, target, dt_s)
-    between = advance(axis, speed, acceleration, target, dt_s * cut)
-    parts, _ = advance(axis, *between, target, dt_s * (1 - cut))
-    assert parts == pytest.approx(whole, abs=1e-5)
+    """From a steady speed, one step or two that are together as long end at the same speed."""
+    whole, _ = advance(axis, speed, 0.0, target, dt_s)
+    between = advance(axis, speed, 0.0, target, dt_s * cut)
+    parts, _ = advance(axis, *between, target, dt_s - dt_s * cut)
+    assert parts == pytest.approx(whole, abs=1e-6)
 
 
-@given(axes, speeds, st.floats(-3, 3), speeds)
-@settings(max_examples=100)
+@given(axes, speeds, st.floats(-1, 1), speeds)
+@settings(max_examples=60)
 def test_every_target_is_reached(axis: AxisLimits, speed: float, acceleration: float, target: float) -> None:
-    """However the axis moves now, it ends at rest of acceleration on exactly the target."""
+    """However the axis moves now, it comes to exactly the target, without any acceleration left."""
     for _ in range(400):
         speed, acceleration = advance(axis, speed, acceleration, target, 0.2)
     assert (speed, acceleration) == (target, 0.0)
