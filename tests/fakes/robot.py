@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from chefbotd.core.commands import Refused, RefusalKind
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
