@@ -9,8 +9,8 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.sim.plant import Supply
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
-CHARGE_SHARE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-REST_VOLTAGE_V = (10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73)
+CHARGE_SHARE = np.linspace(0.0, 1.0, 11)
+REST_VOLTAGE_V = np.array([10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73])
 ADC_MAX = 4095
 
 

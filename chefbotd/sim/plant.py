@@ -152,7 +152,7 @@ def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vec
     torque = np.zeros_like(limit)
     for _ in range(FRICTION_SWEEPS):
         residual = free - propagator.gain @ torque
-        torque = np.clip(torque + residual / propagator.own_gain, -limit, limit)
+        torque = np.minimum(np.maximum(torque + residual / propagator.own_gain, -limit), limit)
     return np.where(np.abs(torque) < limit, 0.0, free - propagator.gain @ torque)
 
 

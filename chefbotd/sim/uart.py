@@ -16,7 +16,7 @@ class Uart:
         self.received_dropped = 0
 
     def send(self, line: bytes, at_s: float) -> float:
-        """Queue a line; the sender may go on at the time returned, when what has yet to leave fits the buffer."""
+        """Queue a line; the sender may go on at the time returned, when the rest fits the buffer."""
         self._idle_s = max(at_s, self._idle_s) + len(line) * self._byte_s
         self._left.append((self._idle_s, line))
         return max(at_s, self._idle_s - self._transmit_buffer_bytes * self._byte_s)

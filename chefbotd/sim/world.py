@@ -33,7 +33,7 @@ class World:
         """Distance and position of the nearest spot on any wall."""
         here = np.asarray(point)
         share = ((here - self._start) * self._along).sum(axis=1) / self._length_squared
-        spots = self._start + np.clip(share, 0.0, 1.0)[:, None] * self._along
+        spots = self._start + np.minimum(np.maximum(share, 0.0), 1.0)[:, None] * self._along
         distances = np.hypot(spots[:, 0] - here[0], spots[:, 1] - here[1])
         nearest = int(distances.argmin())
         return float(distances[nearest]), spots[nearest]
@@ -54,7 +54,7 @@ class World:
         return before
 
     def first_hits_m(self, origin: Point, bearings_rad: Vector) -> Vector:
-        """How far a beam runs to a wall, for each bearing (world frame, CCW from +x); inf where it meets none."""
+        """How far a beam runs to a wall, per bearing (world frame, CCW from +x); inf where it meets none."""
         rays = np.stack((np.cos(bearings_rad), np.sin(bearings_rad)), axis=1)
         to_start = self._start - np.asarray(origin)
         turn = _cross(rays[:, None, :], self._along[None, :, :])

@@ -1,0 +1,208 @@
+"""The drive train against closed-form solutions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chefbotd.sim.motor import BodyParameters, MotorParameters
+from chefbotd.sim.plant import Plant, Supply, WheelState
+
+HANGING = BodyParameters(mass_kg=0)
+FULL = (1023, 1023)
+# The default motor: R = 12 / 5 ohm, Ke = (12 - 2.4 * 0.3) / 8.37758 V s, Kt = 1.765 / 5 N m/A.
+RESISTANCE_OHM = 2.4
+BACK_EMF_V_S = 11.28 / 8.37758
+TORQUE_N_M_A = 0.353
+
+
+def spin(plant: Plant, state: WheelState, duty: tuple[int, ...] | None, seconds: float) -> WheelState:
+    """The wheels after so long at 12 V."""
+    pulse_width = None if duty is None else plant.pulse_width(duty)
+    for _ in range(round(seconds / plant.step_s)):
+        state = plant.step(state, pulse_width, 12.0)
+    return state
+
+
+def spinning(*velocity_rad_s: float) -> WheelState:
+    """Wheels at angle 0 with these speeds."""
+    return WheelState(np.zeros(len(velocity_rad_s)), np.array(velocity_rad_s))
+
+
+def frictionless_motor() -> MotorParameters:
+    """The default motor with all its no-load loss viscous."""
+    return MotorParameters(dry_friction_share=0)
+
+
+def test_free_wheels_reach_the_no_load_speed() -> None:
+    """At the rated voltage a hanging wheel settles at 80 rpm = 8.37758 rad/s, drawing the no-load current."""
+    plant = Plant(MotorParameters(), HANGING, 0.005)
+    state = spin(plant, plant.standing, FULL, 2.0)
+    assert state.velocity_rad_s == pytest.approx([8.37758, 8.37758], abs=1e-4)
+    current = plant.motor_current_a(state, plant.pulse_width(FULL), 12.0)
+    assert current == pytest.approx([0.3, 0.3], abs=1e-4)
+
+
+def test_a_stalled_motor_draws_the_stall_current() -> None:
+    """At standstill only the winding limits the current: 12 V / 2.4 ohm = 5 A."""
+    plant = Plant(MotorParameters(), HANGING, 0.005)
+    assert plant.motor_current_a(plant.standing, plant.pulse_width(FULL), 12.0) == pytest.approx([5.0, 5.0])
+
+
+@pytest.mark.parametrize("step_s", [0.001, 0.005, 0.02])
+def test_spin_up_has_the_motors_time_constant_at_any_step(step_s: float) -> None:
+    """Without dry friction speed is 1 - 1/e of its final value after J / (b + Kt Ke / R), whatever the step."""
+    friction_n_m_s = TORQUE_N_M_A * 0.3 / 8.37758
+    damping = friction_n_m_s + TORQUE_N_M_A * BACK_EMF_V_S / RESISTANCE_OHM
+    motor = frictionless_motor().model_copy(update={"rotor_inertia_kg_m2": 0.1 * damping})
+    plant = Plant(motor, HANGING, step_s)  # the time constant is 0.1 s by choice of the inertia
+    state = spin(plant, plant.standing, FULL, 0.1)
+    assert state.velocity_rad_s == pytest.approx([8.37758 * (1 - math.exp(-1))] * 2, rel=1e-5)
+
+
+def test_duty_zero_brakes_and_an_open_bridge_coasts() -> None:
+    """A shorted motor is slowed by its own current (J R / (Kt Ke)), an open one by viscous friction alone."""
+    motor = frictionless_motor()
+    plant = Plant(motor, HANGING, 0.005)
+    friction_n_m_s = TORQUE_N_M_A * 0.3 / 8.37758
+    magnetic_n_m_s = TORQUE_N_M_A * BACK_EMF_V_S / RESISTANCE_OHM
+    braked = spin(plant, spinning(8.0, -8.0), (0, 0), 0.05)
+    coasted = spin(plant, spinning(8.0, -8.0), None, 0.05)
+    shrunk = math.exp(-(friction_n_m_s + magnetic_n_m_s) / 0.012 * 0.05)
+    assert braked.velocity_rad_s == pytest.approx([8 * shrunk, -8 * shrunk], rel=1e-5)
+    assert coasted.velocity_rad_s[0] == pytest.approx(8 * math.exp(-friction_n_m_s / 0.012 * 0.05), rel=1e-5)
+    assert plant.motor_current_a(coasted, None, 12.0) == pytest.approx([0.0, 0.0])
+
+
+def test_dry_friction_stops_a_coasting_wheel_for_good() -> None:
+    """With dry friction alone, 8 rad/s fade at 0.1059 N m / 0.012 kg m2 = 8.825 rad/s2: gone after 0.907 s."""
+    plant = Plant(MotorParameters(dry_friction_share=1), HANGING, 0.005)
+    assert spin(plant, spinning(8.0, 8.0), None, 0.5).velocity_rad_s == pytest.approx([3.5875] * 2)
+    assert spin(plant, spinning(8.0, 8.0), None, 0.91).velocity_rad_s.tolist() == [0.0, 0.0]
+
+
+def test_static_friction_and_dead_zone_hold_a_wheel() -> None:
+    """To start, the pulses must give 1.3 * 0.08472 N m: 0.749 V of 12 V, above the dead zone duty 82.6."""
+    plant = Plant(MotorParameters(), HANGING, 0.005)
+    start_duty = 20 + (1023 - 20) * 1.3 * 0.08472 / TORQUE_N_M_A * RESISTANCE_OHM / 12
+    assert start_duty == pytest.approx(82.6, abs=0.05)
+    assert spin(plant, plant.standing, (82, -82), 0.5).velocity_rad_s.tolist() == [0.0, 0.0]
+    left, right = spin(plant, plant.standing, (83, -83), 0.5).velocity_rad_s
+    assert left > 0 > right
+
+
+def test_a_wheel_stands_while_the_other_drives() -> None:
+    """The robot's inertia couples its wheels, yet friction holds the undriven one exactly still."""
+    plant = Plant(MotorParameters(), BodyParameters(), 0.005)
+    state = spin(plant, plant.standing, (300, 0), 1.0)
+    assert state.velocity_rad_s[0] > 1
+    assert state.angle_rad[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_weight_adds_inertia() -> None:
+    """Straight ahead each wheel moves half the mass: J + 6 kg * (0.045 m)^2 / 2 = 0.018075 kg m2."""
+    motor = frictionless_motor()
+    plant = Plant(motor, BodyParameters(rolling_resistance=0), 1e-4)
+    state = spin(plant, plant.standing, FULL, 1e-4)
+    assert state.velocity_rad_s / 1e-4 == pytest.approx([TORQUE_N_M_A * 5 / 0.018075] * 2, rel=2e-3)
+
+
+def test_turning_feels_the_yaw_inertia() -> None:
+    """On the spot each wheel turns Iz (r / track)^2 * 2: 0.012 + 0.1 * 0.0225 * 2 = 0.0165 kg m2."""
+    plant = Plant(frictionless_motor(), BodyParameters(rolling_resistance=0), 1e-4)
+    state = spin(plant, plant.standing, (-1023, 1023), 1e-4)
+    assert state.velocity_rad_s / 1e-4 == pytest.approx(
+        [-TORQUE_N_M_A * 5 / 0.0165, TORQUE_N_M_A * 5 / 0.0165], rel=2e-3
+    )
+
+
+def test_supply_sags_under_load_and_rises_when_braking() -> None:
+    """Two stalled motors at full duty put 1.2 ohm behind 0.1 ohm: 13 V fall to 12 V; spinning ones give back."""
+    plant = Plant(MotorParameters(), HANGING, 0.005)
+    full = plant.pulse_width(FULL)
+    supply = Supply(open_circuit_v=13.0, resistance_ohm=0.1)
+    assert plant.terminal_voltage_v(plant.standing, full, supply) == pytest.approx(12.0)
+    assert plant.terminal_voltage_v(spinning(20.0, 20.0), full, supply) > 13.0
+    electronics = Supply(open_circuit_v=13.0, resistance_ohm=0.1, base_load_a=2.0)
+    assert plant.terminal_voltage_v(plant.standing, plant.pulse_width((0, 0)), electronics) == pytest.approx(
+        12.8
+    )
+
+
+def test_twist_follows_the_rims() -> None:
+    """Left 1 rad/s and right 3 rad/s on 0.045 m wheels 0.3 m apart: 0.09 m/s and 0.3 rad/s to the left."""
+    twist = Plant(MotorParameters(), HANGING, 0.005).twist(np.array([1.0, 3.0]))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.09, 0.3))
+
+
+def test_radii_and_slip_differ_by_side() -> None:
+    """A right wheel 2 % larger that slips 50 % moves its side by half of 1.02 radii."""
+    body = BodyParameters(mass_kg=0, right_radius_multiplier=1.02, right_slip=0.5)
+    twist = Plant(MotorParameters(), body, 0.005).twist(np.array([0.0, 2.0]))
+    rim_m_s = 2.0 * 0.045 * 1.02 * 0.5
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((rim_m_s / 2, rim_m_s / 0.3))
+
+
+def test_four_wheels_average_per_side() -> None:
+    """Front and rear wheels of a side share its motion: left (1, 3), right (5, 7) are left 2 and right 6."""
+    body = BodyParameters(mass_kg=0, wheels_per_side=2)
+    twist = Plant(MotorParameters(), body, 0.005).twist(np.array([1.0, 5.0, 3.0, 7.0]))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((4 * 0.045, 4 * 0.045 / 0.3))
+
+
+def test_skidding_against_a_wall_takes_the_grips_torque() -> None:
+    """A held robot's wheels spin against grip * weight: 0.6 * 29.42 N * 0.045 m more friction each."""
+    plant = Plant(frictionless_motor(), BodyParameters(rolling_resistance=0), 0.005)
+    state, pulse_width = plant.standing, plant.pulse_width(FULL)
+    for _ in range(400):
+        state = plant.step(state, pulse_width, 12.0, skid=1.0)
+    damping = TORQUE_N_M_A * 0.3 / 8.37758 + TORQUE_N_M_A * BACK_EMF_V_S / RESISTANCE_OHM
+    lost_rad_s = 0.6 * 6 * 9.80665 / 2 * 0.045 / damping
+    assert state.velocity_rad_s == pytest.approx([8.37758 - lost_rad_s] * 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("duty", "share"), [(0, 0.0), (20, 0.0), (1023, 1.0), (-1023, -1.0), (5000, 1.0), (-20, 0.0)]
+)
+def test_pulse_width_has_a_dead_zone_and_full_scale(duty: int, share: float) -> None:
+    """Up to duty 20 nothing passes, at 1023 everything does, and no more beyond."""
+    assert Plant(MotorParameters(), HANGING, 0.005).pulse_width((duty, 0)) == pytest.approx([share, 0.0])
+
+
+def test_wrong_numbers_are_refused() -> None:
+    """One duty for two wheels, and a step that is not positive, raise with what was given."""
+    with pytest.raises(ValueError, match="1 duties for 2 wheels"):
+        Plant(MotorParameters(), HANGING, 0.005).pulse_width((100,))
+    with pytest.raises(ValueError, match=r"step_s must be positive, got 0"):
+        Plant(MotorParameters(), HANGING, 0)
+
+
+@settings(max_examples=60)
+@given(
+    left=st.floats(-20, 20),
+    right=st.floats(-20, 20),
+    duty=st.sampled_from([None, (0, 0), (10, -10)]),
+)
+def test_without_drive_energy_never_grows(left: float, right: float, duty: tuple[int, int] | None) -> None:
+    """Neither braking nor coasting, at any pair of speeds, adds to the kinetic energy of robot and rotors."""
+    plant = Plant(MotorParameters(), BodyParameters(), 0.005)
+
+    def energy_j(state: WheelState) -> float:
+        twist = plant.twist(state.velocity_rad_s)
+        rotors = 0.012 * float(state.velocity_rad_s @ state.velocity_rad_s)
+        return (rotors + 6 * twist.linear_m_s**2 + 0.1 * twist.angular_rad_s**2) / 2
+
+    state = spinning(left, right)
+    for _ in range(40):
+        after = spin(plant, state, duty, 0.005)
+        assert energy_j(after) <= energy_j(state) + 1e-12
+        state = after
+
+
+def test_a_motor_without_any_damping_coasts_for_ever() -> None:
+    """The exact step has no division by a damping of zero: nothing slows a wheel that nothing rubs."""
+    motor = MotorParameters(dry_friction_share=1, no_load_current_a=1e-9)
+    plant = Plant(motor, HANGING, 0.005)
+    assert spin(plant, spinning(3.0, 3.0), None, 1.0).velocity_rad_s == pytest.approx([3.0, 3.0])
