@@ -35,18 +35,14 @@ class Decoder:
         """Each line (without its end) that ``data`` completes, and what it means; empty ones are left out."""
         if self._skipping:
             data = self._after_line_end(data)
-        framing, decode, limit = self._codec.framing, self._codec.decode, self._max_line
+        framing = self._codec.framing
         lines = (self._partial + data).replace(*framing.replaced).split(framing.end)
         self._partial = lines.pop()
-        decoded = [
-            (line, decode(line)) if len(line) <= limit else self._overlong(line) for line in lines if line
-        ]
         # The byte beyond the limit may be a CR that belongs to the line's end.
-        if len(self._partial) > limit + 1:
-            decoded.append(self._overlong(self._partial))
+        if len(self._partial) > self._max_line + 1:
+            lines.append(self._partial)
             self._partial, self._skipping = b"", True
-        self._count(decoded)
-        return decoded
+        return self._decode(lines)
 
     def reset(self) -> None:
         """Forget the line in progress: what comes next belongs to another connection."""
@@ -57,14 +53,20 @@ class Decoder:
         self._skipping = not end
         return rest
 
-    def _overlong(self, line: bytes) -> Decoded:
-        prefix = line[: self._max_line]
-        return prefix, Malformed(Reason.OVERLONG, prefix, f"longer than {self._max_line} bytes")
-
-    def _count(self, decoded: list[Decoded]) -> None:
-        classes = self._classes
-        for _, meaning in decoded:
+    def _decode(self, lines: list[bytes]) -> list[Decoded]:
+        decode, limit, classes = self._codec.decode, self._max_line, self._classes
+        decoded: list[Decoded] = []
+        for line in lines:
+            if not line:
+                continue
+            meaning = decode(line) if len(line) <= limit else self._overlong(line)
             meant = meaning.__class__
             classes[meant] = classes.get(meant, 0) + 1
             if isinstance(meaning, Malformed):
                 self.malformed[meaning.reason] += 1
+                line = meaning.line
+            decoded.append((line, meaning))
+        return decoded
+
+    def _overlong(self, line: bytes) -> Malformed:
+        return Malformed(Reason.OVERLONG, line[: self._max_line], f"longer than {self._max_line} bytes")
