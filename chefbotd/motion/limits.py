@@ -101,12 +101,15 @@ NO_GAP = 1e-9
 
 
 def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: float) -> LimiterState:
-    """Go towards a finite target for ``dt_s``, as far as the limits allow; no time (<= 0), no change."""
+    """Go towards a finite target for ``dt_s``, as far as the limits allow; no time (<= 0), no change.
+
+    Standing still has no curvature to keep: to a stop, each axis brakes as hard as it may.
+    """
     if dt_s <= 0:
         return state
     linear, angular = params.linear.axis, params.angular.axis
     aim = _within_speeds(linear, angular, target, params.keep_curvature)
-    if params.keep_curvature:
+    if params.keep_curvature and aim != STANDING:
         linear, angular = _in_step(linear, angular, state, aim)
     now, change = state.twist, state.acceleration
     linear_m_s, linear_m_s2 = advance(linear, now.linear_m_s, change.linear_m_s, aim.linear_m_s, dt_s)
@@ -127,7 +130,7 @@ def _within_speeds(linear: AxisLimits, angular: AxisLimits, target: Twist2D, kee
 def _in_step(
     linear: AxisLimits, angular: AxisLimits, state: LimiterState, aim: Twist2D
 ) -> tuple[AxisLimits, AxisLimits]:
-    """Limits under which both axes arrive together: from rest, or along an arc, the curvature never changes.
+    """Limits under which both axes arrive together: from rest, or faster on an arc, the curvature is kept.
 
     Each axis would need so many seconds at its full acceleration (and so many squared at its full jerk); the
     one that needs more sets the pace.

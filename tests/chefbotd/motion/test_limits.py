@@ -111,16 +111,26 @@ arcs = st.tuples(st.floats(-0.2, 0.5), st.floats(-5, 5))
 jerks = st.none() | st.floats(1, 50)
 
 
-@given(arcs, jerks)
+@given(arcs, st.floats(0.1, 0.9), jerks)
 @settings(max_examples=60)
-def test_an_arc_begins_and_ends_on_the_same_circle(arc: tuple[float, float], jerk: float | None) -> None:
-    """From rest to an arc and back to rest the curvature is the one asked for at every step."""
+def test_an_arc_is_one_circle_from_its_beginning(
+    arc: tuple[float, float], slower: float, jerk: float | None
+) -> None:
+    """From rest to an arc, and then slower along it, the curvature is the one asked for at every step."""
     params = limits(keep_curvature=True, jerk=jerk)
     away = follow(params, Twist2D(*arc), 60)
-    back = follow(params, STANDING, 60, away[-1])
+    back = follow(params, Twist2D(arc[0] * slower, arc[1] * slower), 60, away[-1])
     for state in away + back:
         cross = state.twist.linear_m_s * arc[1] - state.twist.angular_rad_s * arc[0]
         assert cross == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_stop_does_not_wait_for_the_slower_axis() -> None:
+    """From (0.3, 2) the robot has stopped rolling after 0.3 s, although its turn takes a second to end."""
+    states = follow(limits(keep_curvature=True), STANDING, 11, moving(0.3, 2.0))
+    assert states[2].twist.linear_m_s == pytest.approx(0.0, abs=1e-15)
+    assert states[2].twist.angular_rad_s == pytest.approx(1.4)
+    assert states[10].twist == STANDING
 
 
 @given(arcs, arcs, arcs, st.integers(1, 10), jerks)
