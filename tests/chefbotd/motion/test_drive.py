@@ -1,0 +1,163 @@
+"""The wheels' controller as a whole."""
+
+import math
+
+import pytest
+
+from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.motion.drive import Drive, DriveParameters, DriveState
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
+
+TRACK_M, RADIUS_M = 0.3, 0.05
+CHASSIS = ChassisParameters.model_validate(
+    {
+        "track_width_m": TRACK_M,
+        "wheels": [
+            {"name": "left", "side": "left", "radius_m": RADIUS_M},
+            {"name": "right", "side": "right", "radius_m": RADIUS_M, "motor_sign": -1},
+        ],
+    }
+)
+LIMITS = MotionLimits.model_validate(
+    {
+        "linear": {"max_forward_m_s": 1.0, "acceleration_m_s2": 1.0},
+        "angular": {"max_left_rad_s": 5.0, "acceleration_rad_s2": 5.0},
+    }
+)
+GAINS = PidParameters(kp=100.0, ki=50.0, ks=40.0, kv=1000.0, ka=10.0, output_limit=1023.0)
+
+
+def drive(gains: PidParameters = GAINS, **parameters: float) -> Drive:
+    """A controller of two wheels, the right motor wired the other way round."""
+    return Drive(DriveParameters(max_rim_speed_m_s=0.5, **parameters), CHASSIS, LIMITS, (gains, gains))
+
+
+def regulated(
+    controller: Drive, state: DriveState, target: Twist2D, seconds: float, rim_m_s: float
+) -> DriveState:
+    """Encoder frames every 20 ms, the wheels always turning at ``rim_m_s``."""
+    start_s = state.stepped_s or 0.0
+    for number in range(1, round(seconds / 0.02) + 1):
+        now_s = start_s + number * 0.02
+        speeds = (rim_m_s / RADIUS_M, rim_m_s / RADIUS_M)
+        state = controller.regulate(state, target, now_s, speeds, 0.02)
+    return state
+
+
+def test_a_command_moves_the_duty_before_the_next_encoder_frame():
+    """From rest, 10 ms after the last step and with 1 m/s²: 0.01 m/s allowed, so duty is ks + kv v + ka a."""
+    controller = drive()
+    state = controller.retarget(controller.at_rest, STANDING, 100.0)
+    state = controller.retarget(state, Twist2D(0.2, 0.0), 100.01)
+    expected = round(40.0 + 1000.0 * 0.01 + 10.0 * 1.0)
+    assert state.limiter.twist.linear_m_s == pytest.approx(0.01)
+    assert state.duty == (expected, -expected)
+
+
+def test_between_encoder_frames_integral_and_derivative_wait():
+    """Any number of retargets leaves what the PIDs remember untouched."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.0), 1.0, rim_m_s=0.1)
+    later = state
+    for number in range(1, 6):
+        later = controller.retarget(later, Twist2D(0.1, 0.0), state.stepped_s + number * 0.001)
+    assert later.pids == state.pids
+    assert later.duty != state.duty
+
+
+def test_the_motor_sign_turns_the_duty_and_nothing_else():
+    """A motor wired backwards gets the opposite duty for the same rim speed."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.0), 1.0, rim_m_s=0.2)
+    assert state.duty[0] == -state.duty[1] > 0
+    assert controller.targets_rad_s(state) == pytest.approx((0.2 / RADIUS_M, 0.2 / RADIUS_M))
+
+
+def test_turning_in_place_turns_the_wheels_against_each_other():
+    """1 rad/s over a track of 0.3 m: the rims go at -0.15 and +0.15 m/s."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.0, 1.0), 1.0, rim_m_s=0.0)
+    assert state.setpoint_m_s == pytest.approx((-0.15, 0.15))
+
+
+def test_a_twist_beyond_the_wheels_keeps_its_curvature():
+    """2 m/s and 4 rad/s would need a rim at 2.6 m/s; at the 0.5 m/s there are, the radius is still half a metre."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(2.0, 4.0), 3.0, rim_m_s=0.3)
+    twist = state.limiter.twist
+    assert max(map(abs, state.setpoint_m_s)) <= 0.5 + 1e-9
+    assert twist.linear_m_s / twist.angular_rad_s == pytest.approx(0.5)
+
+
+def test_a_wheel_that_saturates_slows_the_twist_and_keeps_its_shape():
+    """Motors too weak for the speed: at full duty the wheels lag, so the twist gives way down to what they do."""
+    weak = GAINS.model_copy(update={"output_limit": 150.0})
+    controller = drive(weak)
+    state = regulated(controller, controller.at_rest, Twist2D(0.4, 0.4), 1.0, rim_m_s=0.1)
+    assert state.share < 1.0
+    assert state.limiter.twist.linear_m_s / state.limiter.twist.angular_rad_s == pytest.approx(1.0)
+    recovered = regulated(controller, state, Twist2D(0.05, 0.05), 3.0, rim_m_s=0.05)
+    assert recovered.share == 1.0
+
+
+def test_halting_brakes_at_once_and_forgets_everything():
+    """Zero duty without a ramp; limiter and integrators at zero, so that the next start is from rest."""
+    controller = drive()
+    moving = regulated(controller, controller.at_rest, Twist2D(0.4, 0.0), 1.0, rim_m_s=0.2)
+    halted = controller.halt(moving)
+    assert halted.duty == (0, 0)
+    assert halted.limiter.twist == STANDING
+    assert halted.pids == controller.at_rest.pids
+    assert halted.stepped_s == moving.stepped_s
+
+
+def test_coming_to_rest_ramps_down_and_ends_with_a_brake():
+    """From 0.2 m/s at 1 m/s² the setpoint is zero after 0.2 s; then duty and integrators are zero too."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.0), 1.0, rim_m_s=0.15)
+    halfway = regulated(controller, state, STANDING, 0.1, rim_m_s=0.15)
+    assert halfway.limiter.twist.linear_m_s == pytest.approx(0.1)
+    at_rest = regulated(controller, halfway, STANDING, 0.14, rim_m_s=0.05)
+    assert at_rest.duty == (0, 0)
+    assert at_rest.pids == controller.at_rest.pids
+
+
+def test_a_long_silence_does_not_become_one_big_step():
+    """After 10 s without a step the limiter accounts for 0.1 s of them: 0.1 m/s at 1 m/s²."""
+    controller = drive()
+    state = controller.retarget(controller.at_rest, STANDING, 100.0)
+    state = controller.retarget(state, Twist2D(0.5, 0.0), 110.0)
+    assert state.limiter.twist.linear_m_s == pytest.approx(0.1)
+
+
+def test_new_gains_make_no_bump():
+    """Doubling kp and ki in mid-drive leaves the duty for the same measurement as it was."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.0), 2.0, rim_m_s=0.15)
+    gains = GAINS.model_copy(update={"kp": 200.0, "ki": 100.0})
+    retuned = controller.retune(state, (gains, gains))
+    after = controller.retarget(retuned, Twist2D(0.2, 0.0), state.stepped_s)
+    assert after.duty == state.duty
+    assert controller.gains == (gains, gains)
+
+
+def test_closed_loop_reaches_the_speed_that_feedforward_misses():
+    """A first-order wheel that reaches only 0.8 of what the feedforward thinks: the integral makes up for it."""
+    controller = drive(GAINS.model_copy(update={"ki": 1000.0}))
+    state, rims = controller.at_rest, [0.0, 0.0]
+    for number in range(500):
+        state = controller.regulate(
+            state, Twist2D(0.2, 0.3), number * 0.02, tuple(rim / RADIUS_M for rim in rims), 0.02
+        )
+        for wheel, (duty, sign) in enumerate(zip(state.duty, (1, -1), strict=True)):
+            reached = 0.8 * math.copysign(max(0.0, abs(duty) - 40.0), duty * sign) / 1000.0
+            rims[wheel] += (reached - rims[wheel]) * 0.3
+    assert rims == pytest.approx([0.2 - 0.3 * 0.15, 0.2 + 0.3 * 0.15], abs=0.002)
+
+
+def test_one_set_of_gains_per_wheel():
+    """Too few gains are refused with both numbers."""
+    with pytest.raises(ValueError, match="gains for 2 wheels, got 1"):
+        Drive(DriveParameters(), CHASSIS, LIMITS, (GAINS,))

@@ -1,0 +1,399 @@
+"""The control loop between the gate and the wire."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.bus import Bus
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import (
+    BoardRestarted,
+    EncodersCounted,
+    LinkClosed,
+    LinkOpened,
+    SafetyChanged,
+    WheelsDriven,
+    WheelsMeasured,
+)
+from chefbotd.core.geometry import Twist2D
+from chefbotd.motion.drive import Drive, DriveParameters
+from chefbotd.motion.encoder import EncoderParameters
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
+from chefbotd.safety.gate import Rearm, SafetyParameters
+from chefbotd.services.drive import ControlParameters, DriveService
+
+CHASSIS = ChassisParameters.model_validate(
+    {
+        "track_width_m": 0.3,
+        "wheels": [
+            {"name": "left_wheel", "side": "left", "radius_m": 0.05},
+            {"name": "right_wheel", "side": "right", "radius_m": 0.05},
+        ],
+    }
+)
+LIMITS = MotionLimits.model_validate(
+    {
+        "linear": {"max_forward_m_s": 1.0, "acceleration_m_s2": 1.0},
+        "angular": {"max_left_rad_s": 5.0, "acceleration_rad_s2": 5.0},
+    }
+)
+GAINS = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1023.0)
+AHEAD = Twist2D(0.2, 0.0)
+FULL_DUTY = (240, 240)  # 40 + 1000 * 0.2
+
+
+class Rig:
+    """A control loop with a wire that remembers, fed by hand. Feedforward only, so that duties can be computed."""
+
+    def __init__(self, rearm: Rearm = Rearm.MANUAL) -> None:
+        self.bus, self.clock = Bus(), LoopClock()
+        self.written: list[tuple[float, tuple[int, ...]]] = []
+        self.start_s = self.clock.now_s()
+        self.service = DriveService(
+            self.bus,
+            self.clock,
+            lambda duty: self.written.append((round(self.elapsed_s, 6), duty)),
+            Drive(DriveParameters(max_rim_speed_m_s=0.5), CHASSIS, LIMITS, (GAINS, GAINS)),
+            wheels=CHASSIS.wheels,
+            encoders=EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
+            safety=SafetyParameters(rearm=rearm),
+            control=ControlParameters(watch_period_s=0.02),
+        )
+        self.safety = self.bus.subscribe(SafetyChanged)
+        self.wheels = self.bus.subscribe(WheelsMeasured, WheelsDriven)
+        self.task = asyncio.create_task(self.service.run())
+
+    @property
+    def elapsed_s(self) -> float:
+        """Seconds since the rig was built."""
+        return self.clock.now_s() - self.start_s
+
+    @property
+    def duty(self) -> tuple[int, ...]:
+        """The last duty on the wire."""
+        return self.written[-1][1]
+
+    async def open_link(self) -> None:
+        """The board is there."""
+        self.bus.publish(LinkOpened(self.clock.now_s(), "fake"))
+        await asyncio.sleep(0)
+
+    async def frames(self, seconds: float, *, counts: tuple[int, int] = (0, 0)) -> None:
+        """Encoder frames every 10 ms, always the same counts."""
+        for _ in range(round(seconds / 0.01)):
+            await asyncio.sleep(0.01)
+            self.bus.publish(EncodersCounted(self.clock.now_s(), self.clock.now_s(), counts))
+            await asyncio.sleep(0)
+
+    async def drive_for(self, seconds: float) -> None:
+        """Command and frames together, both every 10 ms."""
+        for _ in range(round(seconds / 0.01)):
+            self.service.command("teleop", AHEAD)
+            await self.frames(0.01)
+
+    def modes(self) -> list[tuple[str, str | None]]:
+        """Safety events since the last call, as mode and source."""
+        events = [self.safety.take() for _ in range(len(self.safety))]
+        return [(event.mode, event.source) for event in events]
+
+
+def on_rig(scenario: Callable[[Rig], Awaitable[None]], rearm: Rearm = Rearm.MANUAL) -> None:
+    """Run a scenario with the link open, on the virtual clock."""
+
+    async def run() -> None:
+        rig = Rig(rearm)
+        await asyncio.sleep(0)
+        await rig.open_link()
+        await scenario(rig)
+        rig.task.cancel()
+        await asyncio.gather(rig.task, return_exceptions=True)
+
+    run_virtual(run())
+
+
+def test_every_encoder_frame_is_answered_with_a_duty():
+    """Also at rest: a stop that was lost on the wire is repeated with every frame."""
+
+    async def scenario(rig: Rig) -> None:
+        before = len(rig.written)
+        await rig.frames(0.1)
+        assert [duty for _, duty in rig.written[before:]] == [(0, 0)] * 10
+        assert rig.service.steps == 10
+
+    on_rig(scenario)
+
+
+def test_a_command_is_on_the_wire_before_the_call_returns():
+    """No frame and no turn of the loop lies between the command and its duty."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.02)
+        await asyncio.sleep(0.005)
+        rig.service.command("teleop", AHEAD)
+        assert rig.duty == (45, 45)  # 40 + 1000 * (1 m/s² * 5 ms)
+
+    on_rig(scenario)
+
+
+def test_speed_ramps_up_within_the_acceleration_limit():
+    """At 1 m/s² the setpoint is 0.1 m/s after 0.1 s and 0.2 m/s from 0.2 s on."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.1)
+        assert rig.duty == (140, 140)
+        await rig.drive_for(0.15)
+        assert rig.duty == FULL_DUTY
+
+    on_rig(scenario)
+
+
+def test_the_dead_man_ramps_down_and_brakes():
+    """0.5 s after the last command the setpoint falls at 1 m/s²: still at 0.45 s, at rest by 0.75 s."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        await rig.frames(0.45)
+        assert rig.duty == FULL_DUTY
+        await rig.frames(0.15)
+        assert 0 < rig.duty[0] < 240
+        await rig.frames(0.15)
+        assert rig.duty == (0, 0)
+
+    on_rig(scenario)
+
+
+def test_the_dead_man_does_not_need_encoder_frames():
+    """Encoders fall silent while driving: the ramp to zero happens all the same, on the watch period."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        await asyncio.sleep(0.8)
+        assert rig.duty == (0, 0)
+        stopped_s = next(at for at, duty in rig.written if at > 0.4 and duty == (0, 0))
+        assert stopped_s <= 0.3 + 0.5 + 0.2 + 2 * 0.02 + 0.011
+
+    on_rig(scenario)
+
+
+def test_stop_ramps_down_at_once():
+    """Stop does not wait for the dead-man: at rest after the 0.2 s that braking from 0.2 m/s takes."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        rig.service.stop()
+        await rig.frames(0.1)
+        assert 0 < rig.duty[0] < 240
+        await rig.frames(0.12)
+        assert rig.duty == (0, 0)
+
+    on_rig(scenario)
+
+
+def test_an_estop_is_zero_at_once_latches_and_does_not_jump_on_release():
+    """Zero in the same call; commands refused until arm; after arm still zero, then a ramp from rest."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        rig.service.estop("button")
+        assert rig.duty == (0, 0)
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.ESTOPPED
+        await rig.frames(0.2)
+        rig.service.arm()
+        await rig.frames(0.1)
+        assert rig.duty == (0, 0)
+        rig.service.command("teleop", AHEAD)
+        await rig.frames(0.01)
+        assert rig.duty[0] <= 60
+        assert rig.modes() == [
+            ("armed", None),
+            ("armed", "teleop"),
+            ("estopped", None),
+            ("armed", None),
+            ("armed", "teleop"),
+        ]
+
+    on_rig(scenario)
+
+
+@pytest.mark.parametrize(
+    "fault", [LinkClosed(0.0, "fake", "unplugged"), BoardRestarted(0.0, "banner")], ids=["link", "board"]
+)
+def test_a_lost_link_and_a_restarted_board_disarm_until_arm(fault: object):
+    """The link comes back by itself, motion only after arm."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        rig.bus.publish(fault)
+        await asyncio.sleep(0)
+        assert rig.duty == (0, 0)
+        await rig.open_link()
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.DISARMED
+        rig.service.arm()
+        rig.service.command("teleop", AHEAD)
+
+    on_rig(scenario)
+
+
+@pytest.mark.parametrize("fault", [LinkClosed(0.0, "fake", "unplugged"), BoardRestarted(0.0, "banner")])
+def test_with_rearm_auto_the_fault_ends_by_itself_but_an_estop_does_not(fault: object):
+    """After the link or the board is back commands are taken again, from rest; an e-stop still needs arm."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        rig.bus.publish(fault)
+        await rig.open_link()
+        assert rig.duty == (0, 0)
+        rig.service.command("teleop", AHEAD)
+        rig.service.estop("button")
+        rig.bus.publish(fault)
+        await rig.open_link()
+        with pytest.raises(Refused):
+            rig.service.command("teleop", AHEAD)
+
+    on_rig(scenario, Rearm.AUTO)
+
+
+def test_without_a_link_there_is_nothing_to_arm():
+    """Arming is refused while the board is away: there is nothing to arm."""
+
+    async def scenario(rig: Rig) -> None:
+        rig.bus.publish(LinkClosed(0.0, "fake", "unplugged"))
+        await asyncio.sleep(0)
+        with pytest.raises(Refused) as refusal:
+            rig.service.arm()
+        assert refusal.value.kind is RefusalKind.LINK_DOWN
+
+    on_rig(scenario)
+
+
+def test_before_the_first_link_a_command_is_refused():
+    """The daemon starts armed, but there is nobody to drive: the refusal says that the board is not connected."""
+
+    async def run() -> None:
+        rig = Rig()
+        await asyncio.sleep(0)
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.LINK_DOWN
+        await rig.open_link()
+        await rig.frames(0.1)
+        assert rig.duty == (0, 0)
+        rig.task.cancel()
+        await asyncio.gather(rig.task, return_exceptions=True)
+
+    run_virtual(run())
+
+
+def test_wheels_are_measured_in_radians_and_board_time():
+    """500 of 1000 counts in 0.5 s of board time are pi rad travelled; half of a wheel's turn."""
+
+    async def scenario(rig: Rig) -> None:
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), 10.0, (0, 0)))
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), 10.5, (500, -500)))
+        await asyncio.sleep(0)
+        measured = [
+            e for e in (rig.wheels.take() for _ in range(len(rig.wheels))) if isinstance(e, WheelsMeasured)
+        ]
+        assert measured[-1].travel_rad == pytest.approx((3.14159265, -3.14159265))
+        assert measured[-1].velocity_rad_s == pytest.approx((6.2831853, -6.2831853))
+
+    on_rig(scenario)
+
+
+def test_an_impossible_jump_moves_nothing_and_is_counted():
+    """Counts that lost digits: no wheel event, one refusal; the next good reading carries on."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.02, counts=(12345, 12345))
+        before = len(rig.wheels)
+        await rig.frames(0.01, counts=(12345, 123))
+        assert len(rig.wheels) == before
+        assert rig.service.readings_refused == 1
+        await rig.frames(0.01, counts=(12346, 12346))
+        assert rig.wheels.take().position_rad == (0.0, 0.0)
+
+    on_rig(scenario)
+
+
+def test_a_board_restart_rebases_the_encoders():
+    """Counts at zero after the restart are no travel, and positions go on."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.02, counts=(5000, 5000))
+        rig.bus.publish(BoardRestarted(rig.clock.now_s(), "banner"))
+        await rig.frames(0.02, counts=(0, 0))
+        measured = [
+            e for e in (rig.wheels.take() for _ in range(len(rig.wheels))) if isinstance(e, WheelsMeasured)
+        ]
+        assert len(measured) == 4
+        assert all(event.travel_rad == (0.0, 0.0) for event in measured)
+        assert rig.service.readings_refused == 0
+
+    on_rig(scenario)
+
+
+def test_gains_change_per_wheel_or_for_all():
+    """One wheel's gain changes alone, 'all' changes both; the answer has every wheel."""
+
+    async def scenario(rig: Rig) -> None:
+        changed = rig.service.set_gains("left_wheel", {"kp": 5.0})
+        assert (changed["left_wheel"].kp, changed["right_wheel"].kp) == (5.0, 0.0)
+        changed = rig.service.set_gains("all", {"ki": 7.0})
+        assert {name: (g.kp, g.ki) for name, g in changed.items()} == {
+            "left_wheel": (5.0, 7.0),
+            "right_wheel": (0.0, 7.0),
+        }
+
+    on_rig(scenario)
+
+
+@pytest.mark.parametrize(
+    ("wheel", "changes", "kind", "told"),
+    [
+        ("middle", {"kp": 1.0}, RefusalKind.UNKNOWN_WHEEL, "all, left_wheel, right_wheel"),
+        ("all", {"kp": -1.0}, RefusalKind.OUT_OF_RANGE, "-1.0"),
+        ("all", {"kq": 1.0}, RefusalKind.OUT_OF_RANGE, "kq"),
+    ],
+)
+def test_bad_gains_are_refused_and_change_nothing(
+    wheel: str, changes: dict[str, object], kind: RefusalKind, told: str
+):
+    """The refusal names the value or the wheels there are."""
+
+    async def scenario(rig: Rig) -> None:
+        before = rig.service.gains()
+        with pytest.raises(Refused, match=told) as refusal:
+            rig.service.set_gains(wheel, changes)
+        assert refusal.value.kind is kind
+        assert rig.service.gains() == before
+
+    on_rig(scenario)
+
+
+def test_a_control_loop_that_dies_stops_the_motors():
+    """An encoder frame with the wrong number of wheels is a bug: the loop ends, and its last word is zero."""
+
+    async def run() -> None:
+        rig = Rig()
+        await asyncio.sleep(0)
+        await rig.open_link()
+        await rig.drive_for(0.3)
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), (1, 2, 3)))
+        with pytest.raises(ValueError, match="zip"):
+            await rig.task
+        assert rig.duty == (0, 0)
+
+    run_virtual(run())

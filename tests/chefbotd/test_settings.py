@@ -1,0 +1,121 @@
+"""Configuration: files, environment, overrides and their errors."""
+
+from pathlib import Path
+
+import pytest
+
+from chefbotd.settings import SettingsError, load, packaged
+
+
+@pytest.fixture
+def chefbot(tmp_path: Path) -> Path:
+    """A copy of the packaged configuration to spoil."""
+    copy = tmp_path / "robot.toml"
+    copy.write_text(packaged("chefbot").read_text())
+    return copy
+
+
+def spoil(path: Path, old: str, new: str) -> Path:
+    """Replace a line's text, which must be there."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def test_the_packaged_chefbot_has_the_published_numbers():
+    """Wheel diameter 0.09 m, base 0.3 m, 4200 counts, Kp 400, Ki 100, output 1023, dead-man 0.5 s."""
+    settings = load()
+    assert settings.robot.name == "chefbot"
+    assert [wheel.radius_m for wheel in settings.chassis.wheels] == [0.045, 0.045]
+    assert settings.chassis.track_width_m == 0.3
+    assert settings.encoders.counts_per_turn == 4200
+    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (400, 100, 1023)
+    assert settings.safety.command_timeout_s == 0.5
+    assert {name: s.priority for name, s in settings.safety.sources.items()} == {
+        "safety": 10,
+        "teleop": 7,
+        "navigation": 5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "track_width_m = 0.3",
+            "track_width_m = -0.3",
+            r"chassis.track_width_m: .*greater than 0 \(got -0.3\)",
+        ),
+        ("baud = 115200", 'baud = "fast"', r"link.baud: .*integer.* \(got 'fast'\)"),
+        ("baud = 115200", "bawd = 115200", r"link.bawd: there is no such key \(got 115200\)"),
+        ("counts_per_turn = 4200", "", "encoders.counts_per_turn: this key is required"),
+        ("radius_m = 0.045", "radius_m = nan", r"chassis.wheels.0.radius_m: .*finite"),
+        ('side = "left"', 'side = "right"', "chassis: .*at least one wheel on the left side"),
+        ("priority = 10", "priority = 300", r"safety.sources.safety.priority: .*255 \(got 300\)"),
+    ],
+)
+def test_a_refused_value_is_named_with_its_key_and_range(chefbot: Path, old: str, new: str, told: str):
+    """The error has the file, the key, what was expected and what was given."""
+    with pytest.raises(SettingsError, match=told) as error:
+        load(spoil(chefbot, old, new))
+    assert str(chefbot) in str(error.value)
+
+
+def test_several_mistakes_are_all_told(chefbot: Path):
+    """One line for each, so that they can be mended in one go."""
+    spoil(chefbot, "baud = 115200", "baud = 1")
+    spoil(chefbot, "track_width_m = 0.3", "track_width_m = 0")
+    with pytest.raises(SettingsError, match=r"(?s)link\.baud.*\n.*chassis\.track_width_m"):
+        load(chefbot)
+
+
+def test_the_environment_goes_before_the_file(monkeypatch: pytest.MonkeyPatch):
+    """CHEFBOTD_LINK__DEVICE replaces [link] device, and a number is read as one."""
+    monkeypatch.setenv("CHEFBOTD_LINK__DEVICE", "/dev/ttyUSB7")
+    monkeypatch.setenv("CHEFBOTD_API__PORT", "7444")
+    monkeypatch.setenv("CHEFBOTD_PID__KP_DUTY_PER_M_S", "350")
+    settings = load()
+    assert (settings.link.device, settings.api.port, settings.pid.kp) == ("/dev/ttyUSB7", 7444, 350.0)
+
+
+def test_overrides_have_the_last_word(monkeypatch: pytest.MonkeyPatch):
+    """What the command line says beats the environment."""
+    monkeypatch.setenv("CHEFBOTD_API__PORT", "7444")
+    assert load(overrides={"api.port": 7555}).api.port == 7555
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("CHEFBOTD_LINK__DEVISE", "link.devise: there is no such key"),
+        ("CHEFBOTD_NONSENSE", "nonsense: there is no such key"),
+        ("CHEFBOTD_LINK__DEVICE__X", "link.device.x: device is a value, not a section"),
+    ],
+)
+def test_a_mistyped_environment_variable_is_not_ignored(
+    monkeypatch: pytest.MonkeyPatch, name: str, told: str
+):
+    """A name that fits no key is refused like a key that does not exist."""
+    monkeypatch.setenv(name, "x")
+    with pytest.raises(SettingsError, match=told):
+        load()
+
+
+def test_a_missing_file_and_a_broken_one_are_told_apart(tmp_path: Path):
+    """Each error names the file and what is wrong with it."""
+    with pytest.raises(SettingsError, match=r"absent.toml: cannot be read: No such file"):
+        load(tmp_path / "absent.toml")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[link\n")
+    with pytest.raises(SettingsError, match=r"broken.toml: not valid TOML: .*line 1"):
+        load(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(SettingsError, match="not valid TOML"):
+        load(broken)
+
+
+def test_an_unknown_robot_is_told_which_there_are():
+    """The packaged configurations are listed."""
+    with pytest.raises(SettingsError, match=r"'marvin'; there are: .*chefbot"):
+        packaged("marvin")

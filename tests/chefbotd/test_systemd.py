@@ -1,0 +1,25 @@
+"""What is said to systemd."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from chefbotd import systemd
+
+
+def test_without_systemd_nothing_is_said(monkeypatch: pytest.MonkeyPatch):
+    """No NOTIFY_SOCKET: nobody listens, and that is no error."""
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert systemd.notify("READY=1") is False
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_the_state_arrives_as_one_datagram(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, abstract: bool):
+    """A socket in the file system and an abstract one (leading @) both get the text."""
+    name = f"@chefbotd-test-{tmp_path.name}" if abstract else str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind("\0" + name[1:] if abstract else name)
+        monkeypatch.setenv("NOTIFY_SOCKET", name)
+        assert systemd.notify("READY=1\nSTATUS=listening") is True
+        assert listener.recv(100) == b"READY=1\nSTATUS=listening"
