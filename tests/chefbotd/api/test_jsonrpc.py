@@ -24,11 +24,10 @@ def test_params_may_be_absent() -> None:
 
 @pytest.mark.parametrize(
     ("member", "request_id", "wants_answer"),
-    [("", None, False), ('"id":null,', None, True), ('"id":0,', 0, True), ('"id":"","', "", True)],
+    [("", None, False), ('"id":null,', None, True), ('"id":0,', 0, True), ('"id":"",', "", True)],
 )
 def test_only_an_absent_id_makes_a_notification(member: str, request_id: object, wants_answer: bool) -> None:
     """An id of null, zero or nothing but quotes still asks for an answer."""
-    member = member.removesuffix('"') if member.endswith(',"') else member
     request = jsonrpc.parse(f'{{"jsonrpc":"2.0",{member}"method":"stop"}}'.encode())
     assert request == Request("stop", {}, request_id, wants_answer)  # type: ignore[arg-type]
 
