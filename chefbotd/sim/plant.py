@@ -61,13 +61,16 @@ class Plant:
         if not step_s > 0:
             raise ValueError(f"step_s must be positive, got {step_s}")
         self.step_s = step_s
-        self._motor = motor
+        self._dead_zone_duty, self._full_scale_duty = motor.dead_zone_duty, motor.full_scale_duty
         self._twist_from_wheels = _twist_from_wheels(body)
         inertia = _inertia(motor, body, self._twist_from_wheels)
-        magnetic = motor.torque_constant_n_m_a * motor.back_emf_constant_v_s / motor.resistance_ohm
+        self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
+        self._stall_n_m_per_v = motor.torque_constant_n_m_a / motor.resistance_ohm
+        magnetic = self._stall_n_m_per_v * self._back_emf_v_s
         self._driven = _Propagator(inertia, motor.viscous_friction_n_m_s + magnetic, step_s)
         self._coasting = _Propagator(inertia, motor.viscous_friction_n_m_s, step_s)
         rolling = body.rolling_resistance * body.load_n * body.wheel_radius_m
+        self._static_to_kinetic = motor.static_to_kinetic_friction
         self._kinetic_n_m = np.full(body.wheel_count, motor.dry_friction_n_m + rolling)
         self._spinning_n_m = body.grip * body.load_n * body.wheel_radius_m
         self._open = np.zeros(body.wheel_count)
@@ -88,18 +91,22 @@ class Plant:
         if len(duty) != len(self._open):
             raise ValueError(f"{len(duty)} duties for {len(self._open)} wheels")
         asked = np.asarray(duty, dtype=np.float64)
-        dead, full = self._motor.dead_zone_duty, self._motor.full_scale_duty
+        dead, full = self._dead_zone_duty, self._full_scale_duty
         return np.copysign(np.clip((np.abs(asked) - dead) / (full - dead), 0.0, 1.0), asked)
 
-    def terminal_voltage_v(self, state: WheelState, pulse_width: Vector, supply: Supply) -> float:
-        """What is left of the supply under the load of the motors: solved in closed form.
+    def load(self, state: WheelState, pulse_width: Vector | None, supply: Supply) -> tuple[float, float]:
+        """The voltage left of the supply, and the current drawn from it, electronics included.
 
-        A bridge draws ``pulse_width`` times its motor's current; braking into the supply raises it.
+        A bridge draws ``pulse_width`` times its motor's current, so both follow in closed form; braking into
+        the supply raises its voltage.
         """
-        per_ohm = supply.resistance_ohm / self._motor.resistance_ohm
-        regenerated = self._motor.back_emf_constant_v_s * float(pulse_width @ state.velocity_rad_s)
-        unloaded = supply.open_circuit_v - supply.resistance_ohm * supply.base_load_a + per_ohm * regenerated
-        return unloaded / (1 + per_ohm * float(pulse_width @ pulse_width))
+        conductance = back_emf_a = 0.0
+        if pulse_width is not None:
+            conductance = float(pulse_width @ pulse_width) / self._resistance_ohm
+            back_emf_a = float(pulse_width @ state.velocity_rad_s) * self._back_emf_v_s / self._resistance_ohm
+        unloaded_v = supply.open_circuit_v - supply.resistance_ohm * (supply.base_load_a - back_emf_a)
+        terminal_v = unloaded_v / (1 + supply.resistance_ohm * conductance)
+        return terminal_v, supply.base_load_a + conductance * terminal_v - back_emf_a
 
     def step(
         self, state: WheelState, pulse_width: Vector | None, terminal_v: float, skid: float = 0.0
@@ -110,7 +117,7 @@ class Plant:
             state: the wheels now.
             pulse_width: from ``pulse_width``; 0 shorts the motor (both bridge inputs high: it brakes);
                 None opens every bridge (the motors coast).
-            terminal_v: from ``terminal_voltage_v``.
+            terminal_v: from ``load``.
             skid: share of the wheels' grip that is overcome because the robot is held by something.
         """
         velocity = state.velocity_rad_s
@@ -119,7 +126,7 @@ class Plant:
         if pulse_width is None:
             propagator, free = self._coasting, self._coasting.decay @ velocity
         else:
-            torque = self._motor.torque_constant_n_m_a / self._motor.resistance_ohm * terminal_v * pulse_width
+            torque = (self._stall_n_m_per_v * terminal_v) * pulse_width
             propagator = self._driven
             free = propagator.decay @ velocity + propagator.gain @ torque
         after = self._rub(propagator, velocity, free, skid)
@@ -129,9 +136,9 @@ class Plant:
         """Velocities after dry friction, given those without it."""
         kinetic = self._kinetic_n_m + skid * self._spinning_n_m
         after: Vector = free - propagator.gain @ np.copysign(kinetic, velocity)
-        if (after * velocity > 0).all():
+        if (after * velocity).min() > 0:
             return after
-        limit = np.where(velocity == 0, kinetic * self._motor.static_to_kinetic_friction, kinetic)
+        limit = np.where(velocity == 0, kinetic * self._static_to_kinetic, kinetic)
         return _stick_or_slide(propagator, free, limit)
 
     def twist(self, wheel_velocity_rad_s: Vector) -> Twist2D:
@@ -143,8 +150,7 @@ class Plant:
         """Winding current per motor; none flows through an open bridge."""
         if pulse_width is None:
             return self._open
-        back_emf_v = self._motor.back_emf_constant_v_s * state.velocity_rad_s
-        return (pulse_width * terminal_v - back_emf_v) / self._motor.resistance_ohm
+        return (pulse_width * terminal_v - self._back_emf_v_s * state.velocity_rad_s) / self._resistance_ohm
 
 
 def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vector:

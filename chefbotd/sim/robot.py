@@ -8,8 +8,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.sim.arrays import Vector
@@ -60,7 +58,7 @@ class Robot:
             )
         self._plant, self._body, self._world = plant, body, world
         self._pulse_width: Vector | None = None
-        idle_v = plant.terminal_voltage_v(plant.standing, plant.standing.velocity_rad_s, battery.supply)
+        idle_v, _ = plant.load(plant.standing, None, battery.supply)
         self._now = self._before = RobotState(
             start, STANDING, plant.standing, battery, idle_v, clearance_m - body.radius_m
         )
@@ -110,12 +108,10 @@ class Robot:
         return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact)
 
     def _step(self, state: RobotState) -> RobotState:
-        battery, pulse_width = state.battery, self._pulse_width
-        shares = np.zeros_like(state.wheels.velocity_rad_s) if pulse_width is None else pulse_width
-        terminal_v = self._plant.terminal_voltage_v(state.wheels, shares, battery.supply)
-        drawn = self._plant.motor_current_a(state.wheels, pulse_width, terminal_v) @ shares
-        battery = battery.drained(battery.parameters.electronics_current_a + float(drawn), self._plant.step_s)
-        wheels = self._plant.step(state.wheels, pulse_width, terminal_v, state.skid)
+        supply = state.battery.supply
+        terminal_v, drawn_a = self._plant.load(state.wheels, self._pulse_width, supply)
+        battery = state.battery.drained(drawn_a, self._plant.step_s)
+        wheels = self._plant.step(state.wheels, self._pulse_width, terminal_v, state.skid)
         return self._moved(state, wheels, battery, terminal_v)
 
     def _moved(

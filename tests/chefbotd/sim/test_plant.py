@@ -123,12 +123,11 @@ def test_supply_sags_under_load_and_rises_when_braking() -> None:
     plant = Plant(MotorParameters(), HANGING, 0.005)
     full = plant.pulse_width(FULL)
     supply = Supply(open_circuit_v=13.0, resistance_ohm=0.1)
-    assert plant.terminal_voltage_v(plant.standing, full, supply) == pytest.approx(12.0)
-    assert plant.terminal_voltage_v(spinning(20.0, 20.0), full, supply) > 13.0
+    assert plant.load(plant.standing, full, supply) == pytest.approx((12.0, 10.0))
+    assert plant.load(spinning(20.0, 20.0), full, supply)[0] > 13.0
     electronics = Supply(open_circuit_v=13.0, resistance_ohm=0.1, base_load_a=2.0)
-    assert plant.terminal_voltage_v(plant.standing, plant.pulse_width((0, 0)), electronics) == pytest.approx(
-        12.8
-    )
+    for idle in (plant.pulse_width((0, 0)), None):
+        assert plant.load(spinning(5.0, 5.0), idle, electronics) == pytest.approx((12.8, 2.0))
 
 
 def test_twist_follows_the_rims() -> None:

@@ -1,0 +1,104 @@
+"""What the sensors make of the truth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.sim.sensors import Imu, ImuParameters, Motion, Ultrasonic, UltrasonicParameters
+from chefbotd.sim.world import World
+
+EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
+EXACT_IMU = ImuParameters(
+    heading_drift_rad_s=0,
+    heading_noise_rad=0,
+    missing_share=0,
+    gyro_bias_rad_s=0,
+    gyro_noise_rad_s=0,
+    acceleration_noise_m_s2=0,
+)
+AT_REST = Motion(0.0, 0.0, 0.0, 0.0)
+
+
+def chance() -> np.random.Generator:
+    """A generator that is the same in every test."""
+    return np.random.default_rng(7)
+
+
+def exact(**changes: float) -> UltrasonicParameters:
+    """An ultrasonic sensor at the axle without noise."""
+    return UltrasonicParameters.model_validate({"mount_x_m": 0, "noise_m": 0, **changes})
+
+
+def test_the_nearest_ray_is_the_echo() -> None:
+    """Turned 30 degrees from a wall 2 m away, a cone of 60 degrees still meets it squarely: 2 m."""
+    sensor = Ultrasonic(exact(field_of_view_rad=math.pi / 3), EAST_WALL)
+    assert sensor.distance_m(Pose2D(0, 0, math.pi / 6), chance()) == pytest.approx(2.0)
+
+
+def test_a_single_ray_looks_straight_ahead() -> None:
+    """One ray, turned 60 degrees from the wall 2 m away, runs 2 / cos(60) = 4 m."""
+    sensor = Ultrasonic(exact(rays=1, max_range_m=5), EAST_WALL)
+    assert sensor.distance_m(Pose2D(0, 0, math.pi / 3), chance()) == pytest.approx(4.0)
+
+
+def test_the_sensor_sits_ahead_of_the_axle() -> None:
+    """Mounted 0.15 m ahead it is that much nearer to what is ahead, whichever way the robot points."""
+    sensor = Ultrasonic(exact(mount_x_m=0.15), World([(-2.0, -5.0, -2.0, 5.0)]))
+    assert sensor.distance_m(Pose2D(0, 0, math.pi), chance()) == pytest.approx(1.85)
+
+
+def test_beyond_its_range_nothing_echoes() -> None:
+    """A wall at 2 m is not heard by a sensor that reaches 1.9 m, nor is empty space by any."""
+    assert Ultrasonic(exact(max_range_m=1.9), EAST_WALL).distance_m(Pose2D(), chance()) is None
+    assert Ultrasonic(exact(), EAST_WALL).distance_m(Pose2D(0, 0, math.pi), chance()) is None
+
+
+def test_too_near_reads_as_the_least_range() -> None:
+    """At 5 mm the sensor says its minimum, 2 cm."""
+    assert Ultrasonic(exact(), EAST_WALL).distance_m(Pose2D(1.995), chance()) == 0.02
+
+
+def test_echoes_are_lost_as_often_as_asked() -> None:
+    """With half of the echoes lost, 400 pings lose 200, give or take 4 standard deviations (40)."""
+    sensor, luck = Ultrasonic(exact(lost_echo_share=0.5), EAST_WALL), chance()
+    lost = sum(sensor.distance_m(Pose2D(), luck) is None for _ in range(400))
+    assert 160 <= lost <= 240
+
+
+def test_heading_counts_from_boot() -> None:
+    """Booted at 0.5 rad and now at 0.5 + pi/2, the quaternion is a left turn by 90 degrees."""
+    imu = Imu(EXACT_IMU, booted_s=0, boot_heading_rad=0.5)
+    turned = Motion(0.5 + math.pi / 2, 0.0, 0.0, 0.0)
+    half = math.sqrt(0.5)
+    assert imu.orientation(turned, 10.0, chance()) == pytest.approx((0, 0, half, half))
+
+
+def test_heading_drifts_from_boot_and_is_biased() -> None:
+    """0.01 rad/s for 100 s since boot and a bias of 0.2 rad are 1.2 rad of error."""
+    parameters = EXACT_IMU.model_copy(update={"heading_drift_rad_s": 0.01, "heading_bias_rad": 0.2})
+    quaternion = Imu(parameters, booted_s=50, boot_heading_rad=0).orientation(AT_REST, 150.0, chance())
+    assert quaternion == pytest.approx((0, 0, math.sin(0.6), math.cos(0.6)))
+
+
+def test_packets_go_missing() -> None:
+    """When every packet is missing there is no orientation."""
+    imu = Imu(EXACT_IMU.model_copy(update={"missing_share": 1.0}), 0, 0)
+    assert imu.orientation(AT_REST, 1.0, chance()) is None
+
+
+def test_raw_counts_are_those_of_the_data_sheet() -> None:
+    """At rest the IMU feels 1 g upward = 16384; 2 rad/s are 114.6 degrees/s = 15012 counts."""
+    turning = Motion(0.0, 2.0, 9.80665 / 2, -9.80665 / 4)
+    acceleration, rate = Imu(EXACT_IMU, 0, 0).counts(turning, chance())
+    assert acceleration == (8192, -4096, 16384)
+    assert rate == (0, 0, round(math.degrees(2.0) * 131))
+
+
+def test_raw_counts_saturate() -> None:
+    """Beyond int16 the sensor shows its ends."""
+    wild = Motion(0.0, 100.0, -1000.0, 0.0)
+    acceleration, rate = Imu(EXACT_IMU, 0, 0).counts(wild, chance())
+    assert acceleration[0] == -32768
+    assert rate[2] == 32767
