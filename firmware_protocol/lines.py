@@ -130,7 +130,10 @@ class LineKind:
         for number, text in zip(self.numbers, texts, strict=True):
             if refusal := number.explain(text):
                 return refusal
-        return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*map(float, texts)):.3f}"
+        values = [float(text) for text in texts]
+        if self.unit and not is_unit(values):
+            return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*values):.3f}"
+        return Reason.OUT_OF_RANGE, f"{self.message.__name__} refuses these numbers itself"
 
     def write(self, message: object) -> list[str]:
         """The line's texts, the kind first; raises ``ValueError`` naming what does not fit."""

@@ -2,15 +2,18 @@
 
 A reader is only called with lines made of its kind's letters, its number of separators and ``NUMERIC``. It
 refuses with ``ValueError`` and says no more: ``LineKind.explain`` finds the reason when speed is no matter.
-The shapes that fill a cycle are unrolled, which takes half the time of the reader that suits them all.
+
+The shapes that fill a cycle are unrolled and write the slots of their message themselves: its own ``__init__``
+does the same, by name through ``object.__setattr__``. Together that takes half the time of the reader for any shape.
 """
 
 from collections.abc import Callable
+from dataclasses import fields
 from math import hypot
 from operator import call, le
 from typing import Any, TypeAlias
 
-from firmware_protocol.lines import UNIT_NORM, LineKind, Number, is_unit
+from firmware_protocol.lines import UNIT_NORM, LineKind, is_unit
 
 Reader: TypeAlias = Callable[[bytes], Any]
 
@@ -19,48 +22,91 @@ _REFUSED = "the line does not fit its kind"
 
 def reader_of(row: LineKind, separator: bytes) -> Reader:
     """The fastest reader for a row's shape."""
-    kind, message, numbers = row.kind.encode(), row.message, row.numbers
-    if row.unit and row.slots == (0, 1, 2, 3):
-        return _quaternion(kind, separator, message)
-    if not row.unit and row.slots == (0,):
-        return _one(kind, separator, message, numbers[0])
-    if not row.unit and row.slots in ((0, 1), (slice(0, 2),)):
-        return _two(kind, separator, message, numbers[0], numbers[1], row.slots == (slice(0, 2),))
-    return _any(row, separator)
+    unrolled: Callable[[LineKind, bytes], Reader] = _any
+    if _has_bare_slots(row.message):
+        match row.slots, row.unit:
+            case (0,), False:
+                unrolled = _one
+            case (0, 1), False:
+                unrolled = _two
+            case (slice(stop=2),), False:
+                unrolled = _pair
+            case (0, 1, 2, 3), True:
+                unrolled = _quaternion
+    return unrolled(row, separator)
 
 
-def _one(kind: bytes, separator: bytes, message: type[Any], number: Number) -> Reader:
+def _has_bare_slots(message: type[Any]) -> bool:
+    """Whether filling its slots is all that making a message takes."""
+    return "__slots__" in vars(message) and not hasattr(message, "__post_init__")
+
+
+def _slot_setters(message: type[Any]) -> list[Callable[[Any, Any], None]]:
+    return [getattr(message, field.name).__set__ for field in fields(message)]
+
+
+def _one(row: LineKind, separator: bytes) -> Reader:
+    kind, message, new = row.kind.encode(), row.message, object.__new__
+    (number,) = row.numbers
     parse, low, high = number.parse, number.low, number.high
+    (put,) = _slot_setters(message)
 
     def read(line: bytes) -> Any:
         head, text = line.split(separator)
         value = parse(text)
-        if head == kind and low <= value <= high:
-            return message(value)
-        raise ValueError(_REFUSED)
+        if head != kind or not low <= value <= high:
+            raise ValueError(_REFUSED)
+        read_message = new(message)
+        put(read_message, value)
+        return read_message
 
     return read
 
 
-def _two(
-    kind: bytes, separator: bytes, message: type[Any], first: Number, second: Number, grouped: bool
-) -> Reader:
+def _two(row: LineKind, separator: bytes) -> Reader:
+    kind, message, new = row.kind.encode(), row.message, object.__new__
+    first, second = row.numbers
     parse_a, low_a, high_a = first.parse, first.low, first.high
     parse_b, low_b, high_b = second.parse, second.low, second.high
+    put_a, put_b = _slot_setters(message)
 
     def read(line: bytes) -> Any:
         head, text_a, text_b = line.split(separator)
         a = parse_a(text_a)
         b = parse_b(text_b)
-        if head == kind and low_a <= a <= high_a and low_b <= b <= high_b:
-            return message((a, b)) if grouped else message(a, b)
-        raise ValueError(_REFUSED)
+        if head != kind or not low_a <= a <= high_a or not low_b <= b <= high_b:
+            raise ValueError(_REFUSED)
+        read_message = new(message)
+        put_a(read_message, a)
+        put_b(read_message, b)
+        return read_message
 
     return read
 
 
-def _quaternion(kind: bytes, separator: bytes, message: type[Any]) -> Reader:
+def _pair(row: LineKind, separator: bytes) -> Reader:
+    kind, message, new = row.kind.encode(), row.message, object.__new__
+    number = row.numbers[0]
+    parse, low, high = number.parse, number.low, number.high
+    (put,) = _slot_setters(message)
+
+    def read(line: bytes) -> Any:
+        head, text_a, text_b = line.split(separator)
+        a = parse(text_a)
+        b = parse(text_b)
+        if head != kind or not low <= a <= high or not low <= b <= high:
+            raise ValueError(_REFUSED)
+        read_message = new(message)
+        put(read_message, (a, b))
+        return read_message
+
+    return read
+
+
+def _quaternion(row: LineKind, separator: bytes) -> Reader:
+    kind, message, new = row.kind.encode(), row.message, object.__new__
     shortest, longest = UNIT_NORM
+    put_x, put_y, put_z, put_w = _slot_setters(message)
 
     def read(line: bytes) -> Any:
         head, text_x, text_y, text_z, text_w = line.split(separator)
@@ -68,9 +114,14 @@ def _quaternion(kind: bytes, separator: bytes, message: type[Any]) -> Reader:
         y = float(text_y)
         z = float(text_z)
         w = float(text_w)
-        if head == kind and shortest <= hypot(x, y, z, w) <= longest:
-            return message(x, y, z, w)
-        raise ValueError(_REFUSED)
+        if head != kind or not shortest <= hypot(x, y, z, w) <= longest:
+            raise ValueError(_REFUSED)
+        read_message = new(message)
+        put_x(read_message, x)
+        put_y(read_message, y)
+        put_z(read_message, z)
+        put_w(read_message, w)
+        return read_message
 
     return read
 
@@ -85,8 +136,8 @@ def _any(row: LineKind, separator: bytes) -> Reader:
         head, *texts = line.split(separator)
         values = tuple(map(call, parsers, texts))
         in_range = all(map(le, lows, values)) and all(map(le, values, highs))
-        if head == kind and in_range and not (unit and not is_unit(values)):
-            return message(*[values[slot] for slot in slots])
-        raise ValueError(_REFUSED)
+        if head != kind or not in_range or (unit and not is_unit(values)):
+            raise ValueError(_REFUSED)
+        return message(*[values[slot] for slot in slots])
 
     return read

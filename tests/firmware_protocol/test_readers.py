@@ -1,6 +1,7 @@
 """Every shape of line has a reader that agrees with the grammar."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -69,8 +70,28 @@ class Quaternion:
     w: float
 
 
+@dataclass(frozen=True)
+class Slotless:
+    """A message that keeps its fields in a dictionary."""
+
+    a: int
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A message that refuses some values itself."""
+
+    a: int
+
+    def __post_init__(self) -> None:
+        """Odd numbers only."""
+        if self.a % 2 == 0:
+            raise ValueError(f"expected an odd number, got {self.a}")
+
+
 SHAPES = [
     (LineKind("k", One, (Field("a", INT16),)), One(1)),
+    (LineKind("k", Slotless, (Field("a", INT16),)), Slotless(1)),
     (LineKind("k", OneInTuple, (Field("a", INT16, 1),)), OneInTuple((1,))),
     (LineKind("k", Two, (Field("a", INT16), Field("b", TENTHS))), Two(1, 2.5)),
     (LineKind("k", TwoInTuple, (Field("ab", TENTHS, 2),)), TwoInTuple((1.5, -2.5))),
@@ -114,6 +135,14 @@ def test_each_shape_refuses_a_number_out_of_its_range(row: LineKind, message: ob
     meaning = codec.decode(start + b"\t32768")
     assert isinstance(meaning, Malformed)
     assert meaning.reason is (Reason.NOT_UNIT if row.unit else Reason.OUT_OF_RANGE)
+
+
+def test_a_message_may_refuse_numbers_itself() -> None:
+    """A check in the message's own constructor is run, and its refusal is a value like any other."""
+    codec: Any = LineCodec(FROM_BOARD, [LineKind("k", Checked, (Field("a", INT16),))])
+    assert codec.decode(b"k\t3") == Checked(3)
+    refusal = Malformed(Reason.OUT_OF_RANGE, b"k\t4", "Checked refuses these numbers itself")
+    assert codec.decode(b"k\t4") == refusal
 
 
 @shapes
