@@ -24,21 +24,26 @@ class Served:
     port: int
 
 
-@asynccontextmanager
-async def serving(*, simulated: bool = False, **limits: Any) -> AsyncIterator[Served]:
-    """Serve a fake robot on a free port for as long as the block lasts."""
+def new_server(*, simulated: bool = False, port: int = 0, **limits: Any) -> tuple[Server, FakeRobot, Bus]:
+    """A server that does not run yet, with its fake robot and its bus."""
     robot, bus = FakeRobot(), Bus()
-    parameters = ApiParameters(port=0, **limits)
     server = Server(
         robot,
         bus,
         LoopClock(),
-        parameters,
+        ApiParameters(port=port, **limits),
         robot_name="testbot",
         session="s1",
         wheel_names=WHEELS,
         simulated=simulated,
     )
+    return server, robot, bus
+
+
+@asynccontextmanager
+async def serving(**options: Any) -> AsyncIterator[Served]:
+    """Serve a fake robot on a free port for as long as the block lasts; the options of ``new_server``."""
+    server, robot, bus = new_server(**options)
     running = asyncio.ensure_future(server.run())
     try:
         host, port = await server.address()

@@ -1,0 +1,220 @@
+"""What each method asks of the robot and answers, and how every failure is answered."""
+
+import json
+from typing import Any
+
+import pytest
+from structlog.testing import capture_logs
+
+from chefbotd.api.describe import NOTIFICATIONS
+from chefbotd.api.dispatch import Dispatcher
+from chefbotd.api.fanout import Fanout
+from chefbotd.api.jsonrpc import ERRORS
+from chefbotd.api.methods import Methods
+from chefbotd.api.topics import Topic, topics
+from chefbotd.clock import ManualClock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import LinkOpened, SafetyChanged, TextReceived
+from chefbotd.core.geometry import Pose2D, Twist2D
+from tests.fakes.robot import FakeRobot
+
+
+class Desk:
+    """A caller at the dispatcher's desk: asks, and keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.robot, self.clock = FakeRobot(), ManualClock(100.0)
+        self.fanout = Fanout(topics(("left", "right"), simulated=False), self.clock, self._demand)
+        self.dispatcher = Dispatcher(Methods(self.robot, self.fanout, self.clock).table)
+        self.heard: list[dict[str, Any]] = []
+
+    def _demand(self, topic: Topic, wanted: bool) -> None:
+        """No topic here is made on demand."""
+
+    def reply(self, line: bytes) -> None:
+        """An answer."""
+        self.heard.append(json.loads(line))
+
+    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+        """An event."""
+        self.heard.append(json.loads(line))
+
+    def ask(self, method: str, **params: Any) -> dict[str, Any]:
+        """A request's answer, and nothing else."""
+        self.heard.clear()
+        line = json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": params})
+        self.dispatcher.serve(self, line.encode())
+        return self.heard[0]
+
+    def kind(self, method: str, **params: Any) -> str:
+        """The kind of error that a request is answered with."""
+        kind: str = self.ask(method, **params)["error"]["data"]["kind"]
+        return kind
+
+
+COMMANDS = [
+    ("drive", {"linear_m_s": 0.2, "angular_rad_s": -1}, ("drive", "teleop", Twist2D(0.2, -1.0))),
+    (
+        "drive",
+        {"linear_m_s": 0, "angular_rad_s": 0, "source": "navigation"},
+        ("drive", "navigation", Twist2D()),
+    ),
+    ("stop", {}, ("stop",)),
+    ("estop", {"reason": "smoke"}, ("estop", "smoke")),
+    ("arm", {}, ("arm",)),
+    ("reset_odometry", {}, ("set_odometry", Pose2D())),
+    ("reset_odometry", {"x_m": 1, "y_m": 2.5, "heading_rad": -3}, ("set_odometry", Pose2D(1.0, 2.5, -3.0))),
+    ("reset_board", {}, ("reset_board",)),
+]
+
+
+@pytest.mark.parametrize(("method", "params", "call"), COMMANDS)
+def test_a_command_reaches_the_robot_before_it_is_answered(
+    method: str, params: dict[str, Any], call: tuple[object, ...]
+) -> None:
+    """Each command is one synchronous call on the robot, and then ``ok``."""
+    desk = Desk()
+    assert desk.ask(method, **params) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
+    assert desk.robot.calls == [call]
+
+
+def test_estop_needs_no_reason() -> None:
+    """In a hurry, the word alone is enough."""
+    desk = Desk()
+    assert "result" in desk.ask("estop")
+    assert desk.robot.calls == [("estop", "asked by a client")]
+
+
+@pytest.mark.parametrize("kind", list(RefusalKind))
+def test_a_refusal_is_answered_with_its_kind(kind: RefusalKind) -> None:
+    """What the robot refuses has that kind's code, its name, and the robot's own words."""
+    desk = Desk()
+    desk.robot.answer = Refused(kind, "not now")
+    error = desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["error"]
+    assert error == {"code": ERRORS[kind].code, "message": "not now", "data": {"kind": kind.value}}
+
+
+def test_a_fault_is_answered_logged_and_counted() -> None:
+    """A handler that breaks says ``internal``, keeps its secrets for the log, and breaks nothing else."""
+    desk = Desk()
+    desk.robot.answer = ZeroDivisionError("a secret")
+    with capture_logs() as logs:
+        answer = desk.ask("get_stats")
+    assert (answer["error"]["code"], answer["error"]["data"]) == (-32603, {"kind": "internal"})
+    assert "secret" not in json.dumps(answer)
+    assert [entry["method"] for entry in logs] == ["get_stats"]
+    assert desk.dispatcher.faults == {"get_stats": 1}
+    assert "result" in desk.ask("ping")
+
+
+def test_unknown_methods_and_bad_params_are_told_apart() -> None:
+    """Each has its kind, and neither reaches the robot."""
+    desk = Desk()
+    assert desk.kind("fly") == "method_not_found"
+    assert desk.kind("stop", now=True) == "invalid_params"
+    assert desk.ask("drive", linear_m_s=True)["error"]["data"]["fields"][0]["field"] == "linear_m_s"
+    assert desk.robot.calls == []
+
+
+def test_a_notification_is_carried_out_and_not_answered() -> None:
+    """Without an id there is no answer, whether it went well, was refused or makes no sense."""
+    desk = Desk()
+    desk.dispatcher.serve(desk, b'{"jsonrpc":"2.0","method":"stop"}')
+    desk.dispatcher.serve(desk, b'{"jsonrpc":"2.0","method":"fly"}')
+    assert (desk.robot.calls, desk.heard) == ([("stop",)], [])
+
+
+def test_a_line_that_is_no_request_is_answered_without_id() -> None:
+    """Who sends nonsense is told, under the id null."""
+    desk = Desk()
+    desk.dispatcher.serve(desk, b"go forward")
+    assert (desk.heard[0]["id"], desk.heard[0]["error"]["data"]["kind"]) == (None, "parse_error")
+
+
+def test_ping_tells_the_daemons_time() -> None:
+    """Pong, and the clock that stamps telemetry."""
+    assert Desk().ask("ping")["result"] == {"pong": True, "stamp_s": 100.0}
+
+
+def test_pid_gains_are_read_and_changed_by_wheel() -> None:
+    """Gains are shown by their short names; a change touches the wheel it names, or all."""
+    desk = Desk()
+    assert desk.ask("get_pid")["result"]["wheels"]["left"]["kp"] == 400.0
+    wheels = desk.ask("set_pid", wheel="left", kp=10)["result"]["wheels"]
+    assert (wheels["left"]["kp"], wheels["right"]["kp"]) == (10.0, 400.0)
+    wheels = desk.ask("set_pid", wheel="all", ki=5, deadband=0.01)["result"]["wheels"]
+    assert [(w["ki"], w["deadband"]) for w in wheels.values()] == [(5.0, 0.01), (5.0, 0.01)]
+    assert desk.kind("set_pid", wheel="third", kp=1) == "unknown_wheel"
+
+
+def test_state_has_link_and_gate_even_before_they_speak() -> None:
+    """A fresh daemon says: link down, not armed, no topic yet."""
+    state = Desk().ask("get_state")["result"]
+    assert (state["link"]["state"], state["safety"]["armed"], state["topics"]) == ("down", False, {})
+
+
+def test_state_has_the_latest_of_each_topic_with_its_age() -> None:
+    """After events, their data as in the topics, and how old it is."""
+    desk = Desk()
+    desk.fanout.publish(LinkOpened(98.0, "/dev/ttyACM0"))
+    desk.fanout.publish(SafetyChanged(99.0, "armed", "asked", None))
+    desk.fanout.publish(TextReceived(99.5, "hi"))
+    state = desk.ask("get_state")["result"]
+    assert (state["stamp_s"], state["link"]["state"], state["safety"]["armed"]) == (100.0, "up", True)
+    assert state["topics"]["text"] == {"seq": 1, "stamp_s": 99.5, "age_s": 0.5, "data": {"text": "hi"}}
+    assert set(state["topics"]) == {"link", "safety", "text"}
+
+
+def test_stats_are_asked_of_the_robot() -> None:
+    """The counters as they stand now, not as last published."""
+    desk = Desk()
+    desk.ask("stop")
+    assert desk.ask("get_stats")["result"]["control_steps"] == 2
+
+
+def test_subscribe_answers_first_then_sends_the_snapshot() -> None:
+    """The answer lists all topics now subscribed; the latest value follows it, once."""
+    desk = Desk()
+    desk.fanout.publish(TextReceived(99.5, "hi"))
+    assert desk.ask("subscribe", topics=["text", "link", "text"])["result"] == {"topics": ["link", "text"]}
+    _, snapshot = desk.heard
+    assert snapshot["params"]["data"] == {"text": "hi"}
+
+
+def test_unsubscribe_some_or_all() -> None:
+    """What is left is listed; no topics named means all of them."""
+    desk = Desk()
+    desk.ask("subscribe", topics=["text", "link", "stats"], max_rate_hz=5, policy="ordered")
+    assert desk.ask("unsubscribe", topics=["link"])["result"] == {"topics": ["text", "stats"]}
+    assert desk.ask("unsubscribe")["result"] == {"topics": []}
+
+
+@pytest.mark.parametrize("method", ["subscribe", "unsubscribe"])
+def test_an_unknown_topic_is_refused_as_a_whole(method: str) -> None:
+    """Nothing is subscribed when one of the names is unknown, and the known ones are listed."""
+    desk = Desk()
+    error = desk.ask(method, topics=["text", "lidar"])["error"]
+    assert (error["code"], error["data"]["kind"]) == (-32602, "unknown_topic")
+    assert "odometry" in error["message"]
+    assert desk.ask("unsubscribe", topics=["stats"])["result"] == {"topics": []}
+
+
+def test_describe_covers_the_whole_interface() -> None:
+    """Every method, topic, notification and error kind, with schemas that say types, ranges and needs."""
+    desk = Desk()
+    described = desk.ask("describe")["result"]
+    contract = (
+        "describe ping get_state get_stats subscribe unsubscribe drive stop estop arm get_pid set_pid "
+        "reset_odometry reset_board"
+    )
+    assert set(described["methods"]) == set(contract.split())
+    assert set(described["topics"]) == set(desk.fanout.topics)
+    assert set(described["notifications"]) == set(NOTIFICATIONS)
+    assert set(described["errors"]) == {kind.value for kind in ERRORS}
+    assert all(m["summary"] for m in (described["methods"] | described["topics"]).values())
+    drive = described["methods"]["drive"]["params"]
+    assert drive["required"] == ["linear_m_s", "angular_rad_s"]
+    assert drive["properties"]["linear_m_s"]["type"] == "number"
+    assert described["methods"]["set_pid"]["params"]["properties"]["kp"]["minimum"] == 0
+    assert "kp" in json.dumps(described["methods"]["get_pid"]["result"])
+    assert "default" not in described["methods"]["set_pid"]["params"]["properties"]["kp"]
