@@ -1,8 +1,8 @@
 """How much longer decoding takes than merely splitting the same lines and converting their numbers.
 
 ``python benchmarks/decode.py [CAPTURE] [--json FILE]``: the capture is a file of raw bytes from a board; without
-one, a classic robot's cycles are made up, the same ones each time. The two sides run by turns in one process and
-the medians are compared, so that the machine's speed cancels out.
+one, a classic robot's cycles are made up, the same ones each time. All sides run by turns in one process and the
+medians are compared, so that the machine's speed cancels out.
 """
 
 import argparse
@@ -12,16 +12,19 @@ import random
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from firmware_protocol.codec import CLASSIC, from_board
 from firmware_protocol.decoder import Decoder
+from firmware_protocol.messages import Banner, Malformed, ResetDone, Text
 
 ROUNDS = 15
 CYCLES = 3000
-CHUNK_BYTES = 4096
-LIMIT = 3.0  # the most that decoding may take, in units of the bare work
+RECORDING_CHUNK_BYTES = 4096
+USB_CHUNK_BYTES = 64  # a full-speed USB packet, the least that the board's driver hands over at a time
+LIMIT = 3.0  # the most that decoding a recording may take, in units of the bare work
 
 CONVERT = {b"t": float, b"e": int, b"u": int, b"s": float, b"i": float, b"b": float}
 
@@ -57,11 +60,26 @@ def bare(capture: bytes) -> None:
                 convert(text)
 
 
-def decode(capture: bytes) -> None:
-    """The real work, fed in pieces as from a recording: validate, build messages, count."""
+def decode(capture: bytes, chunk_bytes: int) -> None:
+    """The real work, fed in pieces: cut, validate, build messages, count."""
     decoder = Decoder(from_board(CLASSIC))
-    for start in range(0, len(capture), CHUNK_BYTES):
-        decoder.feed(capture[start : start + CHUNK_BYTES])
+    for start in range(0, len(capture), chunk_bytes):
+        decoder.feed(capture[start : start + chunk_bytes])
+
+
+SIDES: dict[str, Callable[[bytes], None]] = {
+    "bare": bare,
+    "decode": partial(decode, chunk_bytes=RECORDING_CHUNK_BYTES),
+    "decode_usb": partial(decode, chunk_bytes=USB_CHUNK_BYTES),
+}
+
+
+def numeric_lines(capture: bytes) -> bytes:
+    """The capture's well-formed lines of numbers: the ones that both sides can do."""
+    decoded = Decoder(from_board(CLASSIC)).feed(capture)
+    refused_or_text = Malformed | Text | Banner | ResetDone
+    lines = [line for line, meaning in decoded if not isinstance(meaning, refused_or_text)]
+    return b"\n".join([*lines, b""])
 
 
 def _seconds(work: Callable[[bytes], None], capture: bytes) -> float:
@@ -71,17 +89,26 @@ def _seconds(work: Callable[[bytes], None], capture: bytes) -> float:
 
 
 def run(capture: bytes | None = None, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Time both sides by turns; nanoseconds a line and their ratio, by the medians."""
-    capture = made_up_capture() if capture is None else capture
+    """Time the sides by turns; nanoseconds a line and their ratios, by the medians.
+
+    Raises:
+        ValueError: the capture has no well-formed line of numbers.
+    """
+    capture = numeric_lines(made_up_capture() if capture is None else capture)
     lines = capture.count(b"\n")
-    pairs = [(_seconds(bare, capture), _seconds(decode, capture)) for _ in range(rounds)]
-    bare_s, decode_s = (statistics.median(times) for times in zip(*pairs, strict=True))
+    if not capture.strip():
+        raise ValueError("the capture has no well-formed line of numbers")
+    times: dict[str, list[float]] = {name: [] for name in SIDES}
+    for _ in range(rounds):
+        for name, work in SIDES.items():
+            times[name].append(_seconds(work, capture))
+    median_s = {name: statistics.median(each) for name, each in times.items()}
     return {
         "lines": lines,
         "bytes": len(capture),
-        "bare_ns_per_line": bare_s / lines * 1e9,
-        "decode_ns_per_line": decode_s / lines * 1e9,
-        "ratio": decode_s / bare_s,
+        **{f"{name}_ns_per_line": each_s / lines * 1e9 for name, each_s in median_s.items()},
+        "ratio": median_s["decode"] / median_s["bare"],
+        "ratio_usb": median_s["decode_usb"] / median_s["bare"],
         "ratio_limit": LIMIT,
     }
 

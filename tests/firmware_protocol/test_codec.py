@@ -105,6 +105,9 @@ FROM_BOARD_MESSAGES = st.one_of(
     st.builds(BatteryLevel, hundredths(0, 4095)),
     st.builds(Banner, st.sampled_from(PUBLISHED_BANNER)),
     st.just(ResetDone()),
+    st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), max_size=250).map(
+        lambda t: Text(f"> {t}")
+    ),
 )
 TO_BOARD_MESSAGES = st.one_of(st.builds(SetDuty, st.tuples(INT16S, INT16S)), st.just(ResetBoard()))
 

@@ -1,5 +1,6 @@
 """Bytes to lines, however they are cut."""
 
+import tracemalloc
 from itertools import pairwise
 
 import pytest
@@ -97,6 +98,21 @@ def test_no_bytes_make_a_decoder_raise(chunks: list[bytes]) -> None:
         pairs = [pair for chunk in chunks for pair in decoder.feed(chunk)]
         assert all(0 < len(line) <= codec.framing.max_line for line, _ in pairs)
         assert sum(decoder.accepted.values()) + decoder.malformed.total() == len(pairs)
+
+
+def test_a_line_that_never_ends_takes_no_memory() -> None:
+    """A megabyte without a line end leaves less than a kilobyte behind, and one report."""
+    decoder = Decoder(BOARD)
+    chunk = b"x" * 4096
+    reports = decoder.feed(chunk)
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    for _ in range(256):
+        reports += decoder.feed(chunk)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert after - before < 1024
+    assert len(reports) == 1
 
 
 def test_an_overlong_line_is_reported_once_while_it_is_still_coming() -> None:
