@@ -25,6 +25,7 @@ from chefbotd.services.odometry import OdometryService
 from chefbotd.services.sensors import SensorService
 from chefbotd.services.stats import StatsService
 from chefbotd.settings import Settings
+from chefbotd.sim.parameters import SimulationParameters
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
 
 log = structlog.get_logger(component="app")
@@ -178,14 +179,18 @@ async def _serve_simulated(settings: Settings) -> None:
     # Imported here: what simulates a robot has no place in the memory of a daemon on a real one.
     from chefbotd.sim.embedded import EmbeddedBoard
 
+    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
+        link = settings.link.model_copy(update={"device": str(board.device)})
+        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
+        await _serve(daemon, lambda: board.run(daemon.bus.publish))
+
+
+def simulation_of(settings: Settings) -> SimulationParameters:
+    """What to simulate for this robot: its own chassis and battery divider, the rest from ``[sim]``."""
     chassis = settings.chassis
-    parameters = settings.sim.with_chassis(
+    return settings.sim.with_chassis(
         wheel_radius_m=chassis.wheels[0].radius_m,
         track_width_m=chassis.track_width_m,
         counts_per_turn=settings.encoders.counts_per_turn,
         wheels_per_side=len(chassis.wheels) // 2,
     )
-    with EmbeddedBoard(parameters, SystemClock()) as board:
-        link = settings.link.model_copy(update={"device": str(board.device)})
-        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
-        await _serve(daemon, lambda: board.run(daemon.bus.publish))

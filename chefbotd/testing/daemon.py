@@ -1,0 +1,74 @@
+"""The whole daemon on a virtual clock: in front of a fake serial device, or of the simulated robot."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+
+from chefbotd.app import Daemon, simulation_of
+from chefbotd.client import Client
+from chefbotd.clock import LoopClock
+from chefbotd.settings import Settings, load
+from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.parameters import build_launchpad
+from chefbotd.testing.transport import FakeSerialDevice
+
+
+@contextlib.asynccontextmanager
+async def running_daemon(device: FakeSerialDevice, settings: Settings | None = None) -> AsyncIterator[Client]:
+    """Run the daemon (default: the packaged ChefBot) on ``device``; yields a client connected to its socket.
+
+    To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
+    """
+    settings = _on_free_port(settings or load())
+    daemon = Daemon(settings, clock=LoopClock(), opener=device.open)
+    async with _running(daemon) as client:
+        yield client
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedRobot:
+    """A daemon driving the simulated robot: its client, the cable between them, and the board behind it."""
+
+    client: Client
+    device: FakeSerialDevice
+    board: BoardRunner
+    daemon: Daemon
+
+
+@contextlib.asynccontextmanager
+async def simulated_robot(settings: Settings | None = None) -> AsyncIterator[SimulatedRobot]:
+    """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between."""
+    settings = _on_free_port(settings or load())
+    device = FakeSerialDevice()
+    board = BoardRunner(build_launchpad(simulation_of(settings)), device.feed, LoopClock())
+    device.on_write = board.receive
+    living = asyncio.create_task(board.run())
+    daemon = Daemon(settings, clock=LoopClock(), opener=device.open, simulated=True)
+    try:
+        async with _running(daemon) as client:
+            yield SimulatedRobot(client, device, board, daemon)
+    finally:
+        await _end(living)
+
+
+@contextlib.asynccontextmanager
+async def _running(daemon: Daemon) -> AsyncIterator[Client]:
+    task = asyncio.create_task(daemon.run())
+    try:
+        host, port = await daemon.server.address()
+        async with Client.connect(host, port) as client:
+            yield client
+    finally:
+        await _end(task)
+
+
+async def _end(task: "asyncio.Task[None]") -> None:
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+def _on_free_port(settings: Settings) -> Settings:
+    api = settings.api.model_copy(update={"host": "127.0.0.1", "port": 0})
+    return settings.model_copy(update={"api": api})
