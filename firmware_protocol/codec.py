@@ -63,6 +63,10 @@ class Variant:
     extra_from_board: tuple[LineKind, ...] = ()
     extra_to_board: tuple[LineKind, ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.wheels < 1:
+            raise ValueError(f"a robot has at least one wheel, got {self.wheels}")
+
 
 CLASSIC = Variant("classic", wheels=2)
 FOUR_WHEELS = Variant("four_wheels", wheels=4)
@@ -123,7 +127,7 @@ class LineCodec:
         text_end: the end of a line of text; None where text has no place.
 
     Raises:
-        ValueError: a row's kind cannot be told from a number, from text or from another row.
+        ValueError: a row cannot be told from another, or its kind from a number.
     """
 
     def __init__(
@@ -148,6 +152,8 @@ class LineCodec:
             raise ValueError(f"a line kind is made of letters, got {row.kind!r}")
         if count in self._rows.get(kind, {}):
             raise ValueError(f"two line kinds {row.kind!r} with {count} numbers")
+        if row.message in self._writers:
+            raise ValueError(f"two line kinds for {row.message.__name__}")
         self._rows.setdefault(kind, {})[count] = row
         self._readers[kind + separator * count] = reader_of(row, separator)
         self._writers[row.message] = row

@@ -256,9 +256,16 @@ def test_another_robot_has_a_banner_of_its_own() -> None:
         ((LineKind("a1", AnalogueRange),), "made of letters, got 'a1'"),
         ((LineKind("", AnalogueRange),), "made of letters, got ''"),
         ((LineKind("a", AnalogueRange), LineKind("a", Blink)), "two line kinds 'a' with 0 numbers"),
+        ((LineKind("a", AnalogueRange), LineKind("b", AnalogueRange)), "two line kinds for AnalogueRange"),
     ],
 )
 def test_rows_that_cannot_be_told_apart_are_refused(rows: tuple[LineKind, ...], complaint: str) -> None:
     """A table that would be ambiguous on the wire cannot be made."""
     with pytest.raises(ValueError, match=complaint):
         LineCodec(FROM_BOARD, rows)
+
+
+def test_a_robot_without_wheels_has_no_wire() -> None:
+    """The variant is checked when it is made."""
+    with pytest.raises(ValueError, match="at least one wheel, got 0"):
+        Variant("sled", wheels=0)
