@@ -1,0 +1,141 @@
+"""The program chefbotd: run the daemon, run a simulated board, check a configuration.
+
+Start-up is what a user waits for, so each command imports what it needs when it is called.
+"""
+
+import asyncio
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from chefbotd import __version__
+from chefbotd.cli.arguments import Address, address, positive
+from chefbotd.cli.completion import completion
+from chefbotd.cli.exits import Exit, Program, ProgramError, exit_table
+
+if TYPE_CHECKING:
+    from chefbotd.settings import Settings
+    from chefbotd.sim.parameters import SimulationParameters
+
+EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED)
+FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+@click.group(cls=Program, name="chefbotd", epilog=exit_table(*EXITS))
+@click.version_option(__version__, prog_name="chefbotd")
+def main() -> None:
+    """Drive a small wheeled robot over its serial board, and serve its command socket."""
+
+
+@main.command()
+@click.option("--config", "path", type=FILE, help="The robot's TOML file; the packaged ChefBot's by default.")
+@click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
+@click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
+@click.option(
+    "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
+)
+@click.option(
+    "--log-level", metavar="LEVEL", help="What is worth a line in the log: debug, info, warning, error."
+)
+@click.pass_context
+def run(
+    ctx: click.Context,
+    path: Path | None,
+    device: str | None,
+    simulated: bool,
+    where: Address | None,
+    log_level: str | None,
+) -> None:
+    """Run the daemon until SIGINT or SIGTERM."""
+    if simulated and device is not None:
+        raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
+    wanted = {
+        "link.device": device,
+        "api.host": where and where.host,
+        "api.port": where and where.port,
+        "log.level": log_level,
+    }
+    settings = _load(path, {key: value for key, value in wanted.items() if value is not None})
+    from chefbotd import app, logs
+
+    logs.configure(settings.log.level)
+    ctx.exit(app.run(settings, simulated=simulated))
+
+
+@main.command()
+@click.option("--config", "path", type=FILE, help="The robot to simulate; the packaged ChefBot by default.")
+@click.option(
+    "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
+)
+@click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
+@click.option("--cycle-hz", type=positive, metavar="HZ", help="How often the board reports.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one a line.")
+def simulate(
+    path: Path | None, link: Path | None, seed: int | None, cycle_hz: float | None, as_json: bool
+) -> None:
+    """Run a simulated board on a device of its own, whose path is the first line printed.
+
+    It obeys words on standard input, one a line: plug, unplug, truth, reset, quit.
+    """
+    overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
+    settings = _load(path, overrides)
+    from chefbotd.sim.simulate import simulate as run_board
+
+    try:
+        asyncio.run(run_board(_board(settings), link_path=link, seed=seed, as_json=as_json))
+    except (OSError, ValueError) as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+
+
+@main.command()
+@click.argument("path", metavar="[FILE]", type=FILE, required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def check_config(path: Path | None, as_json: bool) -> None:
+    """Check FILE (the packaged ChefBot's by default) and print every value it resolves to."""
+    values = _load(path, {}).model_dump(mode="json", by_alias=True)
+    if as_json:
+        click.echo(json.dumps(values))
+    else:
+        click.echo("\n".join(_assignments("", values)))
+
+
+main.add_command(completion)
+
+
+def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
+    from chefbotd.settings import SettingsError, load
+
+    try:
+        return load(path, overrides=overrides)
+    except SettingsError as error:
+        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+
+
+def _board(settings: "Settings") -> "SimulationParameters":
+    """The simulation of the robot that is configured, as ``run --sim`` has it."""
+    chassis = settings.chassis
+    return settings.sim.with_chassis(
+        wheel_radius_m=chassis.wheels[0].radius_m,
+        track_width_m=chassis.track_width_m,
+        counts_per_turn=settings.encoders.counts_per_turn,
+        wheels_per_side=len(chassis.wheels) // 2,
+    )
+
+
+def _assignments(key: str, value: object) -> Iterator[str]:
+    """``key = value`` for each value, with keys as dotted as the overrides' are."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _assignments(f"{key}.{name}" if key else name, inner)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for index, inner in enumerate(value):
+            yield from _assignments(f"{key}[{index}]", inner)
+    else:
+        yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
+
+
+if __name__ == "__main__":
+    main()
