@@ -56,9 +56,10 @@ class Conversation:
         Raises:
             ProgramError: whatever went wrong, with its exit code.
         """
-        return self.run(self._connected(talk))
+        return self.run(self.connected(talk))
 
-    async def _connected(self, talk: Callable[[Client], Awaitable[T]]) -> T:
+    async def connected(self, talk: Callable[[Client], Awaitable[T]]) -> T:
+        """The same, on a loop that runs."""
         try:
             async with Client.connect(self.address.host, self.address.port) as robot:
                 return await talk(robot)

@@ -26,6 +26,7 @@ class CourseParameters(Parameters):
     cross_track_gain_rad_per_m: float = Field(2.0, ge=0)
     position_tolerance_m: float = Field(0.005, gt=0)
     heading_tolerance_rad: float = Field(0.01, gt=0)
+    time_limit_s: float = Field(120.0, gt=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,13 @@ def square(side_m: float) -> tuple[Leg, ...]:
     return tuple(legs)
 
 
+def remaining(leg: Leg, course_from_base: Pose2D) -> float:
+    """How far to go on this leg: metres along a side (negative beyond its end), or radians of a turn."""
+    if isinstance(leg, GoTo):
+        return -leg.target.inverse().compose(course_from_base).x_m
+    return abs(wrap_angle(leg.target.heading_rad - course_from_base.heading_rad))
+
+
 def steer(parameters: CourseParameters, leg: Leg, course_from_base: Pose2D) -> Twist2D | None:
     """What to drive on this leg; None when it is done."""
     if isinstance(leg, GoTo):
@@ -65,27 +73,28 @@ def steer(parameters: CourseParameters, leg: Leg, course_from_base: Pose2D) -> T
 
 
 def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | None:
-    remaining_m = -target_from_base.x_m
-    if remaining_m <= parameters.position_tolerance_m:
+    left_m = -target_from_base.x_m
+    if left_m <= parameters.position_tolerance_m:
         return None
-    linear = slowing(remaining_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
+    linear = slowing(left_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
     wanted_rad = -parameters.cross_track_gain_rad_per_m * target_from_base.y_m
     angular = parameters.heading_gain_per_s * wrap_angle(wanted_rad - target_from_base.heading_rad)
     return Twist2D(linear, math.copysign(min(abs(angular), parameters.turn_rad_s), angular))
 
 
-def _around(parameters: CourseParameters, remaining_rad: float) -> Twist2D | None:
-    if abs(remaining_rad) <= parameters.heading_tolerance_rad:
+def _around(parameters: CourseParameters, left_rad: float) -> Twist2D | None:
+    distance_rad = abs(left_rad)
+    if distance_rad <= parameters.heading_tolerance_rad:
         return None
     speed = slowing(
-        abs(remaining_rad), parameters.turn_rad_s, parameters.creep_rad_s, parameters.turn_deceleration_rad_s2
+        distance_rad, parameters.turn_rad_s, parameters.creep_rad_s, parameters.turn_deceleration_rad_s2
     )
-    return Twist2D(0.0, math.copysign(speed, remaining_rad))
+    return Twist2D(0.0, math.copysign(speed, left_rad))
 
 
-def slowing(remaining: float, cruise: float, creep: float, deceleration: float) -> float:
-    """The speed from which ``deceleration`` stops within ``remaining``, between ``creep`` and ``cruise``."""
-    return max(min(math.sqrt(2 * deceleration * remaining), cruise), creep)
+def slowing(distance: float, cruise: float, creep: float, deceleration: float) -> float:
+    """The speed from which ``deceleration`` stops within ``distance``, between ``creep`` and ``cruise``."""
+    return max(min(math.sqrt(2 * deceleration * distance), cruise), creep)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +103,9 @@ class Deviation:
 
     distance_m: float
     heading_rad: float
+
+    def __str__(self) -> str:
+        return f"{1000 * self.distance_m:.1f} mm and {math.degrees(self.heading_rad):.2f}°"
 
     def within(self, distance_m: float, heading_rad: float) -> bool:
         """Whether both parts are at most this large."""

@@ -32,3 +32,19 @@ def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: 
     )
     if not done.happened:
         raise ProgramError(Exit.NOT_DONE, "the robot was told to move, and odometry saw next to no motion")
+
+
+@click.command()
+@click.option(
+    "--side", "side_m", metavar="M", type=positive, default=2.0, show_default=True, help="In metres."
+)
+@click.option("--sim", "own_simulation", is_flag=True, help="Start a daemon on a simulated robot for this.")
+@click.pass_obj
+def square(chat: Conversation, side_m: float, own_simulation: bool) -> None:
+    """Drive a square to the left, closed over odometry, and show poses and latencies.
+
+    It needs M metres of room ahead and to the left. Exit code 6 means that it ended elsewhere than it should.
+    """
+    from chefbotd.cli.square import drive_square
+
+    drive_square(chat, side_m, own_simulation)

@@ -21,8 +21,8 @@ class FakeDaemon:
     """Answers on a port of its own; ``calls`` is everything it was asked, in order.
 
     ``refuse`` maps a method to a kind of refusal; ``hang_up_on`` names a method that ends the connection
-    instead; ``stuck`` wheels do not turn; ``slip`` is the share of its motion that the robot does not make,
-    though its wheels do.
+    instead; a ``silent`` one sends no events; ``stuck`` wheels do not turn; ``slip`` is the share of its motion
+    that the robot does not make, though its wheels do, and ``drift_rad_s`` how it turns though they do not.
     """
 
     def __init__(self) -> None:
@@ -33,12 +33,13 @@ class FakeDaemon:
         self.calls: list[tuple[float, str, dict[str, Any]]] = []
         self.refuse: dict[str, str] = {}
         self.hang_up_on: str | None = None
-        self.stuck = False
+        self.stuck = self.silent = False
         self.simulated = True
         self.protocol = "1.0"
-        self.slip = 0.0
+        self.slip = self.drift_rad_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
+        self._conversations: set[asyncio.Task[None]] = set()
         self._subscribed: dict[asyncio.StreamWriter, list[str]] = {}
         self._seq = 0
 
@@ -66,6 +67,7 @@ class FakeDaemon:
             server.close()
             for writer in self._subscribed:
                 writer.transport.abort()
+            await asyncio.gather(*self._conversations)
 
     async def _move(self) -> None:
         loop = asyncio.get_running_loop()
@@ -76,8 +78,10 @@ class FakeDaemon:
             turned_rad = self.twist.angular_rad_s * TICK_S
             step = Pose2D(self.twist.linear_m_s * TICK_S, 0.0, turned_rad)
             self.pose = self.pose.compose(step)
-            self.truth = self.truth.compose(Pose2D(step.x_m * (1 - self.slip), 0.0, turned_rad))
-            self._publish(loop.time())
+            drifted_rad = turned_rad + self.drift_rad_s * TICK_S
+            self.truth = self.truth.compose(Pose2D(step.x_m * (1 - self.slip), 0.0, drifted_rad))
+            if not self.silent:
+                self._publish(loop.time())
 
     def _publish(self, now_s: float) -> None:
         self._seq += 1
@@ -106,6 +110,9 @@ class FakeDaemon:
         return {"seq": self._seq, "stamp_s": now_s - 0.004, "age_s": 0.004, "data": self._topics()[topic]}
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._conversations.add(task)
         greeting = {"robot": "fake", "session": "s1", "link": "up", "auth": "none", "capabilities": []}
         _send(writer, {"method": "hello", "params": {"protocol": self.protocol, **greeting}})
         self._subscribed[writer] = []

@@ -1,0 +1,51 @@
+"""How late things are: round trips, and the age of telemetry when it arrives, from stamps of two clocks."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """A question and its answer: sent and received by our clock, stamped by the daemon's."""
+
+    sent_s: float
+    received_s: float
+    stamp_s: float
+
+    @property
+    def round_trip_s(self) -> float:
+        """From asking to the answer."""
+        return self.received_s - self.sent_s
+
+    @property
+    def ahead_s(self) -> float:
+        """The daemon's clock less ours, taking both ways to be as long; wrong by half a round trip at most."""
+        return self.stamp_s - (self.sent_s + self.received_s) / 2
+
+
+@dataclass(slots=True)
+class Latencies:
+    """What was seen of a connection; ``arrivals`` are pairs of our time and the daemon's stamp of an event."""
+
+    pings: list[Ping] = field(default_factory=list)
+    arrivals: list[tuple[float, float]] = field(default_factory=list)
+
+    def round_trips_s(self) -> list[float]:
+        """Of every ping."""
+        return [ping.round_trip_s for ping in self.pings]
+
+    def ages_s(self) -> list[float]:
+        """Of every event when it arrived, the clocks compared by the quickest ping (as NTP does)."""
+        if not self.pings:
+            return []
+        ahead_s = min(self.pings, key=lambda ping: ping.round_trip_s).ahead_s
+        return [received_s + ahead_s - stamp_s for received_s, stamp_s in self.arrivals]
+
+
+def percentile(values: Sequence[float], percent: float) -> float:
+    """The nearest-rank percentile, always one of the values; not a number when there are none."""
+    if not values:
+        return math.nan
+    rank = math.ceil(percent / 100 * len(values))
+    return sorted(values)[max(rank, 1) - 1]
