@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -42,7 +42,8 @@ async def simulate(
         link_path: a symbolic link to keep pointed at the device; removed at the end.
         seed: stands in for the configured one.
         as_json: say JSON objects instead of plain lines.
-        commands: words from ``Session.WORDS``; default: the lines of stdin. Their end does not end the run.
+        commands: one word each (``unplug``, ``plug``, ``truth``, ``reset``, ``quit``); default: the lines of
+            stdin. Their end does not end the run.
         say: takes each line of output.
 
     Raises:
@@ -137,29 +138,31 @@ class Session:
         self._say_line(json.dumps(answer) if self._as_json else text)
 
 
-async def stdin_lines() -> AsyncIterator[str]:
+async def stdin_lines() -> AsyncGenerator[str, None]:
     """The lines of stdin, be it a terminal, a pipe, a file or closed: read by a thread of its own."""
     loop, lines = asyncio.get_running_loop(), asyncio.Queue[str | None]()
 
-    def pass_on(line: str | None) -> None:
-        try:
+    def pass_on(line: str | None) -> bool:
+        if not loop.is_closed():
             loop.call_soon_threadsafe(lines.put_nowait, line)
-        except RuntimeError:  # the loop has closed while this thread was waiting: nobody listens
-            raise SystemExit from None
+        return not loop.is_closed()
 
     threading.Thread(target=_read_lines, args=(pass_on,), name="stdin", daemon=True).start()
     while (line := await lines.get()) is not None:
         yield line
 
 
-def _read_lines(pass_on: Callable[[str | None], None]) -> None:
-    """Read descriptor 0 itself: a buffered reader's lock, held here at exit, would abort the interpreter."""
+def _read_lines(pass_on: Callable[[str | None], bool]) -> None:
+    """Read until the end, or until nobody listens any more.
+
+    Reads descriptor 0 itself: a buffered reader's lock, held here at exit, would abort the interpreter.
+    """
     pending = b""
     while data := _read_some():
         *whole, pending = (pending + data).split(b"\n")
         pending = pending[-MAX_WORD_BYTES:]
-        for line in whole:
-            pass_on(line.decode(errors="replace"))
+        if not all(pass_on(line.decode(errors="replace")) for line in whole):
+            return
     pass_on(None)
 
 

@@ -19,7 +19,7 @@ BANNER = [
 ]
 
 
-def board(seed: int = 1, **tables: dict[str, Any]) -> Launchpad:
+def board(seed: int = 1, **tables: Any) -> Launchpad:
     """A board whose IMU always has a packet; tables as in the configuration."""
     tables.setdefault("imu", {"missing_share": 0})
     return build_launchpad(SimulationParameters.model_validate(tables), seed)
@@ -260,9 +260,11 @@ def test_how_often_the_board_is_asked_makes_no_difference(times: list[float]) ->
 
 def ten_minutes(seed: int) -> tuple[str, Any]:
     """The hash of ten minutes of bytes from a board that is driven about, and where the robot ends."""
-    launchpad, digest = board(seed, board={"cycle_s": 0.1}), hashlib.sha256()
+    launchpad, digest = board(seed, step_s=0.02, board={"cycle_s": 0.1}), hashlib.sha256()
     for second in range(600):
-        launchpad.receive((b"s 500 500\r", b"s -300 300\r", b"s 0 0\r")[second // 2 % 3], float(second))
+        launchpad.receive(
+            (b"s 500 500\r", b"s -300 300\r", b"s -500 -500\r", b"s 0 0\r")[second % 4], float(second)
+        )
         for left_s, line in launchpad.advance(second + 1.0):
             digest.update(f"{left_s!r}".encode() + line)
     return digest.hexdigest(), launchpad.truth(600.0, 0.0)
