@@ -73,8 +73,7 @@ class Connection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
         self._unread += data
-        if self._turn is None and not self._outbox.blocked:
-            self._take_requests()
+        self._take_requests()
 
     def _take_requests(self) -> None:
         """Serve waiting lines, at most one turn's worth, while their answers find room."""
@@ -113,11 +112,12 @@ class Connection(asyncio.Protocol):
     def pause_writing(self) -> None:
         """Asyncio: the client does not read; neither do we."""
         self._outbox.pause()
+        self._read_if(False)
 
     def resume_writing(self) -> None:
         """Asyncio: the client has read; it gets what waited, then its further requests are taken."""
         self._outbox.resume()
-        if self._turn is None and not self._outbox.blocked:
+        if self._turn is None:
             self._take_requests()
 
     def eof_received(self) -> bool:

@@ -16,13 +16,14 @@ FILL = b"x" * 5000  # more than the write buffer takes before it pauses
 def outbox() -> tuple[Outbox, FakeTransport, Counter[str]]:
     """An outbox on a fake socket, and the count of all clients' drops."""
     transport, drops = FakeTransport(), Counter[str]()
-    transport.writer = Outbox(transport, LIMITS, drops)
-    return transport.writer, transport, drops
+    box = Outbox(transport, LIMITS, drops)
+    transport.pause_writing, transport.resume_writing = box.pause, box.resume
+    return box, transport, drops
 
 
 def fall_behind(box: Outbox, transport: FakeTransport) -> None:
     """Let the client stop reading until the transport is full."""
-    transport.reading = False
+    transport.client_reads = False
     box.reply(FILL)
     transport.written.clear()
 
@@ -50,7 +51,7 @@ def test_latest_keeps_the_newest_of_each_topic() -> None:
             box.telemetry("odometry", True, line)
         box.telemetry("battery", True, b"b1")
         assert transport.written == []
-        transport.read(5000)
+        transport.client_takes(5000)
         notice, *events = transport.written
         assert json.loads(notice) == {
             "jsonrpc": "2.0",
@@ -72,8 +73,8 @@ def test_ordered_keeps_all_until_the_oldest_must_go() -> None:
         lines = [bytes([65 + i]) * 1000 for i in range(5)]
         for line in lines:
             box.telemetry("text", False, line)
-        transport.reading = True
-        transport.read(5000)
+        transport.client_reads = True
+        transport.client_takes(5000)
         assert json.loads(transport.written[0])["params"] == {"topics": {"text": 1}, "total": 1}
         assert transport.written[1:] == lines[1:]
         assert drops == {"text": 1}
@@ -90,7 +91,7 @@ def test_drops_are_told_once() -> None:
             fall_behind(box, transport)
             box.telemetry("odometry", True, line)
             box.telemetry("odometry", True, line)
-            transport.read(5000)
+            transport.client_takes(5000)
         notices = [json.loads(line) for line in transport.written if b"dropped" in line]
         assert [n["params"]["total"] for n in notices] == [1]
 
@@ -119,10 +120,10 @@ def test_what_waits_is_not_all_poured_into_a_transport_that_fills_up_again() -> 
         lines = [bytes([65 + i]) * 1300 for i in range(3)]
         for line in lines:
             box.telemetry("text", False, line)
-        transport.read(4500)  # 500 unread: three more lines are 4400, over the limit of 4096
+        transport.client_takes(4500)  # 500 unread: three more lines are 4400, over the limit of 4096
         box.telemetry("text", False, b"last")
         assert transport.written == lines
-        transport.read(5000)
+        transport.client_takes(5000)
         assert transport.written == [*lines, b"last"]
         assert not drops
 
@@ -151,7 +152,7 @@ def test_a_slow_client_is_not_a_stuck_one() -> None:
         fall_behind(box, transport)
         for _ in range(3):
             await asyncio.sleep(4.0)
-            transport.read(100)
+            transport.client_takes(100)
         assert not transport.aborted
         await asyncio.sleep(10.1)
         assert transport.aborted
@@ -165,7 +166,7 @@ def test_a_client_that_has_caught_up_is_watched_no_more() -> None:
     async def scenario() -> None:
         box, transport, _ = outbox()
         fall_behind(box, transport)
-        transport.read(5000)
+        transport.client_takes(5000)
         await asyncio.sleep(60.0)
         assert not transport.aborted
 
@@ -196,7 +197,7 @@ def test_a_closing_client_that_catches_up_is_left_to_the_transport() -> None:
         box, transport, _ = outbox()
         fall_behind(box, transport)
         box.close()
-        transport.read(5000)
+        transport.client_takes(5000)
         assert transport.written == []
         box.lost()
         await asyncio.sleep(60.0)

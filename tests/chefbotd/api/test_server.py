@@ -200,27 +200,6 @@ def test_a_half_closed_client_gets_its_answers() -> None:
     with_client(scenario)
 
 
-def test_many_requests_at_once_do_not_keep_the_loop() -> None:
-    """Of 500 requests in one chunk a few are served per turn; the loop runs in between; all are answered."""
-
-    async def scenario(_: Served, client: LineClient) -> None:
-        turns = 0
-
-        def count() -> None:
-            nonlocal turns
-            turns += 1
-            loop.call_soon(count)
-
-        loop = asyncio.get_running_loop()
-        client.send_raw((PING + b"\n") * 500)
-        loop.call_soon(count)
-        for _i in range(500):
-            assert "result" in await client.read()
-        assert turns >= 500 // 16
-
-    with_client(scenario, requests_per_turn=16)
-
-
 BIG = b'{"jsonrpc":"2.0","id":%d,"method":"describe"}\n'
 
 
@@ -228,7 +207,7 @@ async def ask_without_reading(client: LineClient, requests: int) -> None:
     """Ask for far more than the buffers hold, reading nothing."""
     client.stop_reading()
     client.send_raw(b"".join(BIG % i for i in range(requests)))
-    await asyncio.sleep(1.0)
+    await asyncio.sleep(0.05)
 
 
 def test_a_client_that_asks_without_reading_is_not_read_and_loses_nothing() -> None:
@@ -241,19 +220,7 @@ def test_a_client_that_asks_without_reading_is_not_read_and_loses_nothing() -> N
         client.read_on()
         assert [(await client.read())["id"] for _ in range(300)] == list(range(300))
 
-    with_client(scenario)
-
-
-def test_a_stuck_client_is_disconnected() -> None:
-    """Who reads nothing for five seconds with output waiting is gone; the others stay."""
-
-    async def scenario(served: Served, client: LineClient) -> None:
-        await ask_without_reading(client, 300)
-        assert served.server.clients == 1
-        await asyncio.sleep(5.0)
-        assert served.server.clients == 0
-
-    with_client(scenario)
+    with_client(scenario, run=uvloop.run)
 
 
 def test_a_slow_client_loses_the_oldest_telemetry_and_is_told() -> None:
@@ -274,7 +241,7 @@ def test_a_slow_client_loses_the_oldest_telemetry_and_is_told() -> None:
         assert received + dropped == published
         assert served.server.drops == {"text": dropped}
 
-    with_client(scenario)
+    with_client(scenario, run=uvloop.run)
 
 
 async def drained(client: LineClient, last_text: str) -> tuple[int, int]:

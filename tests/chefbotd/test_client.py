@@ -1,0 +1,385 @@
+"""The client library, against the real server and against a far end that misbehaves."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+import uvloop
+
+from chefbotd.client import (
+    CallError,
+    CallTimeout,
+    Client,
+    ConnectionLost,
+    Event,
+    IncompatibleProtocol,
+)
+from chefbotd.clock import run_virtual
+from chefbotd.core.events import LineSeen, TextReceived
+from chefbotd.core.geometry import Pose2D, Twist2D
+from tests.fakes.api import Served, serving
+from tests.fakes.daemon import HELLO, Daemon, scripted
+
+
+def with_robot(
+    scenario: Callable[[Served, Client], Awaitable[None]],
+    *,
+    run: Callable[[Any], None] = run_virtual,
+    **options: Any,
+) -> None:
+    """Run a scenario with the real server on a fake robot, and a client connected to it."""
+
+    async def main() -> None:
+        async with serving(**options) as served, Client.connect(served.host, served.port) as robot:
+            await scenario(served, robot)
+
+    run(main())
+
+
+def with_script(
+    script: Callable[[Daemon], Awaitable[None]],
+    scenario: Callable[[str, int], Awaitable[None]],
+    run: Callable[[Any], None] = run_virtual,
+) -> None:
+    """Run a scenario against a scripted far end."""
+
+    async def main() -> None:
+        async with scripted(script) as (host, port):
+            await scenario(host, port)
+
+    run(main())
+
+
+@pytest.mark.parametrize("run", [run_virtual, uvloop.run])
+def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
+    """Each convenience method makes the call that it is named after, on either loop."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        await robot.drive(0.2, -0.1)
+        await robot.drive(linear_m_s=0.0, angular_rad_s=1.0, source="navigation")
+        await robot.stop()
+        await robot.estop("smoke")
+        await robot.estop()
+        await robot.arm()
+        await robot.reset_odometry(1.0, 2.0, 0.5)
+        await robot.reset_board()
+        assert served.robot.calls == [
+            ("drive", "teleop", Twist2D(0.2, -0.1)),
+            ("drive", "navigation", Twist2D(0.0, 1.0)),
+            ("stop",),
+            ("estop", "smoke"),
+            ("estop", "asked by a client"),
+            ("arm",),
+            ("set_odometry", Pose2D(1.0, 2.0, 0.5)),
+            ("reset_board",),
+        ]
+        assert (await robot.ping())["pong"] is True
+        assert (await robot.get_state())["link"]["state"] == "down"
+        assert (await robot.get_stats())["lines_out"] == 50
+        assert set((await robot.describe())["methods"]) == set(robot_methods(robot))
+        assert (await robot.set_pid("left", kp=3))["left"]["kp"] == 3.0
+        assert (await robot.get_pid())["left"]["kp"] == 3.0
+
+    with_robot(scenario, run=run)
+
+
+def robot_methods(robot: Client) -> list[str]:
+    """The methods that the greeting lists."""
+    return [c.removeprefix("method.") for c in robot.hello.capabilities if c.startswith("method.")]
+
+
+def test_the_greeting_is_at_hand() -> None:
+    """After connecting it is known whom we talk to."""
+
+    async def scenario(_: Served, robot: Client) -> None:
+        assert (robot.hello.robot, robot.hello.link, robot.connected) == ("testbot", "down", True)
+
+    with_robot(scenario)
+
+
+def test_an_error_carries_code_kind_message_and_details() -> None:
+    """A refusal is raised with all that the daemon said about it."""
+
+    async def scenario(_: Served, robot: Client) -> None:
+        with pytest.raises(CallError, match="linear_m_s") as caught:
+            await robot.call("drive", linear_m_s="fast", angular_rad_s=0)
+        assert (caught.value.code, caught.value.kind) == (-32602, "invalid_params")
+        assert caught.value.data["fields"][0]["got"] == "'fast'"
+
+    with_robot(scenario)
+
+
+def test_calls_may_overlap() -> None:
+    """Fifty calls at once each get their own answer."""
+
+    async def scenario(_: Served, robot: Client) -> None:
+        answers = await asyncio.gather(*(robot.ping() for _ in range(50)))
+        assert all(a["pong"] for a in answers)
+
+    with_robot(scenario)
+
+
+def test_a_subscription_iterates_from_the_snapshot_on() -> None:
+    """First the latest value, then what comes; leaving the block ends it at the daemon too."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        served.bus.publish(TextReceived(999.0, "before"))
+        async with robot.subscribe(["text", "raw"]) as events:
+            assert served.bus.wanted(LineSeen)
+            assert await anext(events) == Event("text", 1, 999.0, 1.0, {"text": "before"})
+            served.bus.publish(TextReceived(1000.0, "after"))
+            assert (await anext(events)).data == {"text": "after"}
+        assert not served.bus.wanted(LineSeen)
+        await events.close()
+        with pytest.raises(StopAsyncIteration):
+            await anext(events)
+
+    with_robot(scenario)
+
+
+def test_a_plain_loop_subscribes_by_itself() -> None:
+    """``async for`` needs no block around it; rate and policy go along."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        served.bus.publish(TextReceived(999.0, "hi"))
+        async for event in robot.subscribe("text", max_rate_hz=5, policy="ordered"):
+            assert event.data == {"text": "hi"}
+            break
+
+    with_robot(scenario)
+
+
+def test_two_subscriptions_to_a_topic_share_it() -> None:
+    """Both get every event; when one ends the other goes on."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        async with robot.subscribe(["text"]) as stays:
+            async with robot.subscribe(["text", "stats"]) as leaves:
+                served.bus.publish(TextReceived(1.0, "a"))
+                assert (await anext(stays)).data == (await anext(leaves)).data == {"text": "a"}
+            served.bus.publish(TextReceived(2.0, "b"))
+            assert (await anext(stays)).data == {"text": "b"}
+
+    with_robot(scenario)
+
+
+def test_a_subscription_that_is_refused_can_be_closed() -> None:
+    """An unknown topic raises on entering, and leaves nothing behind."""
+
+    async def scenario(_: Served, robot: Client) -> None:
+        events = robot.subscribe("lidar")
+        with pytest.raises(CallError) as caught:
+            await anext(events)
+        assert caught.value.kind == "unknown_topic"
+        await events.close()
+        assert (await robot.ping())["pong"]
+
+    with_robot(scenario)
+
+
+def test_a_slow_reader_loses_the_oldest_and_sees_it() -> None:
+    """Of five events in a queue of two the last two are left, and three are counted."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        async with robot.subscribe("text", policy="ordered", queue_size=2) as events:
+            for i in range(5):
+                served.bus.publish(TextReceived(0.0, str(i)))
+            await asyncio.sleep(0.1)
+            assert [(await anext(events)).data["text"] for _ in range(2)] == ["3", "4"]
+            assert events.dropped == {"text": 3}
+
+    with_robot(scenario)
+
+
+def test_a_queue_needs_room() -> None:
+    """A queue of nothing is a mistake, said at once."""
+
+    async def scenario(_: Served, robot: Client) -> None:
+        with pytest.raises(ValueError, match="queue_size"):
+            robot.subscribe("text", queue_size=0)
+
+    with_robot(scenario)
+
+
+def test_what_the_daemon_dropped_is_counted() -> None:
+    """A drop notice is added up on the client and on the subscriptions that it concerns."""
+
+    async def script(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        await daemon.answer(topics=["text"])
+        params = {"topics": {"text": 3, "imu": 1}, "total": 4}
+        daemon.say({"jsonrpc": "2.0", "method": "dropped", "params": params})
+        daemon.say({"jsonrpc": "2.0", "method": "something_newer", "params": {}})
+        await daemon.answer()
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port) as robot:
+            events = robot.subscribe("text")
+            await events.__aenter__()
+            await robot.ping()
+            assert (robot.dropped, events.dropped) == ({"text": 3, "imu": 1}, {"text": 3})
+
+    with_script(script, scenario)
+
+
+def test_no_answer_in_time() -> None:
+    """A silent daemon raises after the timeout; its late answer is nobody's, and the next call works."""
+
+    async def script(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        late = await daemon.hear()
+        request = await daemon.hear()
+        daemon.say({"jsonrpc": "2.0", "id": late["id"], "result": {"late": True}})
+        daemon.say({"jsonrpc": "2.0", "id": request["id"], "result": {"late": False}})
+        await asyncio.sleep(1.0)
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port, timeout_s=0.5) as robot:
+            with pytest.raises(CallTimeout, match=r"ping within 0\.5 s"):
+                await robot.ping()
+            assert await robot.ping() == {"late": False}
+
+    with_script(script, scenario)
+
+
+async def hang_up_on_second_request(daemon: Daemon) -> None:
+    """Answer one request; close on the next."""
+    daemon.say(HELLO)
+    await daemon.answer(topics=["text"])
+    await daemon.hear()
+
+
+def test_a_lost_connection_is_told_to_everyone() -> None:
+    """Who waits for an answer, who iterates, and who asks later: all get ``ConnectionLost``."""
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port) as robot:
+            events = robot.subscribe("text")
+            await events.__aenter__()
+            iterating = asyncio.ensure_future(anext(events))
+            with pytest.raises(ConnectionLost, match="closed the connection"):
+                await robot.ping()
+            for failing in (iterating, anext(events), robot.stop()):
+                with pytest.raises(ConnectionLost):
+                    await failing
+            assert not robot.connected
+            await events.close()
+
+    with_script(hang_up_on_second_request, scenario)
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"),
+    [
+        (b"garbage\n", "no JSON object"),
+        (b"[1, 2]\n", "no JSON object"),
+        (b"x" * 1_100_000, "a line of more than"),
+    ],
+)
+def test_a_daemon_that_talks_nonsense_is_left(data: bytes, complaint: str) -> None:
+    """Whatever is no JSON object, or has no end, ends the connection with a reason."""
+
+    async def script(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        await daemon.hear()
+        daemon.writer.write(data)
+        await asyncio.sleep(1.0)
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port) as robot:
+            with pytest.raises(ConnectionLost, match=complaint):
+                await robot.ping()
+
+    with_script(script, scenario)
+
+
+def test_nobody_listens() -> None:
+    """Connecting to a closed port raises what the system says."""
+
+    async def scenario() -> None:
+        async with serving() as served:
+            pass
+        with pytest.raises(ConnectionRefusedError):
+            async with Client.connect(served.host, served.port):
+                raise AssertionError("connected")
+
+    run_virtual(scenario())
+
+
+def test_a_full_daemon_says_why() -> None:
+    """A connection that is refused with an error raises with the daemon's words."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        with pytest.raises(ConnectionLost, match="already 1 clients"):
+            async with Client.connect(served.host, served.port):
+                raise AssertionError("connected")
+
+    with_robot(scenario, max_clients=1)
+
+
+def test_no_greeting_in_time() -> None:
+    """Something else that listens there and says nothing is not taken for a daemon."""
+
+    async def silent(daemon: Daemon) -> None:
+        await asyncio.sleep(10.0)
+
+    async def scenario(host: str, port: int) -> None:
+        with pytest.raises(ConnectionLost, match="no greeting"):
+            async with Client.connect(host, port, timeout_s=1.0):
+                raise AssertionError("connected")
+
+    with_script(silent, scenario)
+
+
+def test_another_major_version_is_not_spoken() -> None:
+    """A daemon of protocol 2 is refused before anything is asked of it."""
+
+    async def newer(daemon: Daemon) -> None:
+        daemon.say({**HELLO, "params": {**HELLO["params"], "protocol": "2.0"}})  # type: ignore[dict-item]
+        await asyncio.sleep(1.0)
+
+    async def scenario(host: str, port: int) -> None:
+        with pytest.raises(IncompatibleProtocol, match=r"2\.0"):
+            async with Client.connect(host, port):
+                raise AssertionError("connected")
+
+    with_script(newer, scenario)
+
+
+def test_a_daemon_that_does_not_read_fills_no_memory() -> None:
+    """Calls wait for room in the socket, and time out there instead of piling up."""
+
+    async def deaf(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        daemon.writer.transport.pause_reading()  # type: ignore[attr-defined]
+        await asyncio.sleep(60.0)
+        daemon.writer.transport.abort()
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port, timeout_s=1.0) as robot:
+            calls = (robot.call("ping", padding="x" * 100_000) for _ in range(200))
+            outcomes = await asyncio.gather(*calls, return_exceptions=True)
+            assert {type(o) for o in outcomes} == {CallTimeout}
+            with pytest.raises(CallTimeout):
+                await robot.ping()
+
+    with_script(deaf, scenario)
+
+
+def test_room_in_the_socket_is_waited_for() -> None:
+    """A daemon that reads late still gets every call, and answers it."""
+
+    async def late_reader(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        daemon.writer.transport.pause_reading()  # type: ignore[attr-defined]
+        await asyncio.sleep(0.05)
+        daemon.writer.transport.resume_reading()  # type: ignore[attr-defined]
+        for _ in range(100):
+            await daemon.answer()
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port) as robot:
+            await asyncio.gather(*(robot.call("ping", padding="x" * 100_000) for _ in range(100)))
+
+    with_script(late_reader, scenario, run=uvloop.run)
