@@ -1,21 +1,54 @@
-PYTHON ?= python3.11
+# make run    drive the simulated robot through a 2 m square          make test   run the tests
+# make check  format, lint, types, import rules, tests, the wheel    make bench  measure (see docs/benchmarks.md)
+# Each sets up all it needs in .venv: Python 3.11 or newer and make are enough.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 BIN := $(VENV)/bin
+WHEEL_VENV := build/wheel-venv
+ROBOT ?= chefbot
+
+.PHONY: run test check lint format wheel wheel-test bench clean
+
+run: $(VENV)/ready
+	$(BIN)/python -m chefbotd.cli.square --robot $(ROBOT)
+
+test: $(VENV)/ready
+	$(BIN)/coverage run -m pytest -q
+	$(BIN)/coverage report
+
+check: lint test wheel-test
+
+lint: $(VENV)/ready
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(VENV)/ready
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+wheel: $(VENV)/ready
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+
+# The tests, run against the installed wheel in an environment of its own, away from the sources.
+wheel-test: wheel
+	rm -rf build/wheel-test $(WHEEL_VENV)
+	$(PYTHON) -m venv $(WHEEL_VENV)
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,testing]" hypothesis psutil
+	mkdir -p build/wheel-test
+	cp -r tests pyproject.toml build/wheel-test/
+	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
+
+bench: $(VENV)/ready
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf build dist $(VENV)
 
 $(VENV)/ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable '.[dev,teleop]'
 	touch $@
-
-.PHONY: setup test check bench clean
-setup: $(VENV)/ready
-
-test: setup
-	$(BIN)/pytest -q
-
-check: setup
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
-	$(BIN)/pytest -q --cov --cov-report=term

@@ -186,9 +186,21 @@ async def _serve_simulated(settings: Settings) -> None:
 
 
 def simulation_of(settings: Settings) -> SimulationParameters:
-    """What to simulate for this robot: its own chassis and battery divider, the rest from ``[sim]``."""
-    chassis = settings.chassis
-    return settings.sim.with_chassis(
+    """What to simulate for this robot: its own chassis, divider and range sensor, the rest from ``[sim]``."""
+    chassis, sim = settings.chassis, settings.sim
+    divider = {
+        "adc_reference_v": settings.battery.reference_v,
+        "divider_ratio": settings.battery.divider_ratio,
+    }
+    mount = {
+        "mount_x_m": settings.ultrasonic.mount_x_m,
+        "field_of_view_rad": settings.ultrasonic.field_of_view_rad,
+    }
+    parts = {
+        "battery": sim.battery.model_copy(update=divider),
+        "ultrasonic": sim.ultrasonic.model_copy(update=mount),
+    }
+    return sim.model_copy(update=parts).with_chassis(
         wheel_radius_m=chassis.wheels[0].radius_m,
         track_width_m=chassis.track_width_m,
         counts_per_turn=settings.encoders.counts_per_turn,

@@ -165,8 +165,7 @@ def test_parameters_out_of_range_are_refused(bad: dict[str, object], told: str):
     )
 )
 def test_the_robot_is_never_driven_unless_armed(story: list[tuple[object, ...]]):
-    """Whatever the order of triggers, commands and stops: a twist other than zero is only decided in ARMED, and only
-    one that an accepted, live command asked for."""
+    """Whatever happens in whatever order: only ARMED decides a twist, and only one that was accepted."""
     state, now_s, asked = GateState(), 0.0, set()
     for step in story:
         now_s += 0.1

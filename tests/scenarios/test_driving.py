@@ -1,0 +1,265 @@
+"""The whole daemon drives the simulated robot, on a virtual clock."""
+
+import asyncio
+import hashlib
+import math
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
+from chefbotd.core.events import TruthSimulated
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+
+Scenario = Callable[[SimulatedRobot], Awaitable[None]]
+
+
+def on_robot(scenario: Scenario) -> None:
+    """Run a scenario with the board up and the encoders coming in."""
+
+    async def run() -> None:
+        async with simulated_robot() as robot:
+            await asyncio.sleep(1.0)
+            await scenario(robot)
+
+    run_virtual(run())
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Repeat a command at 20 Hz, as a client that holds a key does."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+
+
+def truth(robot: SimulatedRobot) -> TruthSimulated:
+    """What the robot really does."""
+    return robot.board.truth(0.0)
+
+
+def wiretap(robot: SimulatedRobot) -> bytearray:
+    """Everything that goes to the board from now on."""
+    written, write = bytearray(), robot.device.on_write
+
+    def note(data: bytes) -> None:
+        written.extend(data)
+        write(data)
+
+    robot.device.on_write = note
+    return written
+
+
+async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
+    """A topic's latest data."""
+    state = await robot.client.get_state()
+    return state["topics"][name]["data"]
+
+
+@pytest.mark.parametrize(
+    ("linear_m_s", "angular_rad_s"), [(0.2, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.15, -0.5), (0.03, 0.0)]
+)
+def test_the_robot_moves_as_it_is_told(linear_m_s: float, angular_rad_s: float):
+    """After two seconds of a command the true twist is the one asked for, within 2 % and 2 mm/s."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, linear_m_s, angular_rad_s, 2.0)
+        twist = truth(robot).twist
+        assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.02, abs=0.002)
+        assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.02, abs=0.01)
+
+    on_robot(scenario)
+
+
+def test_too_fast_a_curve_is_slowed_and_not_straightened():
+    """Asked for 1 m/s and 2 rad/s the wheels give less, but the robot still turns with a radius of 0.5 m."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 1.0, 2.0, 3.0)
+        twist = truth(robot).twist
+        assert 0.1 < twist.linear_m_s < 0.5
+        assert twist.linear_m_s / twist.angular_rad_s == pytest.approx(0.5, rel=0.02)
+
+    on_robot(scenario)
+
+
+def test_a_square_closes_and_odometry_knows_where_the_robot_is():
+    """Four sides and four turns by time alone: odometry and truth end within 1 cm and 1 degree of each other."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        for _ in range(4):
+            await drive(robot, 0.25, 0.0, 4.0)
+            await drive(robot, 0.0, 0.8, math.pi / 2 / 0.8)
+        await robot.client.stop()
+        await asyncio.sleep(1.0)
+        odometry, true = await topic(robot, "odometry"), truth(robot).world_from_base
+        assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.01
+        error_rad = math.remainder(odometry["heading_rad"] - true.heading_rad, math.tau)
+        assert abs(error_rad) < math.radians(1.0)
+
+    on_robot(scenario)
+
+
+def test_a_client_that_falls_silent_leaves_the_robot_standing():
+    """One command and no more: within the dead-man (0.5 s) and the braking the robot stands, and stays."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.25, 0.0, 1.0)
+        await asyncio.sleep(0.5 + 0.25 + 0.3)
+        assert truth(robot).twist.linear_m_s == 0.0
+        assert robot.board.duty == (0, 0)
+
+    on_robot(scenario)
+
+
+def test_an_estop_brakes_at_once_and_latches():
+    """Zero is on the wire before the answer; commands are refused by kind; after arm nothing moves by itself."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.25, 0.0, 1.0)
+        written = wiretap(robot)
+        await robot.client.estop("test")
+        assert bytes(written) == b"s 0 0\r"
+        await asyncio.sleep(0.05)
+        assert robot.board.duty == (0, 0)
+        with pytest.raises(CallError) as refused:
+            await robot.client.drive(0.2, 0.0)
+        assert refused.value.kind == "estopped"
+        await robot.client.arm()
+        await asyncio.sleep(1.0)
+        assert truth(robot).twist.linear_m_s == 0.0
+        await drive(robot, 0.2, 0.0, 1.0)
+        assert truth(robot).twist.linear_m_s > 0.1
+
+    on_robot(scenario)
+
+
+def test_a_higher_source_takes_over_and_gives_back():
+    """Safety's stop wins over teleop while it lasts (0.2 s); teleop, still talking, then moves the robot again."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.0, 1.0)
+        for _ in range(20):
+            await robot.client.drive(0.0, 0.0, source="safety")
+            await drive(robot, 0.2, 0.0, 0.05)
+        assert truth(robot).twist.linear_m_s == 0.0
+        assert (await topic(robot, "safety"))["source"] == "safety"
+        await drive(robot, 0.2, 0.0, 1.5)
+        assert truth(robot).twist.linear_m_s == pytest.approx(0.2, rel=0.02)
+
+    on_robot(scenario)
+
+
+def test_a_pulled_cable_disarms_and_comes_back_by_itself():
+    """The link is told down and up again within seconds; motion is refused until arm; the board gets a stop first."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.0, 1.0)
+        robot.device.unplug()
+        await asyncio.sleep(0.5)
+        assert (await topic(robot, "link"))["state"] == "down"
+        with pytest.raises(CallError) as refused:
+            await robot.client.drive(0.2, 0.0)
+        assert refused.value.kind == "disarmed"
+        robot.device.plug()
+        await asyncio.sleep(2.5)
+        assert (await topic(robot, "link"))["state"] == "up"
+        assert robot.board.duty == (0, 0)
+        await robot.client.arm()
+        await drive(robot, 0.2, 0.0, 1.5)
+        assert truth(robot).twist.linear_m_s == pytest.approx(0.2, rel=0.02)
+
+    on_robot(scenario)
+
+
+def test_odometry_survives_a_board_reset():
+    """After a reset the counters are at zero again; the pose has not moved, and driving goes on from there."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.0, 2.0)
+        await robot.client.stop()
+        await asyncio.sleep(1.0)
+        before = await topic(robot, "odometry")
+        await robot.client.reset_board()
+        await asyncio.sleep(3.0)
+        assert (await topic(robot, "odometry"))["x_m"] == before["x_m"]
+        assert (await robot.client.get_stats())["board_restarts"] == 1
+        await robot.client.arm()
+        await drive(robot, 0.2, 0.0, 2.0)
+        moved_m = (await topic(robot, "odometry"))["x_m"] - before["x_m"]
+        assert moved_m == pytest.approx(2.0 * 0.2, abs=0.05)
+
+    on_robot(scenario)
+
+
+def test_a_wall_is_met_without_going_through_it():
+    """Driven straight ahead the robot touches the wall and stays on this side; the ultrasonic saw it coming."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        ranges = []
+        for _ in range(20):
+            await drive(robot, 0.3, 0.0, 1.0)
+            beam = (await topic(robot, "ranges"))["ranges"][0]
+            ranges.append(beam["range_m"])
+        assert truth(robot).in_contact
+        seen = [r for r in ranges if r is not None]
+        assert seen[0] > 1.0
+        assert seen[-1] < 0.1
+
+    on_robot(scenario)
+
+
+def test_reset_odometry_sets_the_pose():
+    """The pose is what was set, at once."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await robot.client.reset_odometry(1.0, 2.0, 0.5)
+        odometry = await topic(robot, "odometry")
+        assert (odometry["x_m"], odometry["y_m"], odometry["heading_rad"]) == (1.0, 2.0, 0.5)
+
+    on_robot(scenario)
+
+
+def test_ending_the_daemon_while_driving_stops_the_robot():
+    """Cancelled in mid-drive, the daemon's last word on the wire is a stop."""
+
+    async def run() -> None:
+        async with simulated_robot() as robot:
+            await asyncio.sleep(1.0)
+            await drive(robot, 0.2, 0.0, 1.0)
+            assert robot.board.duty != (0, 0)
+            written = wiretap(robot)
+        assert written.endswith(b"s 0 0\r")
+
+    run_virtual(run())
+
+
+def two_minutes() -> str:
+    """Drive back and forth for two minutes; a digest of every byte on the wire, both ways."""
+    digest = hashlib.sha256()
+
+    async def run() -> None:
+        async with simulated_robot() as robot:
+            feed, write = robot.device.transport.feed, robot.device.on_write
+
+            def feed_and_note(data: bytes) -> None:
+                digest.update(b"<" + data)
+                feed(data)
+
+            def write_and_note(data: bytes) -> None:
+                digest.update(b">" + data)
+                write(data)
+
+            robot.device.transport.feed = feed_and_note
+            robot.device.on_write = write_and_note
+            for quarter in range(4):
+                await drive(robot, 0.2 if quarter % 2 else -0.2, 0.4, 15.0)
+                await drive(robot, 0.0, -0.6, 15.0)
+
+    run_virtual(run())
+    return digest.hexdigest()
+
+
+def test_a_drive_is_the_same_every_time():
+    """Same seed, same commands: every byte on the wire is the same, in both directions."""
+    assert two_minutes() == two_minutes()
