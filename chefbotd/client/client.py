@@ -164,7 +164,7 @@ class Client:
         self._subscriptions.remove(subscription)
         still_wanted = {topic for other in self._subscriptions for topic in other.topics}
         over = [topic for topic in subscription.topics if topic not in still_wanted]
-        if over and self.connected:
+        if over:
             await self.call("unsubscribe", topics=over)
 
     def _notified(self, method: str, params: dict[str, Any]) -> None:

@@ -54,9 +54,8 @@ class Subscription(AsyncIterator[Event]):
 
     def end(self, loss: ConnectionLost | None = None) -> None:
         """No more events will come; those already here can still be taken."""
-        if not self._ended:
-            self._ended, self._loss = True, loss
-            self._queue.put_nowait(None)
+        self._ended, self._loss = True, loss
+        self._queue.put_nowait(None)
 
     async def __aenter__(self) -> Self:
         await self._ensure_started()

@@ -15,11 +15,13 @@ from chefbotd.client import (
     Event,
     IncompatibleProtocol,
 )
+from chefbotd.client.wire import Wire
 from chefbotd.clock import run_virtual
-from chefbotd.core.events import LineSeen, TextReceived
+from chefbotd.core.events import LineSeen, LinkOpened, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
 from tests.fakes.api import Served, serving
 from tests.fakes.daemon import HELLO, Daemon, scripted
+from tests.fakes.transport import FakeTransport
 
 
 def with_robot(
@@ -151,13 +153,15 @@ def test_a_plain_loop_subscribes_by_itself() -> None:
 
 
 def test_two_subscriptions_to_a_topic_share_it() -> None:
-    """Both get every event; when one ends the other goes on."""
+    """Both get every event, and no other topic's; when one ends the other goes on."""
 
     async def scenario(served: Served, robot: Client) -> None:
         async with robot.subscribe(["text"]) as stays:
-            async with robot.subscribe(["text", "stats"]) as leaves:
+            async with robot.subscribe(["text"]) as leaves, robot.subscribe(["link"]) as other:
                 served.bus.publish(TextReceived(1.0, "a"))
+                served.bus.publish(LinkOpened(1.0, "/dev/ttyACM0"))
                 assert (await anext(stays)).data == (await anext(leaves)).data == {"text": "a"}
+                assert (await anext(other)).topic == "link"
             served.bus.publish(TextReceived(2.0, "b"))
             assert (await anext(stays)).data == {"text": "b"}
 
@@ -241,6 +245,22 @@ def test_no_answer_in_time() -> None:
             assert await robot.ping() == {"late": False}
 
     with_script(script, scenario)
+
+
+def test_a_call_that_was_given_up_is_nobodys() -> None:
+    """When the connection goes down just as a caller gives up, the caller's own reason stands."""
+
+    async def scenario() -> None:
+        wire = Wire(lambda method, params: None, lambda loss: None)
+        wire.connection_made(FakeTransport())
+        calling = asyncio.ensure_future(wire.call("ping", {}, 1.0))
+        await asyncio.sleep(0)
+        calling.cancel()
+        wire.connection_lost(None)
+        with pytest.raises(asyncio.CancelledError):
+            await calling
+
+    run_virtual(scenario())
 
 
 async def hang_up_on_second_request(daemon: Daemon) -> None:

@@ -30,6 +30,7 @@ class FakeTransport(asyncio.Transport):
         self.unread_bytes = 0
         self.closed = self.aborted = False
         self._paused = False
+        self._high, self._low = 65536, 16384
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
         """Take the limits."""

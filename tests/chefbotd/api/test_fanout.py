@@ -110,12 +110,13 @@ def test_sequence_numbers_count_events_not_deliveries() -> None:
 
 def test_a_snapshot_is_only_of_what_there_is() -> None:
     """A topic that has had no event yet has no snapshot."""
-    reader, fanout = Reader(), text_fanout(ManualClock())
+    reader, other, fanout = Reader(), Reader(), text_fanout(ManualClock())
+    fanout.subscribe(other, ["text"], "ordered", 0.0)
     fanout.subscribe(reader, ["text", "battery"], "latest", 0.0)
     publish_texts(fanout, "a")
     reader.lines.clear()
     fanout.snapshot(reader, ["text", "battery", "odometry"])
-    assert reader.texts == ["a"]
+    assert (reader.texts, other.texts) == (["a"], ["a"])
 
 
 def timeline(max_rate_hz: float, script: Callable[[Fanout], Any]) -> list[tuple[float, str]]:
