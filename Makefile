@@ -6,12 +6,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
-ROBOT ?= chefbot
 
 .PHONY: run test check lint format wheel wheel-test bench clean
 
 run: $(VENV)/ready
-	$(BIN)/python -m chefbotd.cli.square --robot $(ROBOT)
+	$(BIN)/chefbotctl square --sim
 
 test: $(VENV)/ready
 	$(BIN)/coverage run -m pytest -q
