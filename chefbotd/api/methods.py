@@ -97,12 +97,12 @@ class Methods:
         return DONE
 
     def _stop(self, caller: Caller, params: models.NoParams) -> models.Done:
-        """Stand still now; the next drive moves again."""
+        """Come to rest within the deceleration limit; the next drive moves again."""
         self._robot.stop()
         return DONE
 
     def _estop(self, caller: Caller, params: models.EstopParams) -> models.Done:
-        """Stand still now, and until armed again."""
+        """Stop the motors at once, and until armed again."""
         self._robot.estop(params.reason)
         return DONE
 

@@ -19,11 +19,11 @@ class Robot(Protocol):
         ...
 
     def stop(self) -> None:
-        """Stand still now."""
+        """Come to rest; the next drive moves again."""
         ...
 
     def estop(self, reason: str) -> None:
-        """Stand still now, and until armed again."""
+        """Stop the motors at once, and until armed again."""
         ...
 
     def arm(self) -> None:

@@ -93,11 +93,11 @@ class Client:
         await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
 
     async def stop(self) -> None:
-        """Stop now; driving on needs only another ``drive``."""
+        """Come to rest within the deceleration limit; another ``drive`` moves again."""
         await self.call("stop")
 
     async def estop(self, reason: str | None = None) -> None:
-        """Stop now, and stay stopped until ``arm``."""
+        """Stop the motors at once, and until ``arm``."""
         await self.call("estop", **({} if reason is None else {"reason": reason}))
 
     async def arm(self) -> None:
@@ -133,7 +133,7 @@ class Client:
         await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
 
     async def reset_board(self) -> None:
-        """Restart the board; motion needs ``arm`` afterwards."""
+        """Restart the board."""
         await self.call("reset_board")
 
     def subscribe(
