@@ -4,6 +4,8 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
 from chefbotd.api.describe import NOTIFICATIONS
@@ -218,3 +220,40 @@ def test_describe_covers_the_whole_interface() -> None:
     assert described["methods"]["set_pid"]["params"]["properties"]["kp"]["minimum"] == 0
     assert "kp" in json.dumps(described["methods"]["get_pid"]["result"])
     assert "default" not in described["methods"]["set_pid"]["params"]["properties"]["kp"]
+
+
+PARAM_NAMES = [
+    "linear_m_s",
+    "angular_rad_s",
+    "source",
+    "topics",
+    "max_rate_hz",
+    "policy",
+    "wheel",
+    "kp",
+    "x_m",
+]
+PARAM_VALUES = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**20), 10**20)
+    | st.floats()
+    | st.sampled_from(["all", "left", "text", "raw", "latest"])
+    | st.text(max_size=5)
+    | st.lists(st.sampled_from(["text", "raw", "lidar"]) | st.integers(), max_size=3)
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    method=st.sampled_from(
+        [name for name, *_ in COMMANDS] + ["subscribe", "unsubscribe", "set_pid", "get_pid"]
+    ),
+    params=st.dictionaries(st.sampled_from(PARAM_NAMES), PARAM_VALUES, max_size=4),
+)
+def test_no_parameters_break_a_method(method: str, params: dict[str, Any]) -> None:
+    """Whatever the parameters, a request has one answer, and it is never ``internal``."""
+    desk = Desk()
+    answer = desk.ask(method, **params)
+    assert len([m for m in desk.heard if "method" not in m]) == 1
+    assert answer.get("error", {}).get("data", {}).get("kind") != "internal"
