@@ -38,6 +38,7 @@ COMMANDS: tuple[click.Command, ...] = (
     ask.watch,
     ask.describe,
     move.drive,
+    move.teleop,
     move.square,
     act.stop,
     act.estop,

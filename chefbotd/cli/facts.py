@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -47,7 +47,7 @@ def link(data: Data) -> Fact:
 def safety(data: Data) -> Fact:
     """Whether the robot may move, and who drives."""
     if not data["armed"]:
-        return Fact("mode", f"{data['mode']}: {data['reason']} (arm to move)", Mood.ALARM)
+        return Fact("mode", f"{data['mode']}: {data['reason']}", Mood.ALARM)
     driver = f"driven by {data['source']}" if data["source"] else "nobody drives"
     return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
 
@@ -124,6 +124,8 @@ def counters(data: Data) -> Fact:
 
 
 BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
+    ("safety", safety),
+    ("link", link),
     ("odometry", odometry),
     ("odometry", speed),
     ("wheels", wheels),
@@ -132,14 +134,24 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("battery", battery),
     ("sim", truth),
 )
+AGEING = {"odometry", "wheels", "imu", "ranges", "battery", "sim"}
+"""Topics whose values move; the others are told when they change, and hold until then."""
+
+
+def of_topics(latest: Mapping[str, Data]) -> list[Fact]:
+    """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
+    return [_aged(topic, word, latest[topic]) for topic, word in BY_TOPIC if topic in latest]
+
+
+def _aged(topic: str, word: Callable[[Data], Fact], value: Data) -> Fact:
+    fact = word(value["data"])
+    if topic not in AGEING:
+        return fact
+    age_s = value["age_s"]
+    return replace(fact, age_s=age_s, mood=fact.mood if age_s < STALE_S else Mood.FAINT)
 
 
 def of_state(state: Data) -> list[Fact]:
-    """Everything in an answer of ``get_state``; what is older than a second is faint."""
-    told = [safety(state["safety"]), link(state["link"])]
-    for topic, word in BY_TOPIC:
-        if latest := state["topics"].get(topic):
-            fact = word(latest["data"])
-            mood = fact.mood if latest["age_s"] < STALE_S else Mood.FAINT
-            told.append(Fact(fact.label, fact.text, mood, latest["age_s"]))
-    return told
+    """Everything in an answer of ``get_state``."""
+    always = {"safety": {"data": state["safety"]}, "link": {"data": state["link"]}}
+    return of_topics({**state["topics"], **always})

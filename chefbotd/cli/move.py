@@ -19,10 +19,12 @@ def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: 
 
     Negative numbers go backwards and to the right. Exit code 6 means that odometry saw next to no motion.
     """
+    from rich.console import Console
+
     from chefbotd.cli.timed_drive import drive_for
 
     twist = Twist2D(linear_m_s, angular_rad_s)
-    with output.countdown(seconds, quiet=chat.as_json) as report:
+    with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
         done = chat.hold(lambda robot: drive_for(robot, twist, seconds, report))
     moved = {"x_m": done.moved.x_m, "y_m": done.moved.y_m, "heading_rad": done.moved.heading_rad}
     output.say(
@@ -48,3 +50,17 @@ def square(chat: Conversation, side_m: float, own_simulation: bool) -> None:
     from chefbotd.cli.square import drive_square
 
     drive_square(chat, side_m, own_simulation)
+
+
+@click.command()
+@click.pass_obj
+def teleop(chat: Conversation) -> None:
+    """Drive by keyboard in the terminal; the robot stops when the keys do."""
+    try:
+        from chefbotd.cli.teleop import teleop as run_screen
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "textual":
+            raise
+        missing = "teleop needs textual, which is not installed: pip install 'chefbotd[teleop]'"
+        raise ProgramError(Exit.NOT_INSTALLED, missing) from error
+    chat.hold(lambda robot: run_screen(robot, str(chat.address)))

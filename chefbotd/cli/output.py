@@ -1,7 +1,6 @@
 """What the commands print: JSON for scripts, tables for people. rich is imported only to draw."""
 
 import json
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from chefbotd.cli import facts
 from chefbotd.client import Event
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
     from rich.table import Table
 
 Data = Mapping[str, Any]
@@ -110,16 +109,15 @@ def _meaning(schema: Data) -> str:
 
 
 @contextmanager
-def countdown(seconds: float, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A progress bar over ``seconds`` on a terminal's stderr; nothing when quiet or where nobody sees it."""
-    if quiet or not sys.stderr.isatty():
+def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], None]]:
+    """A progress bar over ``seconds`` where there is a terminal."""
+    if console.quiet or not console.is_terminal:
         yield _unseen
         return
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
     told = TextColumn("{task.completed:.1f} of {task.total:.1f} s")
-    bar = Progress(TextColumn("driving"), BarColumn(), told, console=Console(stderr=True), transient=True)
+    bar = Progress(TextColumn("driving"), BarColumn(), told, console=console, transient=True)
     with bar:
         task = bar.add_task("driving", total=seconds)
         yield lambda gone_s: bar.update(task, completed=gone_s)

@@ -1,0 +1,88 @@
+"""The words for the robot's state, one by one where a state is rare."""
+
+import pytest
+
+from chefbotd.cli import facts
+from chefbotd.cli.facts import Mood
+
+STATS = {
+    "uptime_s": 9.6,
+    "frames": {},
+    "refused": {},
+    "lines_out": 0,
+    "clients": 1,
+    "encoder_readings_refused": 0,
+    "board_restarts": 0,
+    "bus_dropped": {},
+    "telemetry_dropped": 0,
+}
+
+
+def test_a_link_that_is_down_alarms() -> None:
+    """The reason comes first, then the device."""
+    fact = facts.link({"state": "down", "device": "/dev/ttyACM0", "reason": "unplugged"})
+    assert (fact.text, fact.mood) == ("down: unplugged (/dev/ttyACM0)", Mood.ALARM)
+
+
+def test_a_locked_robot_alarms() -> None:
+    """A robot that may not move says why."""
+    fact = facts.safety({"mode": "estopped", "reason": "smoke", "source": None, "armed": False})
+    assert (fact.text, fact.mood) == ("estopped: smoke", Mood.ALARM)
+
+
+def test_who_drives_is_named() -> None:
+    """The source in force is part of the mode."""
+    fact = facts.safety({"mode": "armed", "reason": "", "source": "teleop", "armed": True})
+    assert fact.text == "armed, driven by teleop"
+
+
+@pytest.mark.parametrize(
+    ("status", "mood"), [("ok", Mood.GOOD), ("low", Mood.NOTICE), ("critical", Mood.ALARM)]
+)
+def test_a_weak_battery_alarms(status: str, mood: Mood) -> None:
+    """The lower the battery, the louder the fact."""
+    assert facts.battery({"voltage_v": 11.6, "percentage": 3.2, "status": status}).mood is mood
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "rates", "told"),
+    [
+        (0.5, None, "heading +28.6°"),
+        (None, [0.0, 0.0, 0.25], "turning +0.250 rad/s"),
+        (None, None, "says nothing"),
+    ],
+)
+def test_each_kind_of_imu(heading_rad: float | None, rates: list[float] | None, told: str) -> None:
+    """An IMU with a heading, one with rates only, and one with neither."""
+    assert facts.imu({"heading_rad": heading_rad, "angular_velocity_rad_s": rates}).text == told
+
+
+def test_no_echo_is_no_distance() -> None:
+    """A beam without a distance says why; without beams there are none."""
+    beam = {"sensor": "front", "status": "no_echo", "range_m": None}
+    assert facts.ranges({"ranges": [beam]}).text == "front no echo"
+    assert facts.ranges({"ranges": []}).text == "none"
+
+
+def test_contact_is_told() -> None:
+    """A simulated robot at a wall says so."""
+    truth = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "in_contact": True}
+    assert facts.truth(truth).text.endswith("touching a wall")
+
+
+def test_counters_without_a_fault_are_calm() -> None:
+    """Only what went wrong is counted out, and then it is noticed."""
+    assert facts.counters(STATS).text == "up 10 s, 0 lines in, 0 out, 1 clients"
+    assert facts.counters(STATS).mood is Mood.PLAIN
+    assert facts.counters({**STATS, "bus_dropped": {"LineSeen": 2}}).mood is Mood.NOTICE
+
+
+def test_what_moves_goes_stale() -> None:
+    """An old reading is faint; a link that has not changed for an hour is not."""
+    battery = {"voltage_v": 12.0, "percentage": 50.0, "status": "ok"}
+    link = {"state": "up", "device": "x", "reason": ""}
+    link_fact, battery_fact = facts.of_topics(
+        {"battery": {"data": battery, "age_s": 1.5}, "link": {"data": link, "age_s": 3600.0}}
+    )
+    assert (link_fact.mood, link_fact.age_s) == (Mood.GOOD, None)
+    assert (battery_fact.mood, battery_fact.age_s) == (Mood.FAINT, 1.5)
