@@ -33,7 +33,9 @@ async def simulated_daemon() -> AsyncIterator[Address]:
             await _listening(process, address, log)
             yield address
         finally:
-            await _end(process)
+            code = await _end(process)
+    if code != Exit.OK:
+        raise ProgramError(Exit.FAILED, f"chefbotd ended with exit code {code}")
 
 
 def _free_port() -> int:
@@ -62,20 +64,19 @@ async def _accepts(address: Address) -> bool:
     return True
 
 
-async def _end(process: Process) -> None:
+async def _end(process: Process) -> int:
+    """Ask it to end, wait, and give its exit code."""
     if process.returncode is None:
         process.terminate()
     try:
         async with asyncio.timeout(ENDING_PATIENCE_S):
-            code = await process.wait()
+            return await process.wait()
     except TimeoutError:
         process.kill()
         await process.wait()
         raise ProgramError(
             Exit.FAILED, f"chefbotd did not end within {ENDING_PATIENCE_S:g} s of SIGTERM"
         ) from None
-    if code != Exit.OK:
-        raise ProgramError(Exit.FAILED, f"chefbotd ended with exit code {code}")
 
 
 def _failure(what: str, log: IO[str]) -> ProgramError:

@@ -1,0 +1,159 @@
+"""The program chefbotd: configurations checked in this process, daemons and boards run as processes of their own."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from chefbotd import __version__
+from chefbotd.cli.arguments import Address
+from chefbotd.cli.control import main as chefbotctl
+from chefbotd.cli.daemon import main
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.cli.launch import simulated_daemon
+from chefbotd.client import Client
+
+PROGRAM = (sys.executable, "-m", "chefbotd.cli.daemon")
+
+
+def chefbotd(*args: str | Path) -> Result:
+    """Run a command to its end."""
+    return CliRunner().invoke(main, [str(arg) for arg in args])
+
+
+def test_version_help_and_completion() -> None:
+    """The version is the package's, the help explains the exit codes, the completion is chefbotd's own."""
+    assert __version__ in chefbotd("--version").output
+    assert "78  the configuration is not valid" in chefbotd("--help").output
+    assert "_CHEFBOTD_COMPLETE" in chefbotd("completion", "bash").output
+
+
+def test_check_config_prints_what_it_resolves_to() -> None:
+    """Every value of the packaged ChefBot is on a line of its own, with its dotted key."""
+    lines = chefbotd("check-config").output.splitlines()
+    assert 'robot.name = "chefbot"' in lines
+    assert "api.port = 7333" in lines
+    assert "chassis.wheels[1].radius_m = 0.045" in lines
+
+
+def test_check_config_as_json() -> None:
+    """With --json it is one object with the configuration's own sections."""
+    assert json.loads(chefbotd("check-config", "--json").output)["api"]["port"] == 7333
+
+
+def test_a_bad_configuration(tmp_path: Path) -> None:
+    """A refused key ends with the code for it, and the message names file, key and value."""
+    path = tmp_path / "bad.toml"
+    path.write_text("[api]\nport = 123456\n", encoding="utf-8")
+    for command in (["check-config", path], ["run", "--config", path], ["simulate", "--config", path]):
+        result = chefbotd(*command)
+        assert result.exit_code == Exit.BAD_CONFIGURATION
+        for words in (str(path), "api.port", "123456"):
+            assert words in result.stderr
+
+
+@pytest.mark.parametrize(
+    "args",
+    [
+        ["run", "--sim", "--port", "/dev/ttyUSB0"],
+        ["run", "--listen", "7333"],
+        ["run", "--config", "/no/such/file.toml"],
+        ["simulate", "--cycle-hz", "0"],
+        ["simulate", "--seed", "-1"],
+    ],
+)
+def test_wrong_arguments(args: list[str]) -> None:
+    """What cannot be meant is a usage error."""
+    assert chefbotd(*args).exit_code == Exit.USAGE
+
+
+def test_an_unknown_log_level() -> None:
+    """The configuration's own check has the last word on overrides."""
+    result = chefbotd("run", "--sim", "--log-level", "loud")
+    assert result.exit_code == Exit.BAD_CONFIGURATION
+    assert "log.level" in result.stderr
+
+
+def test_a_board_that_cannot_be_made(tmp_path: Path) -> None:
+    """A link that cannot be placed is an error with a message, not a traceback."""
+    result = chefbotd("simulate", "--link", tmp_path / "no" / "such" / "folder")
+    assert result.exit_code == Exit.FAILED
+    assert result.stderr.startswith("Error: ")
+
+
+def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:
+    """It says its device first, keeps the link pointed at it, obeys words, and cleans up."""
+    link = tmp_path / "board"
+    command = (*PROGRAM, "simulate", "--link", str(link), "--seed", "7", "--cycle-hz", "100", "--json")
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
+        assert board.stdin is not None
+        assert board.stdout is not None
+        device = json.loads(board.stdout.readline())["device"]
+        assert link.exists()
+        assert Path(device).resolve() == link.resolve()
+        board.stdin.write("truth\n")
+        board.stdin.flush()
+        assert json.loads(board.stdout.readline())["x_m"] == 0.0
+        board.stdin.write("quit\n")
+        board.stdin.flush()
+        assert board.wait(10) == 0
+    assert not link.is_symlink()
+
+
+def test_a_daemon_of_its_own() -> None:
+    """The launcher's daemon answers at its address and ends when it is left."""
+
+    async def talk() -> str:
+        async with simulated_daemon() as address, Client.connect(address.host, address.port) as robot:
+            assert "sim" in (await robot.describe())["topics"]
+            return robot.hello.robot
+
+    assert asyncio.run(talk()) == "chefbot"
+
+
+def test_a_daemon_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The launcher says with what code its daemon ended, and how its log ended."""
+    monkeypatch.setenv("CHEFBOTD_API__PORT_", "1")
+
+    async def start() -> Address:
+        async with simulated_daemon() as address:
+            return address
+
+    with pytest.raises(ProgramError, match="ended with exit code 78; its log ends") as caught:
+        asyncio.run(start())
+    assert "api.port_" in str(caught.value)
+
+
+def test_signals_end_a_command_in_order() -> None:
+    """SIGTERM ends a watching chefbotctl with the code for interruptions, SIGINT the same way."""
+
+    async def interrupt(address: Address, number: signal.Signals) -> int | None:
+        command = ("-m", "chefbotd.cli.control", "--connect", str(address), "watch", "odometry")
+        watching = await asyncio.create_subprocess_exec(
+            sys.executable, *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
+        )
+        assert watching.stdout is not None
+        await watching.stdout.readline()
+        os.kill(watching.pid, number)
+        await watching.communicate()
+        return watching.returncode
+
+    async def main() -> list[int | None]:
+        async with simulated_daemon() as address:
+            return [await interrupt(address, number) for number in (signal.SIGTERM, signal.SIGINT)]
+
+    assert asyncio.run(main()) == [Exit.INTERRUPTED, Exit.INTERRUPTED]
+
+
+def test_a_demonstration_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``square --sim`` passes on why its own daemon did not start."""
+    monkeypatch.setenv("CHEFBOTD_API__PORT_", "1")
+    result = CliRunner().invoke(chefbotctl, ["square", "--sim"])
+    assert result.exit_code == Exit.CANNOT_CONNECT
+    assert "api.port_" in result.stderr
