@@ -1,0 +1,1 @@
+"""What chefbotd costs and how fast it answers: ``python -m benchmarks [NAME ...] [--quick]``."""

@@ -1,0 +1,117 @@
+"""``python -m benchmarks [NAME ...]``: measure, print one table, write JSON beside it.
+
+Exits with 1 when something is wrong (a lost frame, odometry that disagrees), never because something is slow.
+"""
+
+import argparse
+import json
+import os
+import platform
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+import psutil
+from rich.console import Console
+
+from benchmarks import cpu, decode, fanout, latency, optiodom, saturation, square, start
+from benchmarks.figures import NOISY_CORES, Figure, Outcome, table
+
+RESULTS = Path(__file__).with_name("results") / "latest.json"
+PLAIN_WIDTH = 120  # where there is no terminal whose width counts
+
+
+def _decode(*, quick: bool) -> Outcome:
+    figures = decode.run(rounds=5 if quick else decode.ROUNDS)
+    ratio = Figure("decoding to bare split and convert", figures["ratio"], "x", figures["ratio_limit"])
+    return Outcome((ratio, Figure("decoding a line", figures["decode_ns_per_line"] / 1e3, "us")))
+
+
+Benchmark = Callable[..., Outcome]
+BENCHMARKS: dict[str, Benchmark] = {
+    "decode": _decode,
+    "square": square.run,
+    "start": start.run,
+    "latency": latency.run,
+    "cpu": cpu.run,
+    "fanout": fanout.run,
+    "saturation": saturation.run,
+    "optiodom": optiodom.run,
+}
+
+
+def main() -> int:
+    """Run what was asked for; returns the exit code."""
+    options = _arguments()
+    console = Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+    outcomes: dict[str, Outcome] = {}
+    for name in options.names or BENCHMARKS:
+        with console.status(f"measuring {name}"):
+            more = {"folder": options.data} if name == "optiodom" and options.data else {}
+            outcomes[name] = measured(partial(BENCHMARKS[name], quick=options.quick, **more))
+    console.print(table(outcomes))
+    _print_notes(console, outcomes)
+    _write(options.json, outcomes, quick=options.quick)
+    return int(any(outcome.faults for outcome in outcomes.values()))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"one of {', '.join(BENCHMARKS)}; all by default"
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer samples, under a minute in all")
+    parser.add_argument(
+        "--json", type=Path, default=RESULTS, metavar="FILE", help="where the figures are written"
+    )
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="the recordings for optiodom")
+    options = parser.parse_args()
+    if unknown := sorted(set(options.names) - set(BENCHMARKS)):
+        parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}")
+    return options
+
+
+def measured(benchmark: Callable[[], Outcome]) -> Outcome:
+    """Run a benchmark, and note in its figures how much of a core other programs used meanwhile."""
+    began_s, busy_s, own_s = time.monotonic(), _busy_s(), _own_s()
+    outcome = benchmark()
+    others_s = (_busy_s() - busy_s) - (_own_s() - own_s)
+    noise = max(others_s, 0.0) / (time.monotonic() - began_s)
+    return replace(outcome, figures=tuple(replace(figure, noise=noise) for figure in outcome.figures))
+
+
+def _busy_s() -> float:
+    """Processor seconds that the whole machine has used."""
+    times = psutil.cpu_times()
+    return float(times.user + times.nice + times.system + times.irq + times.softirq)
+
+
+def _own_s() -> float:
+    """Processor seconds that this process and its ended children have used."""
+    usages = (resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def _print_notes(console: Console, outcomes: dict[str, Outcome]) -> None:
+    if any(figure.noise > NOISY_CORES for outcome in outcomes.values() for figure in outcome.figures):
+        console.print(f"~ other programs used more than {NOISY_CORES} of a core meanwhile")
+    for name, outcome in outcomes.items():
+        for remark in outcome.remarks:
+            console.print(f"{name}: {remark}", highlight=False)
+        for fault in outcome.faults:
+            console.print(f"[red]{name}: WRONG: {fault}", highlight=False)
+
+
+def _write(path: Path, outcomes: dict[str, Outcome], *, quick: bool) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    machine = {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
+    found = {name: asdict(outcome) for name, outcome in outcomes.items()}
+    path.write_text(json.dumps({"quick": quick, **machine, "benchmarks": found}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

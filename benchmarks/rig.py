@@ -1,0 +1,143 @@
+"""The daemon under test: the real program in a process of its own, on a device, with a configuration in a file."""
+
+import json
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from benchmarks.rpc import Caller
+from chefbotd.settings import packaged
+
+CHEFBOTD = str(Path(sys.executable).with_name("chefbotd"))
+READY_WITHIN_S = 10.0
+Changes = Mapping[str, Mapping[str, Any]]
+
+
+class NotReady(Exception):
+    """The daemon did not come up, or did not get where it should; the text holds its log."""
+
+
+@dataclass(frozen=True, slots=True)
+class Daemon:
+    """A running daemon, and when its process was started."""
+
+    process: "subprocess.Popen[bytes]"
+    port: int
+    started_ns: int
+
+    def cpu_s(self) -> float:
+        """Processor seconds used so far, in user mode and in the kernel."""
+        times = psutil.Process(self.process.pid).cpu_times()
+        return float(times.user + times.system)
+
+    def resident_mb(self) -> float:
+        """Resident memory in units of 10^6 bytes."""
+        return float(psutil.Process(self.process.pid).memory_info().rss) / 1e6
+
+
+@contextmanager
+def daemon(device: str, changes: Changes | None = None) -> Iterator[Daemon]:
+    """``chefbotd run`` on a device; ``changes`` replace keys of the packaged configuration, section by section."""
+    with tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as folder:
+        config, log = Path(folder, "robot.toml"), Path(folder, "log")
+        config.write_text(to_toml(_changed(changes or {})))
+        port = _free_port()
+        command = [
+            CHEFBOTD,
+            "run",
+            "--config",
+            str(config),
+            "--port",
+            device,
+            "--listen",
+            f"127.0.0.1:{port}",
+        ]
+        with log.open("wb") as stderr:
+            started_ns = time.monotonic_ns()
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=stderr)
+        try:
+            yield Daemon(process, port, started_ns)
+        except Exception as error:
+            error.add_note(f"the daemon's log: {log.read_text()}")
+            raise
+        finally:
+            _end(process)
+
+
+def connect(running: Daemon) -> Caller:
+    """A caller of a daemon whose link is up and whose gate is armed."""
+    until(lambda: _listens(running), "the daemon does not listen")
+    caller = Caller(running.port)
+    until(lambda: caller.call("get_state")["link"]["state"] == "up", "the link does not come up")
+    caller.call("arm")
+    return caller
+
+
+def until(is_so: Callable[[], bool], complaint: str, within_s: float = READY_WITHIN_S) -> None:
+    """Wait until it is so; raises ``NotReady`` with the complaint after ``within_s``."""
+    end_s = time.monotonic() + within_s
+    while not is_so():
+        if time.monotonic() > end_s:
+            raise NotReady(complaint)
+        time.sleep(0.01)
+
+
+def to_toml(values: Mapping[str, Any], section: str = "") -> str:
+    """TOML of nested tables, arrays of tables, and scalars (which JSON writes the same way)."""
+    scalars = [f"{k} = {json.dumps(v)}" for k, v in values.items() if not _is_table(v)]
+    lines = [f"[{section}]", *scalars] if section and (scalars or not values) else scalars
+    for key, value in values.items():
+        name = f"{section}.{key}" if section else key
+        if isinstance(value, Mapping):
+            lines.append(to_toml(value, name))
+        elif _is_table(value):
+            lines += [f"[[{name}]]\n{to_toml(row)}" for row in value]
+    return "\n".join(lines)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, Mapping) or (
+        isinstance(value, list) and any(isinstance(v, Mapping) for v in value)
+    )
+
+
+def _changed(changes: Changes) -> dict[str, Any]:
+    values = tomllib.loads(packaged().read_text())
+    for section, keys in changes.items():
+        values[section] = {**values.get(section, {}), **keys}
+    return values
+
+
+def _listens(running: Daemon) -> bool:
+    if running.process.poll() is not None:
+        raise NotReady(f"the daemon ended with exit code {running.process.returncode}")
+    try:
+        socket.create_connection(("127.0.0.1", running.port), timeout=1).close()
+    except ConnectionRefusedError:
+        return False
+    return True
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    process.terminate()
+    try:
+        process.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

@@ -1,0 +1,32 @@
+"""From the start of the daemon's process to the first ``s`` on the wire, with the board's device already there."""
+
+import statistics
+
+from benchmarks.board import board
+from benchmarks.figures import Figure, Outcome
+from benchmarks.rig import daemon, until
+
+RUNS = 7
+
+
+def run(*, quick: bool = False) -> Outcome:
+    """Median and worst of several starts."""
+    starts_s = [_start_s() for _ in range(3 if quick else RUNS)]
+    return Outcome(
+        (
+            Figure("start to first s, median", statistics.median(starts_s), "s", 0.8, "1.6-2.1"),
+            Figure(f"start to first s, worst of {len(starts_s)}", max(starts_s), "s", 0.8),
+        )
+    )
+
+
+def _start_s() -> float:
+    with board() as instrument, daemon(instrument.device) as running:
+        read_ns: list[int] = []
+
+        def spoke() -> bool:
+            read_ns.extend(at_ns for at_ns, _ in instrument.collect().commands)
+            return bool(read_ns)
+
+        until(spoke, "the daemon says nothing to the board")
+        return (read_ns[0] - running.started_ns) * 1e-9
