@@ -73,9 +73,11 @@ def twist(linear_m_s: float, angular_rad_s: float) -> str:
 
 
 def wheels(data: Data) -> Fact:
-    """Each wheel's speed and duty."""
+    """Each wheel's speed, and its duty in brackets."""
     rows = zip(data["name"], data["velocity_rad_s"], data["duty"], strict=True)
-    return Fact("wheels", ", ".join(f"{n} {v:+.2f} rad/s at {d:+d}" for n, v, d in rows))
+    return Fact(
+        "wheels", ", ".join(f"{n.removesuffix('_wheel')} {v:+.2f} rad/s ({d:+d})" for n, v, d in rows)
+    )
 
 
 def battery(data: Data) -> Fact:

@@ -28,7 +28,13 @@ async def simulated_daemon() -> AsyncIterator[Address]:
     address = Address("127.0.0.1", _free_port())
     with tempfile.TemporaryFile("w+") as log:
         command = ("-m", "chefbotd.cli.daemon", "run", "--sim", "--listen", str(address))
-        process = await asyncio.create_subprocess_exec(sys.executable, *command, stdout=log, stderr=log)
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *command,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,  # Ctrl-C is for us alone: the robot is told to stop before its daemon ends
+        )
         try:
             await _listening(process, address, log)
             yield address

@@ -70,7 +70,9 @@ def _brief(value: Any) -> str:
         return "[" + ",".join(map(_brief, value)) + "]"
     if isinstance(value, dict):
         return "{" + ",".join(f"{k}={_brief(v)}" for k, v in value.items()) + "}"
-    return "-" if value is None else str(value)
+    if value is None or isinstance(value, bool):
+        return str(value).lower()  # as ``pid set`` takes them
+    return str(value)
 
 
 def gains(as_json: bool, wheels: Mapping[str, Data]) -> None:

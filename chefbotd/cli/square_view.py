@@ -86,7 +86,7 @@ def as_json(walk: Walk, problems: Sequence[str]) -> dict[str, Any]:
 
 def poses(walk: Walk) -> Table:
     """Commanded, odometric and true pose at the end of each leg."""
-    table = Table("m, m, °", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table("x y m, °", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("commanded", "odometric", "true"):
         table.add_column(title, justify="right")
     for mark in walk.marks:
@@ -103,8 +103,8 @@ def _brief(pose: Pose2D | None) -> str:
 def closing_words(walk: Walk) -> str:
     """How far odometry was in the end from where it was sent, and from the truth."""
     end = walk.marks[-1]
-    words = f"{walk.seconds:.1f} s; odometry ended {deviation(end.commanded, end.odometric)} from the start"
-    return words if end.true is None else f"{words}, {deviation(end.true, end.odometric)} from the truth"
+    words = f"{walk.seconds:.1f} s; closed within {deviation(end.commanded, end.odometric)}"
+    return words if end.true is None else f"{words}, truth within {deviation(end.true, end.odometric)}"
 
 
 def latencies(seen: Latencies) -> Table:

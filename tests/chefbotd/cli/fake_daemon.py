@@ -21,8 +21,9 @@ class FakeDaemon:
     """Answers on a port of its own; ``calls`` is everything it was asked, in order.
 
     ``refuse`` maps a method to a kind of refusal; ``hang_up_on`` names a method that ends the connection
-    instead; a ``silent`` one sends no events; ``stuck`` wheels do not turn; ``slip`` is the share of its motion
-    that the robot does not make, though its wheels do, and ``drift_rad_s`` how it turns though they do not.
+    instead; one that ``coasts`` stops only by the dead-man; a ``silent`` one sends no events; ``stuck`` wheels
+    do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
+    ``drift_rad_s`` how it turns though they do not.
     """
 
     def __init__(self) -> None:
@@ -33,7 +34,7 @@ class FakeDaemon:
         self.calls: list[tuple[float, str, dict[str, Any]]] = []
         self.refuse: dict[str, str] = {}
         self.hang_up_on: str | None = None
-        self.stuck = self.silent = False
+        self.stuck = self.silent = self.coasts = False
         self.simulated = True
         self.protocol = "1.0"
         self.slip = self.drift_rad_s = 0.0
@@ -95,7 +96,11 @@ class FakeDaemon:
         speed = {"linear_m_s": self.twist.linear_m_s, "angular_rad_s": self.twist.angular_rad_s}
         topics: dict[str, dict[str, Any]] = {
             "odometry": {**_pose(self.pose), **speed, "covariance": [0.0] * 9},
-            "wheels": {"name": ["left", "right"], "velocity_rad_s": [1.0, -2.0], "duty": [100, -200]},
+            "wheels": {
+                "name": ["left_wheel", "right_wheel"],
+                "velocity_rad_s": [1.0, -2.0],
+                "duty": [1, 0],
+            },
             "imu": {"heading_rad": 0.5, "angular_velocity_rad_s": None},
             "ranges": {"ranges": [{"sensor": "front", "status": "ok", "range_m": 1.5}]},
             "battery": {"voltage_v": 12.34, "percentage": 78.0, "status": "ok"},
@@ -133,7 +138,7 @@ class FakeDaemon:
         if method == "drive":
             self.twist, self._driven_s = Twist2D(params["linear_m_s"], params["angular_rad_s"]), now_s
         elif method in ("stop", "estop"):
-            self.twist = STANDING
+            self.twist = self.twist if self.coasts else STANDING
         elif method == "subscribe":
             self._subscribed[writer] = params["topics"]
         answers: dict[str, Callable[[], dict[str, Any]]] = {

@@ -64,7 +64,7 @@ def test_status_tells_everything(control: Control) -> None:
         "link up on /dev/ttyACM0",
         "pose x +0.000 m y +0.000 m heading +0.0°",
         "speed +0.000 m/s +0.000 rad/s 0.004 s",
-        "left +1.00 rad/s at +100, right -2.00 rad/s at -200",
+        "left +1.00 rad/s (+1), right -2.00 rad/s (+0)",
         "battery 12.34 V, 78 %, ok",
         "front 1.50 m",
         "truth x +1.000 m",
@@ -76,11 +76,11 @@ def test_status_tells_everything(control: Control) -> None:
 
 
 def test_gains_are_shown_by_wheel(control: Control) -> None:
-    """A row a gain, a column a wheel; what is off is a dash."""
+    """A row a gain, a column a wheel; what is off is named as it is set."""
     rows = [line.split() for line in control("pid", "set", "left", "kp=420").stdout.splitlines()]
     assert ["gain", "left", "right"] in rows
     assert ["kp", "420", "400"] in rows
-    assert ["back_calculation_s", "-", "-"] in rows
+    assert ["back_calculation_s", "none", "none"] in rows
 
 
 def test_describe_names_methods_and_topics(control: Control) -> None:
@@ -102,6 +102,13 @@ def test_watch_prints_events(control: Control, daemon: FakeDaemon) -> None:
     assert len(lines) == 3
     assert lines[0].endswith("battery voltage_v=12.34 percentage=78 status=ok")
     assert lines[1].endswith("ranges ranges=[{sensor=front,status=ok,range_m=1.5}]")
+
+
+def test_watch_tells_numbers_from_words(control: Control) -> None:
+    """Counts are written as numbers, an absent source as none, a condition as true."""
+    lines = control("watch", "wheels", "safety", "--count", "2").stdout.splitlines()
+    assert lines[0].endswith("duty=[1,0]")
+    assert lines[1].endswith("source=none armed=true")
 
 
 def test_watch_as_json_lines(control: Control) -> None:
@@ -138,6 +145,13 @@ def test_drive_takes_negative_numbers(control: Control, daemon: FakeDaemon, args
     result = control("drive", *args)
     assert (result.exit_code, result.stdout[:5]) == (0, "Moved")
     assert daemon.calls[1][2] == {"linear_m_s": -0.1, "angular_rad_s": -0.2, "source": "teleop"}
+
+
+def test_drive_waits_until_the_robot_stands(control: Control, daemon: FakeDaemon) -> None:
+    """What was rolled after the stop counts: 1 s and the dead-man's 0.5 s at 0.2 m/s are 0.3 m."""
+    daemon.coasts = True
+    answer = json.loads(control("--json", "drive", "0.2", "0", "--for", "1").stdout)
+    assert answer["moved"]["x_m"] == pytest.approx(0.29, abs=0.02)
 
 
 def test_a_drive_that_does_not_happen(control: Control, daemon: FakeDaemon) -> None:

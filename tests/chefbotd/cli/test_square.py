@@ -108,7 +108,7 @@ def test_the_command(control: Control) -> None:
     """In a file the demonstration prints its legs, the poses, the latencies and how it closed."""
     result = control("square", "--side", "0.5")
     assert result.exit_code == 0
-    for words in ("side 4 of 4: from", "at rest", "commanded", "ping round trip", "from the truth"):
+    for words in ("side 4 of 4: from", "at rest", "commanded", "ping round trip", "truth within 0.0 mm"):
         assert words in " ".join(result.stdout.split())
 
 
