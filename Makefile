@@ -1,16 +1,18 @@
 # make run    drive the simulated robot through a 2 m square          make test   run the tests
+#             (ROBOT=name: another packaged robot than ChefBot)
 # make check  format, lint, types, import rules, tests, the wheel    make bench  measure (see docs/benchmarks.md)
 # Each sets up all it needs in .venv: Python 3.11 or newer and make are enough.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
+ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
 
 .PHONY: run test check lint format wheel wheel-test bench clean
 
 run: $(VENV)/ready
-	$(BIN)/chefbotctl square --sim
+	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
 
 test: $(VENV)/ready
 	$(BIN)/coverage run -m pytest -q

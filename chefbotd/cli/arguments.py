@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import click
 
@@ -31,6 +32,21 @@ def address(text: str) -> Address:
 
 def _is_port(text: str) -> bool:
     return text.isascii() and text.isdigit() and int(text) <= 65535
+
+
+def configuration(text: str) -> Path:
+    """A robot's TOML file, or the name of a robot whose configuration comes with chefbotd."""
+    path = Path(text)
+    if path.is_file():
+        return path
+    if path.suffix or len(path.parts) > 1:
+        raise click.BadParameter(f"there is no file {text}")
+    from chefbotd.settings import SettingsError, packaged  # here: who only connects need not wait for it
+
+    try:
+        return packaged(text)
+    except SettingsError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def finite(text: str | float) -> float:

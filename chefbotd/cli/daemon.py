@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING
 import click
 
 from chefbotd import __version__
-from chefbotd.cli.arguments import Address, address, positive
+from chefbotd.cli.arguments import Address, address, configuration, positive
 from chefbotd.cli.completion import completion
 from chefbotd.cli.exits import Exit, Program, ProgramError, exit_table
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
-    from chefbotd.sim.parameters import SimulationParameters
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED)
-FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
 @click.group(cls=Program, name="chefbotd", epilog=exit_table(*EXITS))
@@ -31,7 +30,7 @@ def main() -> None:
 
 
 @main.command()
-@click.option("--config", "path", type=FILE, help="The robot's TOML file; the packaged ChefBot's by default.")
+@click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
 @click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
 @click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
 @click.option(
@@ -66,7 +65,7 @@ def run(
 
 
 @main.command()
-@click.option("--config", "path", type=FILE, help="The robot to simulate; the packaged ChefBot by default.")
+@click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
 @click.option(
     "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
 )
@@ -82,19 +81,20 @@ def simulate(
     """
     overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
     settings = _load(path, overrides)
+    from chefbotd.app import simulation_of
     from chefbotd.sim.simulate import simulate as run_board
 
     try:
-        asyncio.run(run_board(_board(settings), link_path=link, seed=seed, as_json=as_json))
+        asyncio.run(run_board(simulation_of(settings), link_path=link, seed=seed, as_json=as_json))
     except (OSError, ValueError) as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
 
 
 @main.command()
-@click.argument("path", metavar="[FILE]", type=FILE, required=False)
+@click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def check_config(path: Path | None, as_json: bool) -> None:
-    """Check FILE (the packaged ChefBot's by default) and print every value it resolves to."""
+    """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to."""
     values = _load(path, {}).model_dump(mode="json", by_alias=True)
     if as_json:
         click.echo(json.dumps(values))
@@ -112,17 +112,6 @@ def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
         return load(path, overrides=overrides)
     except SettingsError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
-
-
-def _board(settings: "Settings") -> "SimulationParameters":
-    """The simulation of the robot that is configured, as ``run --sim`` has it."""
-    chassis = settings.chassis
-    return settings.sim.with_chassis(
-        wheel_radius_m=chassis.wheels[0].radius_m,
-        track_width_m=chassis.track_width_m,
-        counts_per_turn=settings.encoders.counts_per_turn,
-        wheels_per_side=len(chassis.wheels) // 2,
-    )
 
 
 def _assignments(key: str, value: object) -> Iterator[str]:

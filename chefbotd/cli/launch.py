@@ -7,6 +7,7 @@ import tempfile
 from asyncio.subprocess import Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import IO
 
 from chefbotd.cli.arguments import Address
@@ -19,15 +20,18 @@ LOG_TAIL_LINES = 20
 
 
 @asynccontextmanager
-async def simulated_daemon() -> AsyncIterator[Address]:
+async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
     """Start ``chefbotd run --sim``, wait until it listens, and end it on every way out.
+
+    ``robot`` is the configuration to simulate; None is the packaged ChefBot's.
 
     Raises:
         ProgramError: it ended, or did not listen in time; its last log lines are in the message.
     """
     address = Address("127.0.0.1", _free_port())
     with tempfile.TemporaryFile("w+") as log:
-        command = ("-m", "chefbotd.cli.daemon", "run", "--sim", "--listen", str(address))
+        configured = () if robot is None else ("--config", str(robot))
+        command = ("-m", "chefbotd.cli.daemon", "run", "--sim", "--listen", str(address), *configured)
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             *command,

@@ -1,9 +1,11 @@
 """The commands of chefbotctl that drive: for a while, by keyboard, along a square."""
 
+from pathlib import Path
+
 import click
 
 from chefbotd.cli import facts, output
-from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite, positive
+from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finite, positive
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.core.geometry import Twist2D
@@ -40,16 +42,21 @@ def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: 
 @click.option(
     "--side", "side_m", metavar="M", type=positive, default=2.0, show_default=True, help="In metres."
 )
-@click.option("--sim", "own_simulation", is_flag=True, help="Start a daemon on a simulated robot for this.")
+@click.option("--sim", "simulated", is_flag=True, help="Start a daemon on a simulated robot for this.")
+@click.option(
+    "--robot", metavar="NAME", type=configuration, help="Which robot to simulate: a packaged one, or a file."
+)
 @click.pass_obj
-def square(chat: Conversation, side_m: float, own_simulation: bool) -> None:
+def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | None) -> None:
     """Drive a square to the left, closed over odometry, and show poses and latencies.
 
     It needs M metres of room ahead and to the left. Exit code 6 means that it ended elsewhere than it should.
     """
     from chefbotd.cli.square import drive_square
 
-    drive_square(chat, side_m, own_simulation)
+    if robot is not None and not simulated:
+        raise click.UsageError("--robot chooses what to simulate, and needs --sim")
+    drive_square(chat, side_m, simulated=simulated, robot=robot)
 
 
 @click.command()

@@ -4,6 +4,8 @@ The course is closed over odometry. A simulated robot's true pose is shown besid
 robot really is where odometry says (within 5 cm and 5 degrees) and odometry closes the square as well as that.
 """
 
+from pathlib import Path
+
 from chefbotd.cli import square_view
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.course import CourseParameters, square
@@ -13,25 +15,25 @@ from chefbotd.cli.walk import Walk, Walker, problems
 from chefbotd.client import Client
 
 
-def drive_square(chat: Conversation, side_m: float, own_simulation: bool) -> None:
-    """Drive (on the daemon of ``chat``, or on a simulation of its own), show, and judge.
+def drive_square(chat: Conversation, side_m: float, *, simulated: bool, robot: Path | None = None) -> None:
+    """Drive (on the daemon of ``chat``, or on a simulation of ``robot`` of its own), show, and judge.
 
     Raises:
         ProgramError: the robot ended elsewhere than it should, or the drive did not come to its end.
     """
     view = square_view.View(chat.as_json)
 
-    async def talk(robot: Client) -> Walk:
+    async def talk(client: Client) -> Walk:
         with view.progress() as report:
-            return await Walker(robot, CourseParameters(), report).walk(square(side_m))
+            return await Walker(client, CourseParameters(), report).walk(square(side_m))
 
     async def talk_to_simulation() -> Walk:
         view.say("starting chefbotd on a simulated robot ...")
-        async with simulated_daemon() as address:
+        async with simulated_daemon(robot) as address:
             view.say(f"driving a {side_m:g} m square through {address}")
             return await Conversation(address).connected(talk)
 
-    walk = chat.run(talk_to_simulation() if own_simulation else chat.connected(talk))
+    walk = chat.run(talk_to_simulation() if simulated else chat.connected(talk))
     found = problems(walk)
     view.show(walk, found)
     if found:

@@ -211,6 +211,8 @@ def test_no_such_host() -> None:
     "args",
     [
         ["drive", "0.1", "0"],
+        ["square", "--robot", "chefbot"],
+        ["square", "--sim", "--robot", "no-such-robot"],
         ["drive", "fast", "0", "--for", "1"],
         ["drive", "nan", "0", "--for", "1"],
         ["drive", "0.1", "0", "--for", "0"],

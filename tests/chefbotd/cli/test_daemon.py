@@ -18,6 +18,7 @@ from chefbotd.cli.daemon import main
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.launch import simulated_daemon
 from chefbotd.client import Client
+from chefbotd.settings import packaged
 
 PROGRAM = (sys.executable, "-m", "chefbotd.cli.daemon")
 
@@ -42,6 +43,13 @@ def test_check_config_prints_what_it_resolves_to() -> None:
     assert "chassis.wheels[1].radius_m = 0.045" in lines
 
 
+def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
+    """A name stands for the configuration that comes with chefbotd, a path for itself."""
+    copy = tmp_path / "mine"
+    copy.write_bytes(packaged("chefbot").read_bytes())
+    assert chefbotd("check-config", "chefbot").output == chefbotd("check-config", copy).output
+
+
 def test_check_config_as_json() -> None:
     """With --json it is one object with the configuration's own sections."""
     assert json.loads(chefbotd("check-config", "--json").output)["api"]["port"] == 7333
@@ -64,6 +72,8 @@ def test_a_bad_configuration(tmp_path: Path) -> None:
         ["run", "--sim", "--port", "/dev/ttyUSB0"],
         ["run", "--listen", "7333"],
         ["run", "--config", "/no/such/file.toml"],
+        ["run", "--config", "file.toml"],
+        ["simulate", "--config", "no-such-robot"],
         ["simulate", "--cycle-hz", "0"],
         ["simulate", "--seed", "-1"],
     ],
@@ -149,6 +159,15 @@ def test_signals_end_a_command_in_order() -> None:
             return [await interrupt(address, number) for number in (signal.SIGTERM, signal.SIGINT)]
 
     assert asyncio.run(main()) == [Exit.INTERRUPTED, Exit.INTERRUPTED]
+
+
+def test_a_demonstration_of_a_robot_of_ones_own(tmp_path: Path) -> None:
+    """``square --sim --robot FILE`` drives the robot of that file."""
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[robot]\nname = 7\n", encoding="utf-8")
+    result = CliRunner().invoke(chefbotctl, ["square", "--sim", "--robot", str(mine)])
+    assert result.exit_code == Exit.CANNOT_CONNECT
+    assert "robot.name" in result.stderr
 
 
 def test_a_demonstration_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> None:
