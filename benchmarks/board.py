@@ -38,9 +38,13 @@ class Board:
         self._pipe = pipe
         self.device: str = pipe.recv()
 
-    def start(self, cycle_s: float, bytes_per_s: float = LINE_RATE_BYTES_S) -> None:
-        """Send cycles, each as long as ``cycle_s`` or its bytes on the line, whichever is longer."""
-        self._pipe.send(("start", cycle_s, bytes_per_s))
+    def start(self, cycle_s: float, bytes_per_s: float = LINE_RATE_BYTES_S, echo_s: float = 0.0) -> None:
+        """Send cycles, each as long as ``cycle_s`` or its bytes on the line, whichever is longer.
+
+        ``t`` and ``e`` go out in one piece. The other lines follow in another after the ultrasonic sensor's
+        ``echo_s``, for which the sketch stands still; without one they are in the same piece.
+        """
+        self._pipe.send(("start", cycle_s, bytes_per_s, echo_s))
 
     def feed(self, lines: bytes) -> None:
         """Send these bytes as fast as the line takes them; returns when it has taken all."""
@@ -87,8 +91,7 @@ class _Instrument:
         self._journal = Journal()
         self._booted_s = self._before_s = time.monotonic()
         self._cycle_s: float | None = None
-        self._due_s = 0.0
-        self._byte_s = 0.0
+        self._due_s = self._byte_s = self._echo_s = 0.0
         self._unread = b""
         self._duty: tuple[int, ...] = (0, 0)
         self._speeds = [0.0, 0.0]
@@ -110,8 +113,9 @@ class _Instrument:
 
     def _obey(self, word: str, *values: object) -> None:
         match (word, *values):
-            case "start", float(cycle_s), float(bytes_per_s):
-                self._cycle_s, self._byte_s, self._due_s = cycle_s, 1 / bytes_per_s, time.monotonic()
+            case "start", float(cycle_s), float(bytes_per_s), float(echo_s):
+                self._cycle_s, self._byte_s, self._echo_s = cycle_s, 1 / bytes_per_s, echo_s
+                self._due_s = time.monotonic()
             case "feed", bytes(lines):
                 self._write(lines)
                 self._pipe.send(len(lines))
@@ -132,11 +136,22 @@ class _Instrument:
                 self._journal.commands.append((now_ns, self._duty))
 
     def _send_cycle(self, cycle_s: float) -> None:
-        """The six lines in one piece, as the daemon finds them when USB delivers them together."""
-        lines = self._lines()
-        self._due_s += max(cycle_s, len(lines) * self._byte_s)
+        motion, others = self._lines()
+        self._due_s += max(cycle_s, (len(motion) + len(others)) * self._byte_s)
         self._journal.encoder_frames_ns.append(time.monotonic_ns())
-        self._write(lines)
+        if self._echo_s:
+            self._write(motion)
+            self._listen(self._echo_s)
+            self._write(others)
+        else:
+            self._write(motion + others)
+
+    def _listen(self, seconds: float) -> None:
+        """Wait for an echo, and read what comes meanwhile."""
+        end_s = time.monotonic() + seconds
+        while (left_s := end_s - time.monotonic()) > 0:
+            if select.select([self._master], [], [], left_s)[0]:
+                self._read()
 
     def _write(self, lines: bytes) -> None:
         written = 0
@@ -151,16 +166,16 @@ class _Instrument:
         if select.select([self._master], [], [], 0)[0]:
             self._read()
 
-    def _lines(self) -> bytes:
+    def _lines(self) -> tuple[bytes, bytes]:
+        """A cycle: what comes before the ultrasonic sensor has its turn, and what comes after."""
         now_s = time.monotonic()
         elapsed_s, self._before_s = now_s - self._before_s, now_s
         self._turn(elapsed_s)
         micros = int((now_s - self._booted_s) * 1e6)
         left, right = map(int, self._counts)
-        return (
-            f"t\t{micros}\t{elapsed_s:.2f}\ne\t{left}\t{right}\nu\t123\n"
-            f"s\t{self._duty[0]}.00\t{self._duty[1]}.00\ni\t0.01\t-0.02\t0.71\t0.71\nb\t3050.00\n"
-        ).encode()
+        motion = f"t\t{micros}\t{elapsed_s:.2f}\ne\t{left}\t{right}\n"
+        echoed = f"s\t{self._duty[0]}.00\t{self._duty[1]}.00\n"
+        return motion.encode(), f"u\t51\n{echoed}i\t0.01\t-0.02\t0.71\t0.71\nb\t3050.00\n".encode()
 
     def _turn(self, elapsed_s: float) -> None:
         """Motors that follow their duty with one time constant."""

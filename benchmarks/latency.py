@@ -17,10 +17,11 @@ from benchmarks.rpc import Caller
 CYCLE_S = 0.02
 COMMANDS = 300
 DRIVE_S = 0.03
-REST_S = (0.06, 0.10)
+REST_S = (0.04, 0.08)
 FRAMES_CYCLE_S = 0.01
 COMMAND_PERIOD_S = 0.05
 FRAMES = 2000
+ECHO_S = 0.003  # half a metre and back
 TWIST = (0.2, 0.3)
 
 Command = tuple[int, tuple[int, ...]]
@@ -30,10 +31,10 @@ def run(*, quick: bool = False) -> Outcome:
     """Both latencies, from a few hundred commands and a few thousand frames."""
     share = 0.25 if quick else 1.0
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
-        instrument.start(CYCLE_S)
+        instrument.start(CYCLE_S, echo_s=ECHO_S)
         time.sleep(0.5)
         to_wire, unanswered = _command_to_wire(instrument, caller, round(COMMANDS * share))
-        instrument.start(FRAMES_CYCLE_S)
+        instrument.start(FRAMES_CYCLE_S, echo_s=ECHO_S)
         to_answer = _frame_to_answer(instrument, caller, round(FRAMES * share) * FRAMES_CYCLE_S)
     return Outcome(
         (
@@ -50,10 +51,10 @@ def _command_to_wire(instrument: Board, caller: Caller, samples: int) -> tuple[l
     latencies_s = []
     for _ in range(samples):
         instrument.collect()
+        time.sleep(phase.uniform(*REST_S))
         sent_ns, _ = caller.timed_call("drive", linear_m_s=0.3, angular_rad_s=0.0)
         time.sleep(DRIVE_S)
         caller.call("stop")
-        time.sleep(phase.uniform(*REST_S))
         commands = instrument.collect().commands
         moved_ns = next((at_ns for at_ns, duty in commands if at_ns > sent_ns and any(duty)), None)
         if moved_ns is not None:

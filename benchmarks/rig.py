@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ import psutil
 from benchmarks.rpc import Caller
 from chefbotd.settings import packaged
 
-CHEFBOTD = str(Path(sys.executable).with_name("chefbotd"))
+CHEFBOTD = (str(Path(sys.executable).with_name("chefbotd")),)
 READY_WITHIN_S = 10.0
 Changes = Mapping[str, Mapping[str, Any]]
 
@@ -46,14 +46,16 @@ class Daemon:
 
 
 @contextmanager
-def daemon(device: str, changes: Changes | None = None) -> Iterator[Daemon]:
+def daemon(
+    device: str, changes: Changes | None = None, program: Sequence[str] = CHEFBOTD
+) -> Iterator[Daemon]:
     """``chefbotd run`` on a device; ``changes`` replace keys of the packaged configuration, section by section."""
     with tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as folder:
         config, log = Path(folder, "robot.toml"), Path(folder, "log")
         config.write_text(to_toml(_changed(changes or {})))
         port = _free_port()
         command = [
-            CHEFBOTD,
+            *program,
             "run",
             "--config",
             str(config),

@@ -60,7 +60,7 @@ def _run(pipe: Connection, port: int, count: int, topic: str) -> None:
             if number in connections:
                 data = connections[number].recv(65536)
                 lines, _, unread[number] = (unread[number] + data).rpartition(b"\n")
-                latencies_s += _ages_s(lines, time.monotonic())
+                latencies_s += ages_s(lines, time.monotonic())
             elif pipe.recv() == "tell":
                 pipe.send(latencies_s)
             else:
@@ -76,7 +76,7 @@ def _subscribed(port: int, topic: str) -> socket.socket:
     return connection
 
 
-def _ages_s(lines: bytes, now_s: float) -> list[float]:
+def ages_s(lines: bytes, now_s: float) -> list[float]:
     """The age of each event among the lines; other lines have no stamp."""
     ages_s = []
     end = 0
