@@ -24,6 +24,7 @@ from chefbotd.services.drive import DriveService
 from chefbotd.services.odometry import OdometryService
 from chefbotd.services.sensors import SensorService
 from chefbotd.services.stats import StatsService
+from chefbotd.services.tuning import Tuning
 from chefbotd.settings import Settings
 from chefbotd.sim.parameters import SimulationParameters
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
@@ -62,7 +63,7 @@ class Daemon:
         )
         self._stats = StatsService(self.bus, clock, self._collect_stats)
         self.server = Server(
-            WiredRobot(self.driving, self._odometry, self.session, self._stats),
+            WiredRobot(self.driving, self._odometry, self.session, self._stats, Tuning(self.driving)),
             self.bus,
             clock,
             settings.api,

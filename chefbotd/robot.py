@@ -11,6 +11,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.services.drive import DriveService
 from chefbotd.services.odometry import OdometryService
 from chefbotd.services.stats import StatsService
+from chefbotd.services.tuning import Tuning
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,7 @@ class WiredRobot:
     odometry: OdometryService
     session: BoardSession
     statistics: StatsService
+    tuning: Tuning
 
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command."""
@@ -40,11 +42,15 @@ class WiredRobot:
 
     def pid(self) -> Mapping[str, PidParameters]:
         """The gains by wheel name."""
-        return self.driving.gains()
+        return self.tuning.gains()
 
     def set_pid(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
         """Change gains."""
-        return self.driving.set_gains(wheel, changes)
+        return self.tuning.change(wheel, changes)
+
+    def undo_pid(self) -> Mapping[str, PidParameters]:
+        """Take a change of gains back."""
+        return self.tuning.undo()
 
     def set_odometry(self, pose: Pose2D) -> None:
         """Declare where the robot is."""

@@ -70,6 +70,7 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
     RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),
     RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside of what this robot takes"),
+    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "no change of gains is left to take back"),
 }
 
 

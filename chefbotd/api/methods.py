@@ -40,6 +40,7 @@ class Methods:
             "arm": Method(nothing, done, self._arm),
             "get_pid": Method(nothing, models.Wheels, self._get_pid),
             "set_pid": Method(models.SetPidParams, models.Wheels, self._set_pid),
+            "undo_pid": Method(nothing, models.Wheels, self._undo_pid),
             "reset_odometry": Method(models.ResetOdometryParams, done, self._reset_odometry),
             "reset_board": Method(nothing, done, self._reset_board),
         }
@@ -118,6 +119,10 @@ class Methods:
     def _set_pid(self, caller: Caller, params: models.WheelParams) -> models.Wheels:
         """Change some gains of a wheel, or of all, while it runs; what every wheel now has."""
         return models.Wheels(wheels=dict(self._robot.set_pid(params.wheel, params.changes())))
+
+    def _undo_pid(self, caller: Caller, params: models.NoParams) -> models.Wheels:
+        """Take the latest change of gains back, whoever made it; what every wheel now has."""
+        return models.Wheels(wheels=dict(self._robot.undo_pid()))
 
     def _reset_odometry(self, caller: Caller, params: models.ResetOdometryParams) -> models.Done:
         """Declare where the robot stands in odom; the origin, if nothing is said."""

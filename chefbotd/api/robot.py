@@ -38,6 +38,10 @@ class Robot(Protocol):
         """Change gains of one wheel or of ``"all"``: what every wheel now has."""
         ...
 
+    def undo_pid(self) -> Mapping[str, PidParameters]:
+        """Take the latest change of gains back: what every wheel now has."""
+        ...
+
     def set_odometry(self, pose: Pose2D) -> None:
         """Declare ``odom_from_base``."""
         ...

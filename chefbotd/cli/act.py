@@ -69,6 +69,13 @@ def get_pid(chat: Conversation) -> None:
     output.gains(chat.as_json, chat.hold(lambda robot: robot.get_pid()))
 
 
+@pid.command("undo")
+@click.pass_obj
+def undo_pid(chat: Conversation) -> None:
+    """Take the latest change of gains back, whoever made it."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.undo_pid()))
+
+
 @pid.command("set")
 @click.argument("wheel", metavar="WHEEL|all")
 @click.argument("changes", nargs=-1, required=True, metavar="NAME=VALUE...", type=gain)

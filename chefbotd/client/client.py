@@ -128,6 +128,10 @@ class Client:
         """Change some gains of a wheel, or of all; what every wheel now has."""
         return _wheels(await self.call("set_pid", wheel=wheel, **changes))
 
+    async def undo_pid(self) -> dict[str, dict[str, Any]]:
+        """Take the latest change of gains back, whoever made it; what every wheel now has."""
+        return _wheels(await self.call("undo_pid"))
+
     async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
         """Say where the robot stands in ``odom``."""
         await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)

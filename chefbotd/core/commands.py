@@ -12,6 +12,7 @@ class RefusalKind(StrEnum):
     UNKNOWN_SOURCE = "unknown_source"
     UNKNOWN_WHEEL = "unknown_wheel"
     OUT_OF_RANGE = "out_of_range"
+    NOTHING_TO_UNDO = "nothing_to_undo"
 
 
 class Refused(Exception):

@@ -74,6 +74,11 @@ class FakeRobot:
                 self.gains[name] = self.gains[name].model_copy(update=changes)
         return self.gains
 
+    def undo_pid(self) -> Mapping[str, PidParameters]:
+        """Remember it; the gains as last set."""
+        self._record("undo_pid")
+        return self.gains
+
     def set_odometry(self, pose: Pose2D) -> None:
         """Remember it."""
         self._record("set_odometry", pose)

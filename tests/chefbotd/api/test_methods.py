@@ -147,6 +147,8 @@ def test_pid_gains_are_read_and_changed_by_wheel() -> None:
     wheels = desk.ask("set_pid", wheel="all", ki=5, deadband=0.01)["result"]["wheels"]
     assert [(w["ki"], w["deadband"]) for w in wheels.values()] == [(5.0, 0.01), (5.0, 0.01)]
     assert desk.kind("set_pid", wheel="third", kp=1) == "unknown_wheel"
+    assert desk.ask("undo_pid")["result"]["wheels"].keys() == wheels.keys()
+    assert desk.robot.calls[-1] == ("undo_pid",)
 
 
 def test_state_has_link_and_gate_even_before_they_speak() -> None:
@@ -207,7 +209,7 @@ def test_describe_covers_the_whole_interface() -> None:
     described = desk.ask("describe")["result"]
     contract = (
         "describe ping get_state get_stats subscribe unsubscribe drive stop estop arm get_pid set_pid "
-        "reset_odometry reset_board"
+        "undo_pid reset_odometry reset_board"
     )
     assert set(described["methods"]) == set(contract.split())
     assert set(described["topics"]) == set(desk.fanout.topics)

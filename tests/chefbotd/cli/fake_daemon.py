@@ -146,6 +146,7 @@ class FakeDaemon:
             "get_state": lambda: self._state(now_s),
             "get_stats": lambda: STATS,
             "get_pid": lambda: {"wheels": {"left": PID, "right": PID}},
+            "undo_pid": lambda: {"wheels": {"left": PID, "right": PID}},
             "set_pid": lambda: {"wheels": {"left": {**PID, **params}, "right": PID}},
             "describe": lambda: {
                 "methods": {"drive": {"params": SCHEMA, "result": {}}},

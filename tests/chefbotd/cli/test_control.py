@@ -36,6 +36,7 @@ RIGHT_TURN = {"x_m": -1, "y_m": 2, "heading_rad": -math.pi / 2}
             "set_pid",
             {"wheel": "left", "kp": 420.0, "conditional_integration": False, "back_calculation_s": None},
         ),
+        (["pid", "undo"], "undo_pid", {}),
         (["describe"], "describe", {}),
     ],
 )  # fmt: skip

@@ -1,0 +1,59 @@
+"""Gains changed while the robot runs, each change kept so that it can be taken back, whoever made it."""
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Protocol
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.motion.pid import PidParameters
+
+HISTORY_DEPTH = 100
+"""So many changes can be taken back: a key held down on a tuning screen makes some ten a second."""
+
+
+class Tunable(Protocol):
+    """The control loop, as far as its gains go."""
+
+    def gains(self) -> Mapping[str, PidParameters]:
+        """The gains by wheel name."""
+        ...
+
+    def set_gains(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        """Change gains of one wheel or of all without a bump; raises ``Refused``, and then nothing changes."""
+        ...
+
+
+class Tuning:
+    """The gains of a running loop and what they were: one history for all clients."""
+
+    def __init__(self, wheels: Tunable, depth: int = HISTORY_DEPTH) -> None:
+        self._wheels = wheels
+        self._before: deque[Mapping[str, PidParameters]] = deque(maxlen=depth)
+
+    def gains(self) -> Mapping[str, PidParameters]:
+        """The gains by wheel name."""
+        return self._wheels.gains()
+
+    def change(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        """Change gains of one wheel or of all; what every wheel now has. What changes nothing is not remembered.
+
+        Raises:
+            Refused: no such wheel, or a value out of range; nothing changes.
+        """
+        before = self._wheels.gains()
+        after = self._wheels.set_gains(wheel, changes)
+        if after != before:
+            self._before.append(before)
+        return after
+
+    def undo(self) -> Mapping[str, PidParameters]:
+        """Take the latest change back, as free of bumps as it was made; what every wheel now has.
+
+        Raises:
+            Refused: no change is left to take back.
+        """
+        if not self._before:
+            raise Refused(RefusalKind.NOTHING_TO_UNDO, "no change of gains is left to take back")
+        for wheel, gains in self._before.pop().items():
+            self._wheels.set_gains(wheel, gains.model_dump())
+        return self._wheels.gains()

@@ -1,0 +1,82 @@
+"""Changes of gains and their undoing, over a loop that keeps whatever it is given."""
+
+import contextlib
+from collections.abc import Mapping
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.motion.pid import PidParameters
+from chefbotd.services.tuning import Tuning
+
+START = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0, back_calculation_s=0.5)
+
+
+class Loop:
+    """Two wheels' gains; ``all`` changes both, and a negative ``kp`` is refused."""
+
+    def __init__(self) -> None:
+        self._gains = {"left": START, "right": START}
+
+    def gains(self) -> Mapping[str, PidParameters]:
+        return dict(self._gains)
+
+    def set_gains(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+        if changes.get("kp") == -1:
+            raise Refused(RefusalKind.OUT_OF_RANGE, "kp")
+        for name in self._gains if wheel == "all" else [wheel]:
+            self._gains[name] = self._gains[name].model_copy(update=changes)
+        return self.gains()
+
+
+def test_a_change_is_taken_back() -> None:
+    """After ``undo`` every wheel has what it had, also where a gain was switched off."""
+    tuning = Tuning(Loop())
+    changed = tuning.change("all", {"kp": 500.0, "back_calculation_s": None})
+    assert {g.kp for g in changed.values()} == {500.0}
+    assert tuning.undo() == {"left": START, "right": START} == tuning.gains()
+
+
+def test_nothing_is_left_to_undo() -> None:
+    """Without a change there is nothing to take back, and that is a refusal of its own kind."""
+    with pytest.raises(Refused) as refused:
+        Tuning(Loop()).undo()
+    assert refused.value.kind is RefusalKind.NOTHING_TO_UNDO
+
+
+def test_what_changed_nothing_is_not_remembered() -> None:
+    """A refused change, and one to the present values, leave the history as it was."""
+    tuning = Tuning(Loop())
+    tuning.change("left", {"kp": 420.0})
+    tuning.change("left", {"kp": 420.0})
+    with pytest.raises(Refused):
+        tuning.change("left", {"kp": -1})
+    assert tuning.undo()["left"] == START
+
+
+def test_the_history_is_bounded() -> None:
+    """With room for two, the third change pushes the first out: two can be taken back."""
+    tuning = Tuning(Loop(), depth=2)
+    for kp in (1.0, 2.0, 3.0):
+        tuning.change("all", {"kp": kp})
+    assert [tuning.undo()["left"].kp for _ in range(2)] == [2.0, 1.0]
+    with pytest.raises(Refused):
+        tuning.undo()
+
+
+CHANGES = st.tuples(st.sampled_from(["left", "right", "all"]), st.sampled_from([1.0, 2.0, 400.0]))
+
+
+@settings(max_examples=50)
+@given(st.lists(CHANGES, max_size=8))
+def test_undoing_everything_is_the_beginning(changes: list[tuple[str, float]]) -> None:
+    """Whatever was changed on whichever wheel, undoing until refused ends with the first gains."""
+    tuning = Tuning(Loop())
+    for wheel, kp in changes:
+        tuning.change(wheel, {"kp": kp})
+    with contextlib.suppress(Refused):
+        while True:
+            tuning.undo()
+    assert tuning.gains() == {"left": START, "right": START}
