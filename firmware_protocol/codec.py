@@ -17,12 +17,15 @@ from firmware_protocol.lines import (
     DUTY,
     INT16,
     INT32,
+    LEVELS_A_B,
     NUMERIC,
     UINT32,
     Field,
     LineKind,
+    Number,
 )
 from firmware_protocol.messages import (
+    AnalogueLevel,
     Banner,
     BatteryLevel,
     BoardTime,
@@ -31,6 +34,7 @@ from firmware_protocol.messages import (
     Malformed,
     Message,
     Orientation,
+    QuadratureEdges,
     RawImu,
     Reason,
     ResetBoard,
@@ -67,9 +71,42 @@ class Variant:
         if self.wheels < 1:
             raise ValueError(f"a robot has at least one wheel, got {self.wheels}")
 
+    def speaks(self, message: type[Any]) -> bool:
+        """Whether the board has a line kind of its own for this message."""
+        return any(row.message is message for row in self.extra_from_board)
+
+
+MOST_EDGES_A_LINE = 16
+ANALOGUE_INPUTS = 16
+
+ANALOGUE = LineKind(
+    "a", AnalogueLevel, (Field("channel", Number(0, ANALOGUE_INPUTS - 1)), Field("adc", ADC_12_BIT))
+)
+
+
+def quadrature(wheels: int) -> tuple[LineKind, ...]:
+    """The rows of ``q`` for so many wheels: one for each number of edges that a line can hold."""
+    wheel = Field("wheel", Number(0, wheels - 1))
+    return tuple(
+        LineKind(
+            "q",
+            QuadratureEdges,
+            (
+                wheel,
+                Field("states", LEVELS_A_B, edges),
+                Field("micros", UINT32),
+                Field("gaps_us", UINT32, edges - 1),
+            ),
+        )
+        for edges in range(1, MOST_EDGES_A_LINE + 1)
+    )
+
 
 CLASSIC = Variant("classic", wheels=2)
 FOUR_WHEELS = Variant("four_wheels", wheels=4)
+KHAN = Variant("khan", wheels=4, extra_from_board=(ANALOGUE,))
+KHAN_EDGES = Variant("khan_edges", wheels=4, extra_from_board=(ANALOGUE, *quadrature(4)))
+VARIANTS = {variant.name: variant for variant in (CLASSIC, FOUR_WHEELS, KHAN, KHAN_EDGES)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +179,7 @@ class LineCodec:
         self._phrases = {text.encode(): message for text, message in (phrases or {}).items()}
         self._rows: dict[bytes, dict[int, LineKind]] = {}
         self._readers: dict[bytes, Reader] = {}
-        self._writers: dict[type[Any], LineKind] = {}
+        self._writers: dict[type[Any], list[LineKind]] = {}
         for row in rows:
             self._add(row)
 
@@ -152,11 +189,11 @@ class LineCodec:
             raise ValueError(f"a line kind is made of letters, got {row.kind!r}")
         if count in self._rows.get(kind, {}):
             raise ValueError(f"two line kinds {row.kind!r} with {count} numbers")
-        if row.message in self._writers:
+        if any(other.kind != row.kind for other in self._writers.get(row.message, ())):
             raise ValueError(f"two line kinds for {row.message.__name__}")
         self._rows.setdefault(kind, {})[count] = row
         self._readers[kind + separator * count] = reader_of(row, separator)
-        self._writers[row.message] = row
+        self._writers.setdefault(row.message, []).append(row)
 
     def decode(self, line: bytes) -> Message | Malformed:
         """What a line (without its end) means."""
@@ -190,10 +227,11 @@ class LineCodec:
             ValueError: a value does not fit its field; named with its range.
             TypeError: this direction has no such message.
         """
-        row = self._writers.get(type(message))
-        if row is None:
+        rows = self._writers.get(type(message))
+        if rows is None:
             line, end = self._text_line(message)
         else:
+            row = rows[0] if len(rows) == 1 else _suiting(rows, message)
             line = self.framing.separator.join(text.encode() for text in row.write(message))
             end = row.end or self.framing.end
         if len(line) > self.framing.max_line:
@@ -207,6 +245,14 @@ class LineCodec:
         if not line or self.decode(line) != message:
             raise ValueError(f"{line!r} would not be read as {message!r}")
         return line, self._text_end
+
+
+def _suiting(rows: Iterable[LineKind], message: Message) -> LineKind:
+    """The row for as many numbers as the message has; raises ``ValueError`` when there is none."""
+    for row in rows:
+        if row.suits(message):
+            return row
+    raise ValueError(f"no line holds as many numbers as {message!r}")
 
 
 def _explain(rows: Mapping[int, LineKind], line: bytes, texts: list[bytes]) -> Malformed:

@@ -69,6 +69,7 @@ DUTY = Number(-(2**15), 2**15 - 1, decimals=2)
 CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two uint32 µs is at most 2^32 µs
 COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four
 ADC_12_BIT = Number(0, 4095, decimals=2)
+LEVELS_A_B = Number(0, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +135,12 @@ class LineKind:
         if self.unit and not is_unit(values):
             return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*values):.3f}"
         return Reason.OUT_OF_RANGE, f"{self.message.__name__} refuses these numbers itself"
+
+    def suits(self, message: object) -> bool:
+        """Whether the message has as many numbers as this row: a message may have a row for each count."""
+        return all(
+            field.times is None or len(getattr(message, field.name)) == field.times for field in self.fields
+        )
 
     def write(self, message: object) -> list[str]:
         """The line's texts, the kind first; raises ``ValueError`` naming what does not fit."""

@@ -64,6 +64,28 @@ class BatteryLevel:
 
 
 @dataclass(frozen=True, slots=True)
+class AnalogueLevel:
+    """``a``, an extension: the raw 12-bit ADC reading of one analogue input, 0 to 4095."""
+
+    channel: int
+    adc: float
+
+
+@dataclass(frozen=True, slots=True)
+class QuadratureEdges:
+    """``q``, an extension: a burst of edges of one wheel's encoder, in the order in which they came.
+
+    ``states`` are the levels after each edge, A in bit 1 and B in bit 0. ``micros`` is the first edge's time,
+    uint32 µs since boot as in ``t``; ``gaps_us`` is the time from each edge to the next, one fewer than states.
+    """
+
+    wheel: int
+    states: tuple[int, ...]
+    micros: int
+    gaps_us: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Banner:
     """One line of the board's boot banner: the board has just started, so its counters did too."""
 
@@ -123,6 +145,8 @@ FromBoard: TypeAlias = (
     | Orientation
     | RawImu
     | BatteryLevel
+    | AnalogueLevel
+    | QuadratureEdges
     | Banner
     | ResetDone
     | Text

@@ -15,7 +15,11 @@ from firmware_protocol.codec import (
     CLASSIC,
     FOUR_WHEELS,
     FROM_BOARD,
+    KHAN,
+    KHAN_EDGES,
+    MOST_EDGES_A_LINE,
     PUBLISHED_BANNER,
+    VARIANTS,
     LineCodec,
     Variant,
     from_board,
@@ -23,6 +27,7 @@ from firmware_protocol.codec import (
 )
 from firmware_protocol.lines import INT16, Field, LineKind, Number
 from firmware_protocol.messages import (
+    AnalogueLevel,
     Banner,
     BatteryLevel,
     BoardTime,
@@ -30,6 +35,7 @@ from firmware_protocol.messages import (
     EncoderCounts,
     Malformed,
     Orientation,
+    QuadratureEdges,
     RawImu,
     Reason,
     ResetBoard,
@@ -42,16 +48,24 @@ from firmware_protocol.messages import (
 VECTORS = Path(__file__).parent.parent / "vectors"
 BOARD = from_board(CLASSIC)
 HOST = to_board(CLASSIC)
+CODECS = {
+    "from_board": BOARD,
+    "to_board": HOST,
+    "from_khan": from_board(KHAN_EDGES),
+    "to_khan": to_board(KHAN_EDGES),
+}
 
 
 def golden(direction: str) -> list[Any]:
     """A test parameter for each pair of a vector file."""
     pairs = json.loads((VECTORS / f"{direction}.json").read_text())
-    codec = {"from_board": BOARD, "to_board": HOST}[direction]
-    return [pytest.param(codec, pair, id=f"{direction} {pair['line']!r}") for pair in pairs]
+    return [pytest.param(CODECS[direction], pair, id=f"{direction} {pair['line']!r}") for pair in pairs]
 
 
-@pytest.mark.parametrize(("codec", "pair"), golden("from_board") + golden("to_board"))
+GOLDEN = [pair for direction in CODECS for pair in golden(direction)]
+
+
+@pytest.mark.parametrize(("codec", "pair"), GOLDEN)
 def test_every_golden_line_means_what_the_vectors_say(codec: LineCodec, pair: dict[str, Any]) -> None:
     """A line of the published wire decodes to its message, or is refused for the stated reason."""
     line = pair["line"].encode("latin-1")
@@ -64,7 +78,7 @@ def test_every_golden_line_means_what_the_vectors_say(codec: LineCodec, pair: di
         assert (type(meaning).__name__, fields) == (pair["means"], pair["fields"])
 
 
-@pytest.mark.parametrize(("codec", "pair"), golden("from_board") + golden("to_board"))
+@pytest.mark.parametrize(("codec", "pair"), GOLDEN)
 def test_every_canonical_golden_line_is_encoded_to_its_very_bytes(
     codec: LineCodec, pair: dict[str, Any]
 ) -> None:
@@ -205,9 +219,68 @@ def test_four_wheels_are_the_same_lines_with_four_numbers() -> None:
     assert codec.decode(b"1e\t1\t2\t3\t4") == Text("1e\t1\t2\t3\t4")
 
 
+def bursts() -> st.SearchStrategy[QuadratureEdges]:
+    """Bursts of every length that a line holds."""
+
+    def burst(draw: Any, edges: int) -> QuadratureEdges:
+        levels = st.lists(st.integers(0, 3), min_size=edges, max_size=edges)
+        gaps = st.lists(st.integers(0, 2**32 - 1), min_size=edges - 1, max_size=edges - 1)
+        wheel, micros = st.integers(0, 3), st.integers(0, 2**32 - 1)
+        return QuadratureEdges(draw(wheel), tuple(draw(levels)), draw(micros), tuple(draw(gaps)))
+
+    return st.composite(lambda draw: burst(draw, draw(st.integers(1, MOST_EDGES_A_LINE))))()
+
+
+@given(bursts())
+@settings(max_examples=100)
+def test_a_burst_of_edges_survives_its_line_at_any_length(message: QuadratureEdges) -> None:
+    """One to sixteen edges: the row is found by their number when writing as when reading."""
+    codec = CODECS["from_khan"]
+    assert codec.decode(codec.encode(message).removesuffix(b"\n")) == message
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        (QuadratureEdges(0, (), 0), "no line holds as many numbers as .*states="),
+        (QuadratureEdges(0, (0,) * 17, 0, (1,) * 16), "no line holds as many numbers"),
+        (QuadratureEdges(0, (0, 1), 0), "no line holds as many numbers"),
+        (QuadratureEdges(4, (0,), 0), "wheel: expected a whole number from 0 to 3, got 4"),
+        (AnalogueLevel(16, 0.0), "channel: expected a whole number from 0 to 15, got 16"),
+    ],
+)
+def test_a_burst_that_no_line_holds_is_not_encoded(message: messages.FromBoard, complaint: str) -> None:
+    """None, too many, gaps that do not go with the edges, a wheel or an input that the robot does not have."""
+    with pytest.raises(ValueError, match=complaint):
+        CODECS["from_khan"].encode(message)
+
+
+@pytest.mark.parametrize("line", [b"a\t0\t2048.00", b"q\t0\t3\t1000"])
+def test_the_classic_robot_never_meets_the_extensions(line: bytes) -> None:
+    """Its own wire takes such lines for text, and has no way to write them."""
+    assert BOARD.decode(line) == Text(line.decode())
+    message = CODECS["from_khan"].decode(line)
+    assert not isinstance(message, Malformed)
+    with pytest.raises(TypeError, match="no line kind for"):
+        BOARD.encode(message)
+
+
+def test_a_variant_says_what_it_speaks_beyond_the_classic_lines() -> None:
+    """KHAN's board has an analogue line; only the one that decodes nothing itself sends edges."""
+    assert [KHAN.speaks(AnalogueLevel), KHAN.speaks(QuadratureEdges)] == [True, False]
+    assert [KHAN_EDGES.speaks(AnalogueLevel), KHAN_EDGES.speaks(QuadratureEdges)] == [True, True]
+    assert not CLASSIC.speaks(AnalogueLevel)
+    assert {name: variant.wheels for name, variant in VARIANTS.items()} == {
+        "classic": 2,
+        "four_wheels": 4,
+        "khan": 4,
+        "khan_edges": 4,
+    }
+
+
 @dataclass(frozen=True, slots=True)
-class AnalogueRange:
-    """A message that the classic robot does not have."""
+class LampVoltage:
+    """A message that no robot here has."""
 
     volts: float
 
@@ -220,43 +293,43 @@ class Blink:
     on_off_ms: tuple[int, int]
 
 
-KHAN = Variant(
-    "khan",
+PROTOTYPE = Variant(
+    "prototype",
     wheels=4,
-    banner=("KHAN ready",),
-    extra_from_board=(LineKind("a", AnalogueRange, (Field("volts", Number(0, 5, decimals=3)),)),),
+    banner=("Prototype ready",),
+    extra_from_board=(LineKind("v", LampVoltage, (Field("volts", Number(0, 5, decimals=3)),)),),
     extra_to_board=(LineKind("blink", Blink, (Field("lamp", INT16), Field("on_off_ms", INT16, 2))),),
 )
 
 
 def test_another_robot_is_another_table() -> None:
     """Kinds added as rows are read, written, range-checked and refused like the classic ones."""
-    codec: Any = from_board(KHAN)
-    commands: Any = to_board(KHAN)
-    assert codec.decode(b"a\t2.705") == AnalogueRange(2.705)
-    assert codec.encode(AnalogueRange(0.4)) == b"a\t0.400\n"
-    assert codec.decode(b"a\t5.001") == Malformed(
-        Reason.OUT_OF_RANGE, b"a\t5.001", "expected a number from 0 to 5, got 5.001"
+    codec: Any = from_board(PROTOTYPE)
+    commands: Any = to_board(PROTOTYPE)
+    assert codec.decode(b"v\t2.705") == LampVoltage(2.705)
+    assert codec.encode(LampVoltage(0.4)) == b"v\t0.400\n"
+    assert codec.decode(b"v\t5.001") == Malformed(
+        Reason.OUT_OF_RANGE, b"v\t5.001", "expected a number from 0 to 5, got 5.001"
     )
     assert commands.decode(b"blink 3 500 250") == Blink(3, (500, 250))
     assert commands.encode(Blink(3, (500, 250))) == b"blink 3 500 250\r"
-    assert BOARD.decode(b"a\t2.705") == Text("a\t2.705")
+    assert BOARD.decode(b"v\t2.705") == Text("v\t2.705")
 
 
 def test_another_robot_has_a_banner_of_its_own() -> None:
     """The banner is data too: the classic one is mere text to a robot that does not print it."""
-    codec = from_board(KHAN)
-    assert codec.decode(b"KHAN ready") == Banner("KHAN ready")
+    codec = from_board(PROTOTYPE)
+    assert codec.decode(b"Prototype ready") == Banner("Prototype ready")
     assert codec.decode(PUBLISHED_BANNER[0].encode()) == Text(PUBLISHED_BANNER[0])
 
 
 @pytest.mark.parametrize(
     ("rows", "complaint"),
     [
-        ((LineKind("a1", AnalogueRange),), "made of letters, got 'a1'"),
-        ((LineKind("", AnalogueRange),), "made of letters, got ''"),
-        ((LineKind("a", AnalogueRange), LineKind("a", Blink)), "two line kinds 'a' with 0 numbers"),
-        ((LineKind("a", AnalogueRange), LineKind("b", AnalogueRange)), "two line kinds for AnalogueRange"),
+        ((LineKind("a1", LampVoltage),), "made of letters, got 'a1'"),
+        ((LineKind("", LampVoltage),), "made of letters, got ''"),
+        ((LineKind("a", LampVoltage), LineKind("a", Blink)), "two line kinds 'a' with 0 numbers"),
+        ((LineKind("a", LampVoltage), LineKind("b", LampVoltage)), "two line kinds for LampVoltage"),
     ],
 )
 def test_rows_that_cannot_be_told_apart_are_refused(rows: tuple[LineKind, ...], complaint: str) -> None:
