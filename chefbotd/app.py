@@ -114,7 +114,7 @@ def _drive_service(
     settings: Settings, bus: Bus, clock: Clock, send_duty: Callable[[tuple[int, ...]], None]
 ) -> DriveService:
     wheels = settings.chassis.wheels
-    drive = Drive(settings.drive, settings.chassis, settings.limits, (settings.pid,) * len(wheels))
+    drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
     return DriveService(
         bus,
         clock,

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, ValidationInfo, field_validator
 
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.core.parameters import Parameters
@@ -60,6 +60,7 @@ class Settings(Parameters):
     encoders: EncoderParameters
     drive: DriveParameters
     pid: PidParameters
+    wheel_pid: Mapping[str, PidParameters] = {}
     limits: MotionLimits
     odometry: OdometryParameters
     control: ControlParameters = ControlParameters()
@@ -70,6 +71,21 @@ class Settings(Parameters):
     api: ApiParameters = ApiParameters()
     log: LogParameters = LogParameters()
     sim: SimulationParameters = SimulationParameters()
+
+    @field_validator("wheel_pid")
+    @classmethod
+    def _of_known_wheels(
+        cls, gains: Mapping[str, PidParameters], info: ValidationInfo
+    ) -> Mapping[str, PidParameters]:
+        chassis: ChassisParameters | None = info.data.get("chassis")
+        strangers = gains.keys() - {wheel.name for wheel in chassis.wheels} if chassis else ()
+        if strangers:
+            raise ValueError(f"the chassis has no wheel {', '.join(sorted(strangers))}")
+        return gains
+
+    def gains(self) -> dict[str, PidParameters]:
+        """Each wheel's gains by its name, in the chassis' order: ``[wheel_pid.NAME]``, or else ``[pid]``."""
+        return {wheel.name: self.wheel_pid.get(wheel.name, self.pid) for wheel in self.chassis.wheels}
 
 
 def packaged(robot: str = DEFAULT_ROBOT) -> Path:

@@ -119,3 +119,28 @@ def test_an_unknown_robot_is_told_which_there_are():
     """The packaged configurations are listed."""
     with pytest.raises(SettingsError, match=r"'marvin'; there are: .*chefbot"):
         packaged("marvin")
+
+
+OWN_GAINS = """
+[wheel_pid.{wheel}]
+kp_duty_per_m_s = 1.0
+ki_duty_per_m = 2.0
+output_limit_duty = 255.0
+"""
+
+
+def test_a_wheel_may_have_gains_of_its_own(chefbot: Path):
+    """``[wheel_pid.NAME]`` stands in for ``[pid]`` on that wheel alone."""
+    chefbot.write_text(chefbot.read_text() + OWN_GAINS.format(wheel="right_wheel"))
+    gains = load(chefbot).gains()
+    assert [(name, own.kp, own.output_limit) for name, own in gains.items()] == [
+        ("left_wheel", 400.0, 1023.0),
+        ("right_wheel", 1.0, 255.0),
+    ]
+
+
+def test_gains_of_a_wheel_that_is_not_there(chefbot: Path):
+    """They are refused by the wheel's name."""
+    chefbot.write_text(chefbot.read_text() + OWN_GAINS.format(wheel="third_wheel"))
+    with pytest.raises(SettingsError, match=r"wheel_pid: .*the chassis has no wheel third_wheel"):
+        load(chefbot)
