@@ -8,8 +8,10 @@ VENV ?= .venv
 ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
+FUZZ_S ?= 60
+FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0
 
-.PHONY: run test check lint format wheel wheel-test bench clean
+.PHONY: run test check lint format wheel wheel-test bench fuzz clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
@@ -40,8 +42,15 @@ wheel-test: wheel
 	$(PYTHON) -m venv $(WHEEL_VENV)
 	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,testing]" hypothesis psutil
 	mkdir -p build/wheel-test
-	cp -r tests pyproject.toml build/wheel-test/
+	cp -r tests fuzz pyproject.toml build/wheel-test/
 	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
+
+# Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
+fuzz: $(VENV)/ready
+	$(BIN)/pip install --quiet --editable '.[fuzz]'
+	mkdir -p build/fuzz/decode build/fuzz/request
+	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
+	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
 
 bench: $(VENV)/ready
 	$(BIN)/python -m benchmarks
