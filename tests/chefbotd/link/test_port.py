@@ -160,17 +160,18 @@ def test_a_socket_is_a_port_too(runner: asyncio.Runner):
         received = asyncio.get_running_loop().create_future()
 
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            writer.write(b"u\t12\n")
             received.set_result(await reader.readexactly(6))
+            writer.write(b"u\t12\n")
             writer.close()
 
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
         protocol = Recorder()
         transport = await open_port(LinkParameters(device=f"socket://127.0.0.1:{port}"), protocol)
-        await protocol.data.wait()
         transport.write(b"s 1 2\r")
         assert await received == b"s 1 2\r"
+        await protocol.data.wait()
+        assert protocol.received == b"u\t12\n"
         await protocol.lost
         server.close()
 
