@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from rich.table import Table
 from rich.text import Text
 from textual import events
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Static
@@ -15,7 +15,8 @@ from textual.widgets import Static
 from chefbotd.cli import facts
 from chefbotd.cli.facts import Fact, Mood
 from chefbotd.cli.pilot import Pilot
-from chefbotd.client import CallError, Client, ClientError, Event
+from chefbotd.cli.screen import RobotScreen
+from chefbotd.client import Client, Event
 
 TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
 SHOWN_HZ = 10.0
@@ -38,31 +39,28 @@ HELP = """\
   Any other key stops, too."""
 
 
-class Teleop(App[None]):
-    """Drives one robot; ``failure`` is what ended it, when it was not the user."""
+class Teleop(RobotScreen):
+    """Drives one robot."""
 
-    ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,ctrl+c,ctrl+q,Q", "leave", priority=True)]
-    CSS: ClassVar[str] = """
-    #title { background: $primary; color: $text; height: 1; padding: 0 1; text-style: bold; }
+    CSS: ClassVar[str] = (
+        RobotScreen.BASE_CSS
+        + """
     #facts { width: 1fr; padding: 1 0 1 1; }
     #help { width: 30; padding: 1 0; color: $text-muted; border-left: solid $primary; height: 1fr; }
-    #message { height: 1; padding: 0 1; color: $warning; dock: bottom; }
     """
+    )
 
     def __init__(self, robot: Client, address: str) -> None:
-        super().__init__()
-        self._robot, self._address = robot, address
-        self._pilot = Pilot(robot, self._say)
+        super().__init__(robot, address)
+        self._pilot = Pilot(robot, self.say)
         self._latest: dict[str, Event] = {}
         self._arrived_s: dict[str, float] = {}
         self._round_trip_s: float | None = None
-        self._tasks: list[asyncio.Task[None]] = []
-        self.failure: ClientError | None = None
 
     def compose(self) -> ComposeResult:
-        """Textual: a title, the facts beside the keys, and a line for messages."""
-        yield Static(f"{self._robot.hello.robot} at {self._address}", id="title")
+        """Textual: title, the facts beside the keys, and a line for messages."""
+        yield Static(self.heading, id="title")
         with Horizontal():
             yield Static(id="facts")
             yield Static(HELP, id="help", markup=False)
@@ -70,27 +68,8 @@ class Teleop(App[None]):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self._tasks = [self._start(part) for part in (self._pilot.run(), self._listen(), self._measure())]
+        self.run_beside(self._pilot.run(), self._listen(), self._measure())
         self.set_interval(1 / SHOWN_HZ, self._draw)
-
-    async def on_unmount(self) -> None:
-        """Textual: the screen is going; the pilot's last word is a stop."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-
-    def _start(self, part: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-        async def guarded() -> None:
-            try:
-                await part
-            except ClientError as failure:
-                self._fail(failure)
-
-        return asyncio.create_task(guarded())
-
-    async def action_leave(self) -> None:
-        """Textual: a key that quits."""
-        self.exit()
 
     async def on_app_blur(self) -> None:
         """Textual: the terminal lost the focus, so no key that is let go would be noticed."""
@@ -99,35 +78,29 @@ class Teleop(App[None]):
     async def on_key(self, event: events.Key) -> None:
         """Textual: a key arrived, or was repeated."""
         key = event.character if event.is_printable and event.character else event.key
-        self._say("")
+        self.say("")
         if key in ESTOP_KEYS:
-            await self._ask(self._robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
+            await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
         elif key == "a":
-            await self._ask(self._robot.arm(), "Armed.")
+            await self._interrupt(self.robot.arm(), "Armed.")
         else:
             self._pilot.press(key)
 
-    async def _ask(self, request: Coroutine[Any, Any, None], done: str) -> None:
+    async def _interrupt(self, request: Coroutine[Any, Any, None], done: str) -> None:
         self._pilot.release()
-        try:
-            await request
-        except CallError as error:
-            done = f"{error.kind}: {error.message}"
-        except ClientError as failure:
-            self._fail(failure)
-        self._say(done)
+        await self.ask(request, done)
 
     async def _listen(self) -> None:
-        async with self._robot.subscribe(TOPICS, max_rate_hz=SHOWN_HZ) as events:
+        async with self.robot.subscribe(TOPICS, max_rate_hz=SHOWN_HZ) as events:
             async for event in events:
                 self._latest[event.topic] = event
-                self._arrived_s[event.topic] = self._now_s()
+                self._arrived_s[event.topic] = self.now_s()
 
     async def _measure(self) -> None:
         while True:
-            sent_s = self._now_s()
-            await self._robot.ping()
-            self._round_trip_s = self._now_s() - sent_s
+            sent_s = self.now_s()
+            await self.robot.ping()
+            self._round_trip_s = self.now_s() - sent_s
             await asyncio.sleep(PING_PERIOD_S)
 
     def _draw(self) -> None:
@@ -149,23 +122,9 @@ class Teleop(App[None]):
 
     def _aged(self, topic: str) -> dict[str, Any]:
         event = self._latest[topic]
-        return {"data": event.data, "age_s": event.age_s + self._now_s() - self._arrived_s[topic]}
-
-    def _say(self, text: str) -> None:
-        self.query_one("#message", Static).update(text)
-
-    def _fail(self, failure: ClientError) -> None:
-        self.failure = self.failure or failure
-        self.exit()
-
-    @staticmethod
-    def _now_s() -> float:
-        return asyncio.get_running_loop().time()
+        return {"data": event.data, "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
 
 
 async def teleop(robot: Client, address: str) -> None:
     """Drive by keyboard until the user quits; raises the client's error when that is what ended it."""
-    screen = Teleop(robot, address)
-    await screen.run_async(mouse=False)
-    if screen.failure is not None:
-        raise screen.failure
+    await Teleop(robot, address).show()
