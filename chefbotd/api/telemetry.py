@@ -80,12 +80,17 @@ class LinkData(TopicData):
 
 
 class SafetyData(TopicData):
-    """The gate: its mode and why, whose command is in force, and whether the robot may move."""
+    """The gate: its mode and why, which source's command is in force, whether the robot may move, and who drives."""
 
     mode: str
     reason: str
     source: str | None
     armed: bool
+    control: dict[str, str] = Field(
+        description="for each source that someone has control of, the client's name"
+    )
+    fault: str | None = Field(None, description="stable name of the fault that has latched")
+    limited_by: str | None = Field(None, description="what keeps the command from being followed as given")
 
 
 class TextData(TopicData):
@@ -115,6 +120,8 @@ class StatsData(TopicData):
     control_steps: int
     bus_dropped: dict[str, int]
     clients: int
+    clients_refused: dict[str, int]
+    handler_faults: dict[str, int]
     telemetry_dropped: int
     loop_lag_s: float
     board_clock_skew_ppm: float | None

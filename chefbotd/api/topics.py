@@ -5,7 +5,7 @@ holds the latest beam of every sensor). States are cheap; data is made from them
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -54,7 +54,13 @@ def topics(wheel_names: tuple[str, ...], *, simulated: bool) -> dict[str, Topic]
         Topic("ranges", (events.RangeMeasured,), RangesData, _ranges, join=_join_beam),
         Topic("battery", (events.BatteryMeasured,), BatteryData, _same_fields(BatteryData)),
         Topic("link", (events.LinkOpened, events.LinkClosed), LinkData, link_data),
-        Topic("safety", (events.SafetyChanged,), SafetyData, safety_data),
+        Topic(
+            "safety",
+            (events.SafetyChanged, events.ControlChanged),
+            SafetyData,
+            safety_data,
+            join=_join_safety,
+        ),
         Topic("text", (events.TextReceived,), TextData, _same_fields(TextData)),
         Topic("raw", (events.LineSeen,), RawData, _raw, on_demand=True),
         Topic("stats", (events.StatsSampled,), StatsData, _same_fields(StatsData)),
@@ -112,12 +118,37 @@ def link_data(event: events.LinkOpened | events.LinkClosed | None) -> LinkData:
     return LinkData(state="down", device="", reason="not opened yet")
 
 
-def safety_data(event: events.SafetyChanged | None) -> SafetyData:
-    """The gate's state; None: it has not spoken, and until it does nothing may move."""
+@dataclass(frozen=True, slots=True)
+class SafetyState:
+    """What the gate last said (None: nothing yet), and who drives."""
+
+    gate: events.SafetyChanged | None = None
+    holders: Mapping[str, str] = field(default_factory=dict)
+
+
+def _join_safety(
+    previous: SafetyState | None, event: events.SafetyChanged | events.ControlChanged
+) -> SafetyState:
+    known = previous or SafetyState()
+    if isinstance(event, events.ControlChanged):
+        return replace(known, holders=event.holders)
+    return replace(known, gate=event)
+
+
+def safety_data(state: SafetyState | None) -> SafetyData:
+    """The gate's state and who drives; as long as the gate has not spoken nothing may move."""
+    event, control = (state.gate, dict(state.holders)) if state is not None else (None, {})
     if event is None:
-        return SafetyData(mode="unknown", reason="the gate has not reported yet", source=None, armed=False)
+        reason = "the gate has not reported yet"
+        return SafetyData(mode="unknown", reason=reason, source=None, armed=False, control=control)
     return SafetyData(
-        mode=event.mode, reason=event.reason, source=event.source, armed=event.mode == ARMED_MODE
+        mode=event.mode,
+        reason=event.reason,
+        source=event.source,
+        armed=event.mode == ARMED_MODE,
+        control=control,
+        fault=event.fault,
+        limited_by=event.limited_by,
     )
 
 

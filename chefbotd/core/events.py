@@ -4,7 +4,7 @@
 which it happened). ``board_s`` is the board's own time, unwrapped, in seconds; only differences of it mean anything.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -74,11 +74,33 @@ class TextReceived:
 
 @dataclass(frozen=True, slots=True)
 class EncodersCounted:
-    """Accumulated encoder counts per wheel, as on the wire."""
+    """Accumulated encoder counts per wheel, as on the wire.
+
+    ``rate_counts_s`` is how fast each counts, where the edges' own timing says so; None where only the counts are known.
+    """
 
     stamp_s: float
     board_s: float
     counts: tuple[int, ...]
+    rate_counts_s: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WheelEdge:
+    """One edge of a wheel's quadrature encoder: the levels after it, A worth 2 and B worth 1."""
+
+    wheel: int
+    board_s: float
+    levels: int
+
+
+@dataclass(frozen=True, slots=True)
+class EdgesSeen:
+    """Every edge of a cycle that ended at ``board_s``, those of each wheel in their order; none if no wheel turned."""
+
+    stamp_s: float
+    board_s: float
+    edges: tuple[WheelEdge, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +109,15 @@ class UltrasonicEchoed:
 
     stamp_s: float
     distance_cm: int
+
+
+@dataclass(frozen=True, slots=True)
+class AnalogueCounted:
+    """The raw 12-bit ADC reading of one analogue input."""
+
+    stamp_s: float
+    channel: int
+    adc: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,12 +193,13 @@ class OdometryUpdated:
 
 
 class RangeStatus(StrEnum):
-    """What a range reading says; only ``OK`` carries a distance."""
+    """What a range reading says; only ``OK`` carries a distance. ``AMBIGUOUS``: near or far, it cannot be told."""
 
     OK = "ok"
     TOO_NEAR = "too_near"
     TOO_FAR = "too_far"
     NO_ECHO = "no_echo"
+    AMBIGUOUS = "ambiguous"
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,12 +246,26 @@ class BatteryMeasured:
 
 @dataclass(frozen=True, slots=True)
 class SafetyChanged:
-    """The gate's state: its mode, why, and whose command is in force (None: nobody's)."""
+    """The gate's state: its mode, why, and whose command is in force (None: nobody's).
+
+    ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
+    from being followed as it was given: ``encoders_stale``, or ``obstacle:`` and the sensor that sees it.
+    """
 
     stamp_s: float
     mode: str
     reason: str
     source: str | None
+    fault: str | None = None
+    limited_by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlChanged:
+    """Who drives: for each source of commands that someone has control of, the client's name."""
+
+    stamp_s: float
+    holders: dict[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +283,9 @@ class StatsSampled:
     """Counters since the daemon started, and the worst of the last second, sampled once a second.
 
     ``frames`` counts accepted lines by message name, ``refused`` the malformed ones by reason, ``bus_dropped`` events
-    given up by class. ``loop_lag_s`` is the latest the event loop was to a timer in the last second.
+    given up by class, ``handler_faults`` requests that broke their handler by method, ``clients_refused`` connections
+    that the socket refused or ended by the kind of error. ``loop_lag_s`` is the latest the event loop was to a timer
+    in the last second.
     """
 
     stamp_s: float
@@ -256,3 +304,5 @@ class StatsSampled:
     loop_lag_s: float
     board_clock_skew_ppm: float | None
     board_clock_jitter_s: float | None
+    clients_refused: dict[str, int] = field(default_factory=dict)
+    handler_faults: dict[str, int] = field(default_factory=dict)

@@ -131,6 +131,9 @@ def test_safety_is_armed_in_one_mode_only(mode: str, armed: bool) -> None:
         "reason": "because",
         "source": "teleop",
         "armed": armed,
+        "control": {},
+        "fault": None,
+        "limited_by": None,
     }
 
 
