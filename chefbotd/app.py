@@ -1,6 +1,7 @@
 """The composition root: build every part, wire them, run them in one task group, stop the motors on the way out."""
 
 import asyncio
+import os
 import random
 import secrets
 import signal
@@ -11,6 +12,7 @@ import structlog
 import uvloop
 
 from chefbotd import systemd
+from chefbotd.api.access import AccessError, load_guard
 from chefbotd.api.server import Server
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock, SystemClock
@@ -71,6 +73,7 @@ class Daemon:
             session=secrets.token_hex(4),
             wheel_names=tuple(wheel.name for wheel in settings.chassis.wheels),
             simulated=simulated,
+            guard=load_guard(settings.api, os.environ),
         )
 
     async def run(self, *more: Loop) -> None:
@@ -103,6 +106,8 @@ class Daemon:
             control_steps=driving.steps,
             bus_dropped=self.bus.drops(),
             clients=self.server.clients,
+            clients_refused=dict(self.server.refused),
+            handler_faults=dict(self.server.faults),
             telemetry_dropped=self.server.drops.total(),
             loop_lag_s=loop_lag_s,
             board_clock_skew_ppm=session.clock_skew_ppm,
@@ -128,7 +133,10 @@ def _drive_service(
 
 
 def run(settings: Settings, *, simulated: bool) -> int:
-    """Run the daemon until SIGINT, SIGTERM or SIGHUP; returns the exit code (0, or 1 after a failure)."""
+    """Run the daemon until SIGINT, SIGTERM or SIGHUP; returns the exit code.
+
+    0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
+    """
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.run(_until_signalled(settings, simulated=simulated))
@@ -136,6 +144,9 @@ def run(settings: Settings, *, simulated: bool) -> int:
         for failure in _leaves(failures):
             log.error("cannot go on", error=repr(failure), exc_info=failure)
         return 1
+    except AccessError as problem:
+        log.error("cannot serve", error=str(problem))
+        return os.EX_CONFIG
     return 0
 
 

@@ -1,11 +1,12 @@
 """The robot as the command socket knows it: one face for the parts that carry its requests out."""
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.link.session import BoardSession
 from chefbotd.motion.pid import PidParameters
 from chefbotd.services.drive import DriveService
@@ -27,6 +28,11 @@ class WiredRobot:
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command."""
         self.driving.command(source, twist)
+
+    def release(self, source: str) -> None:
+        """Replace a source's command by standing; once that is too old, lower sources go on."""
+        with contextlib.suppress(Refused):  # not armed, or no link: it stands already
+            self.driving.command(source, STANDING)
 
     def stop(self) -> None:
         """Come to rest."""

@@ -15,6 +15,8 @@ from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.outbox import Outbox
 from chefbotd.api.parameters import ApiParameters
+from chefbotd.api.session import Session
+from chefbotd.clock import Clock
 
 
 class House(Protocol):
@@ -23,9 +25,14 @@ class House(Protocol):
     parameters: ApiParameters
     dispatcher: Dispatcher
     drops: Counter[str]
+    clock: Clock
 
-    def welcome(self, connection: "Connection") -> bytes | Failure:
-        """The greeting, or why there is no room."""
+    def welcome(self, connection: "Connection") -> bytes:
+        """Take the client in; the greeting for it."""
+        ...
+
+    def ended(self, session: Session, failure: Failure) -> None:
+        """A connection is being ended for this reason."""
         ...
 
     def farewell(self, connection: "Connection") -> None:
@@ -36,8 +43,8 @@ class House(Protocol):
 class Connection(asyncio.Protocol):
     """The server's end of one socket."""
 
-    def __init__(self, house: House) -> None:
-        self._house = house
+    def __init__(self, house: House, session: Session) -> None:
+        self._house, self.session = house, session
         self._unread = bytearray()
         self._turn: asyncio.Handle | None = None
         self._outbox: Outbox
@@ -46,7 +53,7 @@ class Connection(asyncio.Protocol):
         self.telemetry: Callable[[str, bool, bytes], None]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Asyncio: a client has connected; it is greeted, or sent away."""
+        """Asyncio: a client that was admitted is connected; it is greeted."""
         self._transport = cast(asyncio.Transport, transport)  # uvloop's is one in all but its bases
         connected = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -54,13 +61,11 @@ class Connection(asyncio.Protocol):
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._house.parameters.write_buffer_bytes)
         self._outbox = Outbox(self._transport, self._house.parameters, self._house.drops)
         self.reply, self.telemetry = self._outbox.reply, self._outbox.telemetry
-        greeting = self._house.welcome(self)
-        if isinstance(greeting, Failure):
-            self._refuse(greeting)
-        else:
-            self.reply(greeting)
+        self.reply(self._house.welcome(self))
 
-    def _refuse(self, failure: Failure) -> None:
+    def end(self, failure: Failure) -> None:
+        """Send this error, and close."""
+        self._house.ended(self.session, failure)
         self.reply(jsonrpc.error(failure))
         self.close()
 
@@ -73,6 +78,7 @@ class Connection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
         self._unread += data
+        self.session.heard(self._house.clock.now_s())
         self._take_requests()
 
     def _take_requests(self) -> None:
@@ -93,8 +99,9 @@ class Connection(asyncio.Protocol):
         end = self._unread.find(b"\n")
         longest = self._house.parameters.max_request_bytes
         if end > longest or (end < 0 and len(self._unread) > longest):
-            self._refuse(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
+            self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
             return None
+        self.session.waits_for_line_end(end < 0 and bool(self._unread))
         if end < 0:
             return None
         line = self._unread[:end]
@@ -124,6 +131,11 @@ class Connection(asyncio.Protocol):
         """Asyncio: the client has closed its sending side; what it has coming is sent, then we close too."""
         self.close()
         return False
+
+    @property
+    def closing(self) -> bool:
+        """Whether the end has begun."""
+        return self._outbox.closing
 
     def close(self) -> None:
         """Close once the client has what was already on its way."""

@@ -25,7 +25,8 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> mode
         topics={name: _topic(topic) for name, topic in topics.items()},
         notifications={name: _schema(model) for name, model in NOTIFICATIONS.items()},
         errors={
-            str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning) for kind, e in ERRORS.items()
+            str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
+            for kind, e in ERRORS.items()
         },
     )
 
@@ -33,6 +34,7 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> mode
 def _method(method: Method) -> models.MethodDescription:
     return models.MethodDescription(
         summary=method.summary,
+        role=method.role,
         params=_schema(method.params),
         result=_schema(method.result, mode="serialization"),
     )

@@ -1,4 +1,4 @@
-"""From a request's line to its answer: parse, look up, check, carry out; every way to fail has an answer."""
+"""From a request's line to its answer: parse, admit, check, carry out; every way to fail has an answer."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -7,35 +7,61 @@ import structlog
 from pydantic import ValidationError
 
 from chefbotd.api import jsonrpc
-from chefbotd.api.jsonrpc import ErrorKind, Failure, Request
+from chefbotd.api.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.models import Params, explain
+from chefbotd.api.session import Session
+from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
 
 log = structlog.get_logger(__name__)
+
+NOT_JSON = {kind for kind, error in ERRORS.items() if error.code == ERRORS[ErrorKind.PARSE_ERROR].code}
+WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 
 
 class Dispatcher:
     """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have."""
 
-    def __init__(self, methods: Mapping[str, Method]) -> None:
-        self._methods = methods
+    def __init__(self, methods: Mapping[str, Method], clock: Clock) -> None:
+        self._methods, self._clock = methods, clock
         self.faults: Counter[str] = Counter()
 
     def serve(self, caller: Caller, line: bytes | bytearray) -> None:
         """Carry out one line, and answer it unless it is a notification."""
         request = jsonrpc.parse(line)
         if isinstance(request, Failure):
-            caller.reply(jsonrpc.error(request))
+            self._refuse(caller, request, wants_answer=True)
             return
+        caller.session.proven = True
         failure = self._carry_out(caller, request)
-        if failure is not None and request.wants_answer:
+        if failure is not None:
+            self._refuse(caller, failure, wants_answer=request.wants_answer)
+
+    def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool) -> None:
+        """Say what is wrong, and end a connection that is hopeless.
+
+        Whose first line is not JSON speaks another protocol: a browser that was made to post commands here, TLS, noise.
+        """
+        session = caller.session
+        if failure.kind in WASTED and not session.forgive(self._clock.now_s()):
+            failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this went on for too long", failure.id)
+        if ERRORS[failure.kind].closes or (failure.kind in NOT_JSON and not session.proven):
+            caller.end(failure)
+        elif wants_answer:
             caller.reply(jsonrpc.error(failure))
 
     def _carry_out(self, caller: Caller, request: Request) -> Failure | None:
+        answered = False
         try:
-            method, params = self._prepare(request)
+            method = self._admit(caller.session, request)
+            params = _checked(method, request)
             body = method.handle(caller, params).model_dump_json().encode()
+            if request.wants_answer:
+                caller.reply(jsonrpc.result(request.id, body))
+            answered = True
+            if method.afterwards is not None:
+                method.afterwards(caller, params)
         except Unserved as problem:
             return Failure(problem.kind, str(problem), request.id, problem.details)
         except Refused as refusal:
@@ -43,19 +69,32 @@ class Dispatcher:
         except Exception:
             self.faults[request.method] += 1
             log.exception("handler_fault", method=request.method)
-            return Failure(ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id)
-        if request.wants_answer:
-            caller.reply(jsonrpc.result(request.id, body))
-        if method.afterwards is not None:
-            method.afterwards(caller, params)
+            if not answered:
+                return Failure(
+                    ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id
+                )
         return None
 
-    def _prepare(self, request: Request) -> tuple[Method, Params]:
+    def _admit(self, session: Session, request: Request) -> Method:
+        """The method, if there is one and the client may call it now."""
         method = self._methods.get(request.method)
+        if session.role is None and (method is None or method.role is not None):
+            raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
+        urgent = method is not None and method.urgent
+        if not urgent and not session.admit(self._clock.now_s()):
+            raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
         if method is None:
             raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")
-        try:
-            return method, method.params.model_validate(request.params)
-        except ValidationError as problem:
-            message, fields = explain(problem)
-            raise Unserved(ErrorKind.INVALID_PARAMS, message, {"fields": fields}) from None
+        if method.role is not None and session.role is not None and not session.role.allows(method.role):
+            raise Unserved(
+                ErrorKind.FORBIDDEN, f"{request.method} needs the role {method.role}, not {session.role}"
+            )
+        return method
+
+
+def _checked(method: Method, request: Request) -> Params:
+    try:
+        return method.params.model_validate(request.params)
+    except ValidationError as problem:
+        message, fields = explain(problem, confidential=method.params.confidential)
+        raise Unserved(ErrorKind.INVALID_PARAMS, message, {"fields": fields}) from None

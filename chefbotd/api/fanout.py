@@ -207,6 +207,10 @@ class Fanout:
         """The topics that a receiver takes, in the table's order."""
         return [n for n, feed in self._feeds.items() if any(receiver in g for g in feed.groups.values())]
 
+    def is_subscribed(self, receiver: Receiver) -> bool:
+        """Whether a receiver takes any topic."""
+        return any(receiver in group for feed in self._feeds.values() for group in feed.groups.values())
+
     def state(self, topic: str) -> Any:
         """A topic's latest state, unconverted; None before its first event."""
         return self._feeds[topic].state

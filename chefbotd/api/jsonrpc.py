@@ -37,14 +37,22 @@ class ErrorKind(StrEnum):
     UNKNOWN_TOPIC = "unknown_topic"
     INTERNAL = "internal"
     TOO_MANY_CLIENTS = "too_many_clients"
+    UNAUTHENTICATED = "unauthenticated"
+    WRONG_TOKEN = "wrong_token"  # noqa: S105 - the name of an error
+    FORBIDDEN = "forbidden"
+    LEASE_HELD = "lease_held"
+    RATE_LIMITED = "rate_limited"
+    FLOODING = "flooding"
+    TIMED_OUT = "timed_out"
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorClass:
-    """A JSON-RPC code, and what a kind of error means."""
+    """A JSON-RPC code, what a kind of error means, and whether it ends the connection."""
 
     code: int
     meaning: str
+    closes: bool = False
 
 
 ERRORS: Mapping[str, ErrorClass] = {
@@ -55,7 +63,9 @@ ERRORS: Mapping[str, ErrorClass] = {
     ErrorKind.DUPLICATE_KEY: ErrorClass(-32700, "an object says a key twice"),
     ErrorKind.TOO_DEEP: ErrorClass(-32700, f"nested deeper than {MAX_DEPTH}"),
     ErrorKind.LONE_SURROGATE: ErrorClass(-32700, "an escape that is half of a surrogate pair"),
-    ErrorKind.REQUEST_TOO_LARGE: ErrorClass(-32600, "a longer line than is taken; the connection is closed"),
+    ErrorKind.REQUEST_TOO_LARGE: ErrorClass(
+        -32600, "a longer line than is taken; the connection is closed", closes=True
+    ),
     ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but no JSON-RPC 2.0 request"),
     ErrorKind.METHOD_NOT_FOUND: ErrorClass(-32601, "no such method"),
     ErrorKind.INVALID_PARAMS: ErrorClass(
@@ -63,7 +73,22 @@ ERRORS: Mapping[str, ErrorClass] = {
     ),
     ErrorKind.UNKNOWN_TOPIC: ErrorClass(-32602, "no such topic on this robot"),
     ErrorKind.INTERNAL: ErrorClass(-32603, "a fault in the daemon; it is in the log"),
-    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(-32000, "no room for another client; the connection is closed"),
+    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(
+        -32000, "no room for another client; the connection is closed", closes=True
+    ),
+    ErrorKind.UNAUTHENTICATED: ErrorClass(-32020, "this daemon asks for a token; send authenticate first"),
+    ErrorKind.WRONG_TOKEN: ErrorClass(
+        -32021, "the token opens nothing here; the connection is closed", closes=True
+    ),
+    ErrorKind.FORBIDDEN: ErrorClass(-32022, "the client's role does not include this method"),
+    ErrorKind.LEASE_HELD: ErrorClass(-32023, "another client has control of this source of commands"),
+    ErrorKind.RATE_LIMITED: ErrorClass(-32024, "too many requests a second; this one was not carried out"),
+    ErrorKind.FLOODING: ErrorClass(
+        -32025, "too much that could not be served; the connection is closed", closes=True
+    ),
+    ErrorKind.TIMED_OUT: ErrorClass(
+        -32026, "the client took too long; the connection is closed", closes=True
+    ),
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
     RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),

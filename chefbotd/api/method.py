@@ -7,15 +7,23 @@ from typing import Any, Protocol
 from pydantic import BaseModel
 
 from chefbotd.api.fanout import Receiver
-from chefbotd.api.jsonrpc import ErrorKind
+from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.models import Params
+from chefbotd.api.roles import Role
+from chefbotd.api.session import Session
 
 
 class Caller(Receiver, Protocol):
-    """The client behind a request."""
+    """The client behind a request; ``session`` says who it is and what it may."""
+
+    session: Session
 
     def reply(self, line: bytes) -> None:
         """Take an answer now; never waits."""
+        ...
+
+    def end(self, failure: Failure) -> None:
+        """Send this error, and close the connection."""
         ...
 
 
@@ -29,12 +37,17 @@ class Unserved(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way."""
+    """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
+    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit.
+    """
+
+    role: Role | None
     params: type[Params]
     result: type[BaseModel]
     handle: Callable[[Caller, Any], BaseModel]
     afterwards: Callable[[Caller, Any], None] | None = None
+    urgent: bool = False
 
     @property
     def summary(self) -> str:

@@ -5,16 +5,23 @@ A handler runs in the call that delivered the request's bytes: a stop reaches th
 
 from collections.abc import Iterable
 
+import structlog
+
 from chefbotd.api import models
+from chefbotd.api.access import Keyring
+from chefbotd.api.control import Control
 from chefbotd.api.describe import describe
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.jsonrpc import ErrorKind
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.robot import Robot
+from chefbotd.api.roles import Role
 from chefbotd.api.telemetry import StatsData
 from chefbotd.api.topics import link_data, safety_data
 from chefbotd.clock import Clock
 from chefbotd.core.geometry import Pose2D, Twist2D
+
+log = structlog.get_logger(__name__)
 
 DONE = models.Done()
 
@@ -22,29 +29,59 @@ DONE = models.Done()
 class Methods:
     """The handlers, over one robot and one fan-out; ``table`` names them."""
 
-    def __init__(self, robot: Robot, fanout: Fanout, clock: Clock) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        fanout: Fanout,
+        clock: Clock,
+        control: Control,
+        keyring: Keyring | None = None,
+        arm_role: Role = Role.DRIVE,
+    ) -> None:
         self._robot, self._fanout, self._clock = robot, fanout, clock
+        self._control, self._keyring = control, keyring
         nothing, done = models.NoParams, models.Done
+        observe, drive, admin = Role
         self.table = {
-            "describe": Method(nothing, models.Description, self._describe),
-            "ping": Method(nothing, models.Pong, self._ping),
-            "get_state": Method(nothing, models.State, self._get_state),
-            "get_stats": Method(nothing, StatsData, self._get_stats),
+            "authenticate": Method(None, models.AuthenticateParams, models.Known, self._authenticate),
+            "introduce": Method(observe, models.IntroduceParams, done, self._introduce),
+            "describe": Method(observe, nothing, models.Description, self._describe),
+            "ping": Method(observe, nothing, models.Pong, self._ping),
+            "get_state": Method(observe, nothing, models.State, self._get_state),
+            "get_stats": Method(observe, nothing, StatsData, self._get_stats),
             "subscribe": Method(
-                models.SubscribeParams, models.Subscribed, self._subscribe, afterwards=self._send_snapshots
+                observe, models.SubscribeParams, models.Subscribed, self._subscribe, self._send_snapshots
             ),
-            "unsubscribe": Method(models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
-            "drive": Method(models.DriveParams, done, self._drive),
-            "stop": Method(nothing, done, self._stop),
-            "estop": Method(models.EstopParams, done, self._estop),
-            "arm": Method(nothing, done, self._arm),
-            "get_pid": Method(nothing, models.Wheels, self._get_pid),
-            "set_pid": Method(models.SetPidParams, models.Wheels, self._set_pid),
-            "undo_pid": Method(nothing, models.Wheels, self._undo_pid),
-            "reset_odometry": Method(models.ResetOdometryParams, done, self._reset_odometry),
-            "reset_board": Method(nothing, done, self._reset_board),
+            "unsubscribe": Method(observe, models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
+            "drive": Method(drive, models.DriveParams, done, self._drive),
+            "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
+            "release_control": Method(drive, nothing, models.Released, self._release_control),
+            "stop": Method(observe, nothing, done, self._stop, urgent=True),
+            "estop": Method(observe, models.EstopParams, done, self._estop, urgent=True),
+            "arm": Method(arm_role, nothing, done, self._arm),
+            "get_pid": Method(observe, nothing, models.Wheels, self._get_pid),
+            "set_pid": Method(admin, models.SetPidParams, models.Wheels, self._set_pid),
+            "undo_pid": Method(admin, nothing, models.Wheels, self._undo_pid),
+            "reset_odometry": Method(drive, models.ResetOdometryParams, done, self._reset_odometry),
+            "reset_board": Method(admin, nothing, done, self._reset_board),
         }
         self._description = describe(self.table, fanout.topics)
+
+    def _authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Known:
+        """Show a token; the role that it gives decides what else may be asked."""
+        session, keyring = caller.session, self._keyring
+        role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
+        if role is None:
+            raise Unserved(ErrorKind.WRONG_TOKEN, "this token opens nothing here")
+        session.role = role
+        log.info("client_authenticated", client=str(session), role=str(role))
+        return models.Known(client=str(session), role=role)
+
+    def _introduce(self, caller: Caller, params: models.IntroduceParams) -> models.Done:
+        """Say what this client is called where others see who drives."""
+        caller.session.client = params.client
+        self._control.renamed(caller.session, self._clock.now_s())
+        return DONE
 
     def _describe(self, caller: Caller, params: models.NoParams) -> models.Description:
         """Methods, topics and errors, with the JSON Schemas of what they carry."""
@@ -94,8 +131,21 @@ class Methods:
 
     def _drive(self, caller: Caller, params: models.DriveParams) -> models.Done:
         """Move so until the command is replaced or too old; repeat it to keep moving."""
+        now_s = self._clock.now_s()
+        self._control.require(params.source, caller.session, now_s)
         self._robot.drive(params.source, Twist2D(params.linear_m_s, params.angular_rad_s))
+        self._control.renew(params.source, caller.session, now_s)
         return DONE
+
+    def _take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
+        """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
+        before = self._control.take(params.source, caller.session, self._clock.now_s())
+        others = None if before is None or before is caller.session else str(before)
+        return models.Taken(source=params.source, taken_from=others)
+
+    def _release_control(self, caller: Caller, params: models.NoParams) -> models.Released:
+        """Give back every source that this client has; its commands are withdrawn."""
+        return models.Released(sources=self._control.release(caller.session, self._clock.now_s()))
 
     def _stop(self, caller: Caller, params: models.NoParams) -> models.Done:
         """Come to rest within the deceleration limit; the next drive moves again."""

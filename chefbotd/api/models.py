@@ -1,12 +1,13 @@
 """What each method takes and gives back, as strict pydantic models: a bool is no number, nor is a string."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    SecretStr,
     SerializeAsAny,
     ValidationError,
     create_model,
@@ -15,6 +16,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from chefbotd.api.roles import Role
 from chefbotd.api.telemetry import LinkData, SafetyData, TopicData
 from chefbotd.motion.pid import PidParameters
 
@@ -23,13 +25,34 @@ ALL_WHEELS = "all"
 
 
 class Params(BaseModel):
-    """Parameters by name; unknown names are refused."""
+    """Parameters by name; unknown names are refused. Values of ``confidential`` ones are never repeated in errors."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    confidential: ClassVar[bool] = False
 
 
 class NoParams(Params):
     """Nothing."""
+
+
+class AuthenticateParams(Params):
+    """A token of the daemon's token file."""
+
+    confidential: ClassVar[bool] = True
+
+    token: SecretStr = Field(max_length=512)
+
+
+class IntroduceParams(Params):
+    """What the client wants to be called, in letters that can be printed."""
+
+    client: str = Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+
+
+class TakeControlParams(Params):
+    """The source of commands to have for oneself."""
+
+    source: str = Field("teleop", min_length=1, max_length=64)
 
 
 class DriveParams(Params):
@@ -120,6 +143,26 @@ class Done(Result):
     ok: Literal[True] = True
 
 
+class Known(Result):
+    """Who this client is to the daemon, and what it may do."""
+
+    client: str
+    role: Role
+
+
+class Taken(Result):
+    """The source is this client's; ``taken_from`` names who had it, null where nobody else did."""
+
+    source: str
+    taken_from: str | None
+
+
+class Released(Result):
+    """The sources that this client had until now."""
+
+    sources: list[str]
+
+
 class Pong(Result):
     """The daemon lives; ``stamp_s`` is its monotonic time."""
 
@@ -164,7 +207,7 @@ class Hello(Result):
     robot: str
     session: str
     link: Literal["up", "down"]
-    auth: Literal["none"] = "none"
+    auth: Literal["none", "token"]
     capabilities: tuple[str, ...]
 
 
@@ -182,9 +225,10 @@ class Dropped(Result):
 
 
 class MethodDescription(Result):
-    """A method's purpose and the JSON Schemas of what it takes and gives."""
+    """A method's purpose, the role that it needs (null: none), and the JSON Schemas of what it takes and gives."""
 
     summary: str
+    role: Role | None
     params: dict[str, Any]
     result: dict[str, Any]
 
@@ -197,10 +241,11 @@ class TopicDescription(Result):
 
 
 class ErrorDescription(Result):
-    """A kind of error: its JSON-RPC code and its meaning."""
+    """A kind of error: its JSON-RPC code, its meaning, and whether it ends the connection."""
 
     code: int
     meaning: str
+    closes: bool
 
 
 class Description(Result):
@@ -213,14 +258,17 @@ class Description(Result):
     errors: dict[str, ErrorDescription]
 
 
-def explain(problem: ValidationError) -> tuple[str, list[dict[str, str]]]:
-    """A message that names each field, its value and what was expected, and the same as data."""
-    fields = [_field_problem(error) for error in problem.errors(include_url=False, include_context=False)]
+def explain(problem: ValidationError, *, confidential: bool = False) -> tuple[str, list[dict[str, str]]]:
+    """A message that names each field, its value (unless confidential) and what was expected, and the same as data."""
+    errors = problem.errors(include_url=False, include_context=False)
+    fields = [_field_problem(error, confidential=confidential) for error in errors]
     return "; ".join(_sentence(f) for f in fields), fields
 
 
-def _field_problem(error: ErrorDetails) -> dict[str, str]:
+def _field_problem(error: ErrorDetails, *, confidential: bool) -> dict[str, str]:
     value = "nothing" if error["type"] == "missing" else _shortened(repr(error["input"]))
+    if confidential:
+        return {"field": "params", "expected": error["msg"], "got": "what is not repeated here"}
     return {"field": _path(error["loc"]), "expected": error["msg"], "got": value}
 
 

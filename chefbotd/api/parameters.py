@@ -1,18 +1,38 @@
-"""Where the socket listens and what a client may cost."""
+"""Where the socket listens, who may come in, and what a client may cost."""
 
-from pydantic import Field
+import ipaddress
+from pathlib import Path
 
+from pydantic import Field, ValidationInfo, field_validator
+
+from chefbotd.api.roles import Role
 from chefbotd.core.parameters import Parameters
 
 
 class ApiParameters(Parameters):
-    """The command socket's limits; memory for a client is at most the two buffers and one request."""
+    """The command socket's guards and limits; a client's memory is at most the two buffers and one request."""
 
+    token_file: Path | None = Field(
+        None, description="a line per token, ROLE TOKEN; readable by its owner only"
+    )
+    token_credential: str | None = Field(
+        None, min_length=1, pattern=r"^[\w.-]+$", description="or a systemd credential of the same form"
+    )
     host: str = Field("127.0.0.1", min_length=1, description="address to listen on; loopback by default")
     port: int = Field(7333, ge=0, le=65535, description="TCP port; 0 lets the system choose")
+    tls_certificate: Path | None = Field(None, description="PEM, with its chain")
+    tls_key: Path | None = Field(None, validate_default=True, description="PEM; readable by its owner only")
+    default_role: Role = Field(Role.ADMIN, description="of a client where no token is asked for")
+    arm_role: Role = Field(Role.DRIVE, description="who may arm")
+
     max_clients: int = Field(128, ge=1, le=4096)
+    max_clients_per_address: int = Field(112, ge=1, le=4096, description="so that one leaves room for others")
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
     requests_per_turn: int = Field(32, ge=1, le=1024, description="then others have a turn")
+    requests_per_s: float = Field(
+        250.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
+    )
+    requests_burst: int = Field(500, ge=1, le=1_000_000, description="how many may come at once")
     write_buffer_bytes: int = Field(
         32_768, ge=4096, le=1 << 24, description="unread output before telemetry waits"
     )
@@ -22,3 +42,34 @@ class ApiParameters(Parameters):
     stuck_s: float = Field(
         5.0, gt=0.0, le=600.0, description="a client that reads nothing for so long is cut off"
     )
+    authenticate_s: float = Field(5.0, gt=0.0, le=600.0, description="time for TLS, and then for the token")
+    request_s: float = Field(
+        10.0, gt=0.0, le=600.0, description="from a request's first byte to its line end"
+    )
+    idle_s: float = Field(600.0, gt=0.0, le=1e6, description="without a request and without a subscription")
+    lease_s: float = Field(3.0, ge=0.1, le=600.0, description="control is free again so long after a drive")
+
+    @field_validator("host")
+    @classmethod
+    def _guarded_off_loopback(cls, host: str, info: ValidationInfo) -> str:
+        if not is_loopback(host) and not (info.data.get("token_file") or info.data.get("token_credential")):
+            raise ValueError(
+                "beyond this computer the socket needs a token: set api.token_file (or api.token_credential), "
+                "and better api.tls_certificate and api.tls_key too; or listen on 127.0.0.1"
+            )
+        return host
+
+    @field_validator("tls_key")
+    @classmethod
+    def _key_and_certificate(cls, key: Path | None, info: ValidationInfo) -> Path | None:
+        if (key is None) != (info.data.get("tls_certificate") is None):
+            raise ValueError("TLS needs both, api.tls_certificate and api.tls_key")
+        return key
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only programs on this computer can reach an address; a name other than localhost may be anything."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

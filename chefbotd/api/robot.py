@@ -18,6 +18,10 @@ class Robot(Protocol):
         """Take a velocity command from one of the configured sources."""
         ...
 
+    def release(self, source: str) -> None:
+        """Nobody answers for this source's last command any more; never refused."""
+        ...
+
     def stop(self) -> None:
         """Come to rest; the next drive moves again."""
         ...

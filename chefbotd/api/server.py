@@ -1,4 +1,4 @@
-"""The command socket: listens, greets, and brings the bus's events to the clients."""
+"""The command socket: its parts, and the bus's events on their way to the clients."""
 
 import asyncio
 from collections import Counter
@@ -7,13 +7,15 @@ from typing import Any
 import structlog
 
 from chefbotd.api import jsonrpc
-from chefbotd.api.connection import Connection
+from chefbotd.api.access import UNGUARDED, Guard
+from chefbotd.api.control import Control
 from chefbotd.api.dispatch import Dispatcher
+from chefbotd.api.doorway import Doorway
 from chefbotd.api.fanout import Fanout
-from chefbotd.api.jsonrpc import ErrorKind, Failure
+from chefbotd.api.lobby import Lobby
 from chefbotd.api.methods import Methods
 from chefbotd.api.models import Hello
-from chefbotd.api.parameters import ApiParameters
+from chefbotd.api.parameters import ApiParameters, is_loopback
 from chefbotd.api.robot import Robot
 from chefbotd.api.topics import Topic, link_data, topics
 from chefbotd.bus import Bus, Inbox
@@ -22,14 +24,16 @@ from chefbotd.clock import Clock
 log = structlog.get_logger(__name__)
 
 INBOX_EVENTS = 1024
-FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices")
+SWEEP_PERIOD_S = 0.25
+FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "control_leases")
 
 
 class Server:
     """Serves one robot to many clients.
 
-    ``session`` names this run of the daemon; ``wheel_names`` is the order of the tuples in ``WheelsDriven``;
-    ``drops`` counts telemetry that slow clients lost, by topic.
+    ``session`` names this run of the daemon; ``wheel_names`` is the order of the tuples in ``WheelsDriven``; ``guard``
+    has the tokens and the certificate. ``drops`` counts telemetry that slow clients lost by topic, ``refused``
+    connections that were refused or ended by the kind of error, ``faults`` broken handlers by method.
     """
 
     def __init__(
@@ -43,19 +47,21 @@ class Server:
         session: str,
         wheel_names: tuple[str, ...],
         simulated: bool = False,
+        guard: Guard = UNGUARDED,
     ) -> None:
-        self.parameters = parameters
-        self.drops: Counter[str] = Counter()
-        self._bus, self._robot_name, self._session = bus, robot_name, session
+        self._parameters, self._bus, self._guard = parameters, bus, guard
+        self._robot_name, self._session = robot_name, session
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
-        methods = Methods(robot, self._fanout, clock)
-        self.dispatcher = Dispatcher(methods.table)
+        control = Control(parameters.lease_s, robot.release, bus.publish)
+        methods = Methods(robot, self._fanout, clock, control, guard.keyring, parameters.arm_role)
         self._capabilities = (
             *(f"method.{name}" for name in methods.table),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        self._connections: set[Connection] = set()
+        dispatcher = Dispatcher(methods.table, clock)
+        role = parameters.default_role if guard.keyring is None else None
+        self.lobby = Lobby(parameters, clock, dispatcher, self._fanout, control, self._greeting, role)
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
         self._tasks: asyncio.TaskGroup
         self._listening = asyncio.Event()
@@ -67,26 +73,31 @@ class Server:
         Raises:
             OSError: the address cannot be listened on.
         """
-        listener = await asyncio.get_running_loop().create_server(
-            lambda: Connection(self), self.parameters.host, self.parameters.port, start_serving=False
-        )
+        doorway = Doorway(self.lobby, self._guard.tls)
+        self._address = doorway.listen(self._parameters.host, self._parameters.port)
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
         inbox = self._bus.subscribe(*always, size=INBOX_EVENTS)
         try:
             async with asyncio.TaskGroup() as self._tasks:
-                await listener.start_serving()
-                self._announce(listener)
+                self._tasks.create_task(doorway.run())
+                self._tasks.create_task(self._sweep())
+                self._announce()
                 await self._pump(inbox)
         finally:
-            listener.close()
+            doorway.close()
             inbox.close()
-            await self._hang_up()
+            self.lobby.close()
+            await asyncio.sleep(0)  # whoever has not taken its answers by now does not get them
+            self.lobby.abort()
 
-    def _announce(self, listener: asyncio.Server) -> None:
-        host, port = listener.sockets[0].getsockname()[:2]
-        self._address = (host, port)
+    def _announce(self) -> None:
+        host, port = self._address
         self._listening.set()
-        log.info("api_listening", host=host, port=port)
+        log.info("api_listening", host=host, port=port, tls=self._guard.tls is not None)
+        if not is_loopback(host) and self._guard.tls is None:
+            log.warning(
+                "api_not_encrypted", hint="set api.tls_certificate and api.tls_key: tokens can be overheard"
+            )
 
     async def address(self) -> tuple[str, int]:
         """Where the server listens; waits until it does."""
@@ -96,7 +107,27 @@ class Server:
     @property
     def clients(self) -> int:
         """How many clients are connected now."""
-        return len(self._connections)
+        return len(self.lobby)
+
+    @property
+    def drops(self) -> Counter[str]:
+        """Telemetry that slow clients lost, by topic."""
+        return self.lobby.drops
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Connections that were refused or ended, by the kind of error."""
+        return self.lobby.refused
+
+    @property
+    def faults(self) -> Counter[str]:
+        """Requests that broke their handler, by method."""
+        return self.lobby.dispatcher.faults
+
+    async def _sweep(self) -> None:
+        while True:
+            await asyncio.sleep(SWEEP_PERIOD_S)
+            self.lobby.sweep()
 
     async def _pump(self, inbox: Inbox[Any]) -> None:
         async for event in inbox:
@@ -112,29 +143,12 @@ class Server:
             inbox.close()
             pump.cancel()
 
-    def welcome(self, connection: Connection) -> bytes | Failure:
-        """Take in a client: the greeting for it, or why there is no room."""
-        if self.clients >= self.parameters.max_clients:
-            log.warning("client_refused", clients=self.clients)
-            return Failure(ErrorKind.TOO_MANY_CLIENTS, f"already {self.clients} clients")
-        self._connections.add(connection)
+    def _greeting(self) -> bytes:
         hello = Hello(
             robot=self._robot_name,
             session=self._session,
             link=link_data(self._fanout.state("link")).state,
+            auth="none" if self._guard.keyring is None else "token",
             capabilities=self._capabilities,
         )
         return jsonrpc.notification("hello", hello.model_dump_json().encode())
-
-    def farewell(self, connection: Connection) -> None:
-        """A client is gone, with its subscriptions."""
-        self._connections.discard(connection)
-        self._fanout.unsubscribe(connection)
-
-    async def _hang_up(self) -> None:
-        """Close every connection; whoever has not taken its answers by the next turn does not get them."""
-        for connection in tuple(self._connections):
-            connection.close()
-        await asyncio.sleep(0)
-        for connection in tuple(self._connections):
-            connection.abort()

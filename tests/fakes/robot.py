@@ -23,6 +23,8 @@ STATS = StatsSampled(
     control_steps=99,
     bus_dropped={},
     clients=1,
+    clients_refused={},
+    handler_faults={},
     telemetry_dropped=0,
     loop_lag_s=0.001,
     board_clock_skew_ppm=None,
@@ -46,6 +48,10 @@ class FakeRobot:
     def drive(self, source: str, twist: Twist2D) -> None:
         """Remember it."""
         self._record("drive", source, twist)
+
+    def release(self, source: str) -> None:
+        """Remember it."""
+        self._record("release", source)
 
     def stop(self) -> None:
         """Remember it."""

@@ -5,6 +5,7 @@ import json
 import socket
 
 from chefbotd.api.connection import Connection
+from chefbotd.api.session import Session
 from chefbotd.clock import run_virtual
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
@@ -18,7 +19,10 @@ DESCRIBE = b'{"jsonrpc":"2.0","id":3,"method":"describe"}\n'
 def connected() -> tuple[Connection, FakeTransport, FakeRobot]:
     """A greeted connection to a fake robot; one turn is 16 requests, and ``describe`` overfills the buffer."""
     server, robot, _ = new_server(requests_per_turn=16, write_buffer_bytes=4096)
-    connection, transport = Connection(server), FakeTransport()
+    transport = FakeTransport()
+    session = server.lobby.admit("127.0.0.1", 50000, 9)
+    assert isinstance(session, Session)
+    connection = Connection(server.lobby, session)
     transport.pause_writing = connection.pause_writing
     transport.resume_writing = connection.resume_writing
     connection.connection_made(transport)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.jsonrpc import ERRORS, Request
@@ -21,7 +22,12 @@ pytestmark = pytest.mark.skipif(
 )
 
 TOPICS = topics(WHEELS, simulated=True)
-METHODS = Methods(FakeRobot(), Fanout(TOPICS, ManualClock(), lambda *_: None), ManualClock()).table
+METHODS = Methods(
+    FakeRobot(),
+    Fanout(TOPICS, ManualClock(), lambda *_: None),
+    ManualClock(),
+    Control(1.0, lambda _: None, lambda _: None),
+).table
 
 
 def rows(heading: str) -> dict[str, str]:

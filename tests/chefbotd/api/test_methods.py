@@ -8,11 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
+from chefbotd.api import jsonrpc
+from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.fanout import Fanout
-from chefbotd.api.jsonrpc import ERRORS
+from chefbotd.api.jsonrpc import ERRORS, Failure
 from chefbotd.api.methods import Methods
+from chefbotd.api.parameters import ApiParameters
+from chefbotd.api.roles import Role
+from chefbotd.api.session import Session
 from chefbotd.api.topics import Topic, topics
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
@@ -27,7 +32,11 @@ class Desk:
     def __init__(self) -> None:
         self.robot, self.clock = FakeRobot(), ManualClock(100.0)
         self.fanout = Fanout(topics(("left", "right"), simulated=False), self.clock, self._demand)
-        self.dispatcher = Dispatcher(Methods(self.robot, self.fanout, self.clock).table)
+        control = Control(3.0, self.robot.release, self.fanout.publish)
+        methods = Methods(self.robot, self.fanout, self.clock, control)
+        self.dispatcher = Dispatcher(methods.table, self.clock)
+        self.session = Session(ApiParameters(), "127.0.0.1", 50000, Role.ADMIN, 100.0)
+        self.ended: list[Failure] = []
         self.heard: list[dict[str, Any]] = []
 
     def _demand(self, topic: Topic, wanted: bool) -> None:
@@ -40,6 +49,11 @@ class Desk:
     def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
         """An event."""
         self.heard.append(json.loads(line))
+
+    def end(self, failure: Failure) -> None:
+        """The error; then the connection would be closed."""
+        self.ended.append(failure)
+        self.reply(jsonrpc.error(failure))
 
     def ask(self, method: str, **params: Any) -> dict[str, Any]:
         """A request's answer, and nothing else."""
@@ -208,7 +222,8 @@ def test_describe_covers_the_whole_interface() -> None:
     desk = Desk()
     described = desk.ask("describe")["result"]
     contract = (
-        "describe ping get_state get_stats subscribe unsubscribe drive stop estop arm get_pid set_pid "
+        "authenticate introduce describe ping get_state get_stats subscribe unsubscribe drive take_control "
+        "release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board"
     )
     assert set(described["methods"]) == set(contract.split())

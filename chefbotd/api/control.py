@@ -1,0 +1,91 @@
+"""Who drives: a lease on each source of commands, taken by driving and taken over only explicitly.
+
+A lease ends with its client, when it is given back, or ``lease_s`` after its last drive. When it ends with its client
+or is taken over, the source's last command is withdrawn: nobody answers for it any more.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from chefbotd.api.jsonrpc import ErrorKind
+from chefbotd.api.method import Unserved
+from chefbotd.api.session import Session
+from chefbotd.core.events import ControlChanged
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """Whose a source is, and since when without a drive."""
+
+    holder: Session
+    stamp_s: float
+
+
+class Control:
+    """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
+
+    def __init__(
+        self, lease_s: float, withdraw: Callable[[str], None], announce: Callable[[ControlChanged], None]
+    ) -> None:
+        self._lease_s, self._withdraw, self._announce = lease_s, withdraw, announce
+        self._leases: dict[str, Lease] = {}
+
+    def holder(self, source: str, now_s: float) -> Session | None:
+        """Whose a source is."""
+        lease = self._leases.get(source)
+        return lease.holder if lease is not None and now_s - lease.stamp_s <= self._lease_s else None
+
+    def require(self, source: str, session: Session, now_s: float) -> None:
+        """Raise ``Unserved`` when the source is another client's."""
+        holder = self.holder(source, now_s)
+        if holder is not None and holder is not session:
+            raise Unserved(
+                ErrorKind.LEASE_HELD,
+                f"{source} is driven by {holder}; take_control takes it over",
+                {"source": source, "holder": str(holder)},
+            )
+
+    def renew(self, source: str, session: Session, now_s: float) -> None:
+        """The client has driven: the source is its own from now on."""
+        lease = self._leases.get(source)
+        self._leases[source] = Lease(session, now_s)
+        if lease is None or lease.holder is not session:
+            self._tell(now_s)
+
+    def take(self, source: str, session: Session, now_s: float) -> Session | None:
+        """Give a source to a client, whoever has it; who had it until now."""
+        before = self.holder(source, now_s)
+        if before is not None and before is not session:
+            self._withdraw(source)
+        self.renew(source, session, now_s)
+        return before
+
+    def release(self, session: Session, now_s: float) -> list[str]:
+        """End all leases of a client, and withdraw its commands; the sources that it had."""
+        sources = [source for source, lease in self._leases.items() if lease.holder is session]
+        for source in sources:
+            del self._leases[source]
+            self._withdraw(source)
+        if sources:
+            self._tell(now_s)
+        return sources
+
+    def forget(self) -> None:
+        """End every lease and withdraw nothing: the daemon is ending, and stops the robot itself."""
+        self._leases.clear()
+
+    def expire(self, now_s: float) -> None:
+        """Forget the leases that have ended with time."""
+        over = [source for source in self._leases if self.holder(source, now_s) is None]
+        for source in over:
+            del self._leases[source]
+        if over:
+            self._tell(now_s)
+
+    def renamed(self, session: Session, now_s: float) -> None:
+        """A client goes by another name now."""
+        if any(lease.holder is session for lease in self._leases.values()):
+            self._tell(now_s)
+
+    def _tell(self, now_s: float) -> None:
+        self._announce(ControlChanged(now_s, {s: str(lease.holder) for s, lease in self._leases.items()}))

@@ -1,0 +1,96 @@
+"""Where clients come in: one listener per address, each newcomer counted before it costs a TLS handshake.
+
+Accepting is our own loop and not ``create_server``'s: it says no with a reason while descriptors are left, takes one
+newcomer per turn of the event loop, and lives through the kernel's refusals.
+"""
+
+import asyncio
+import contextlib
+import socket
+import ssl
+
+import structlog
+
+from chefbotd.api import jsonrpc
+from chefbotd.api.connection import Connection
+from chefbotd.api.jsonrpc import Failure
+from chefbotd.api.lobby import Lobby
+from chefbotd.api.session import Session
+from chefbotd.logs import RateLimitedLog
+
+BACKLOG = 128
+ACCEPT_AGAIN_S = 0.1
+
+
+class Doorway:
+    """Lets clients into the lobby; through TLS, if there is a context for it."""
+
+    def __init__(self, lobby: Lobby, tls: ssl.SSLContext | None) -> None:
+        self._lobby, self._tls = lobby, tls
+        self._listeners: list[socket.socket] = []
+        self._log = RateLimitedLog(structlog.get_logger(__name__))
+
+    def listen(self, host: str, port: int) -> tuple[str, int]:
+        """Listen on every address of a host, which is looked up while nothing runs yet; the first one's name and port.
+
+        Raises:
+            OSError: one of them cannot be listened on.
+        """
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        try:
+            for family, _, _, _, address in dict.fromkeys(found):
+                listener = socket.create_server(address, family=family, backlog=BACKLOG)
+                self._listeners.append(listener)
+                listener.setblocking(False)
+        except OSError as error:
+            self.close()
+            why = (error.strerror or str(error)).lower()
+            raise OSError(error.errno, f"cannot listen on {host}:{port}: {why}") from error
+        name: tuple[str, int] = self._listeners[0].getsockname()[:2]
+        return name
+
+    async def run(self) -> None:
+        """Let clients in until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            for listener in self._listeners:
+                group.create_task(self._accept(listener, group))
+
+    def close(self) -> None:
+        """Listen no more."""
+        for listener in self._listeners:
+            listener.close()
+
+    async def _accept(self, listener: socket.socket, group: asyncio.TaskGroup) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                newcomer, address = await loop.sock_accept(listener)
+            except OSError as error:  # out of descriptors or of memory; the client waits in the kernel
+                self._log.warning("client_not_accepted", error=str(error))
+                await asyncio.sleep(ACCEPT_AGAIN_S)
+                continue
+            host, port = address[:2]
+            admitted = self._lobby.admit(host, port, newcomer.fileno())
+            if isinstance(admitted, Failure):
+                self._send_away(newcomer, admitted)
+            else:
+                group.create_task(self._let_in(newcomer, admitted))
+            await asyncio.sleep(0)
+
+    def _send_away(self, newcomer: socket.socket, failure: Failure) -> None:
+        with newcomer, contextlib.suppress(OSError):  # it may have gone already
+            if self._tls is None:
+                newcomer.send(jsonrpc.error(failure))
+
+    async def _let_in(self, newcomer: socket.socket, session: Session) -> None:
+        patience_s = None if self._tls is None else self._lobby.parameters.authenticate_s
+        try:
+            await asyncio.get_running_loop().connect_accepted_socket(
+                lambda: Connection(self._lobby, session),
+                newcomer,
+                ssl=self._tls,
+                ssl_handshake_timeout=patience_s,
+            )
+        except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
+            self._log.warning("client_not_let_in", client=str(session), error=str(error))
+            self._lobby.leave(session)
