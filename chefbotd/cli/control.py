@@ -1,14 +1,18 @@
 """The program chefbotctl: asks, watches, drives and configures a running daemon."""
 
+import ssl
+from typing import TextIO
+
 import click
 
 from chefbotd import __version__
 from chefbotd.cli import act, ask, move
 from chefbotd.cli.arguments import Address, address
 from chefbotd.cli.completion import completion
-from chefbotd.cli.conversation import Conversation, Runner, run_until_signalled
+from chefbotd.cli.conversation import Conversation, Runner, Trust, run_until_signalled
 from chefbotd.cli.exits import MEANING, Exit, Program, exit_table
 
+TOKEN = click.File(encoding="utf-8")
 EXITS = [code for code in MEANING if code is not Exit.BAD_CONFIGURATION]
 
 
@@ -24,13 +28,37 @@ EXITS = [code for code in MEANING if code is not Exit.BAD_CONFIGURATION]
     show_envvar=True,
     help="Where the daemon listens.",
 )
+@click.option(
+    "--token-file",
+    type=TOKEN,
+    envvar="CHEFBOTCTL_TOKEN_FILE",
+    show_envvar=True,
+    help="A file that holds the token to show, and nothing else.",
+)
+@click.option(
+    "--ca",
+    type=click.Path(exists=True, dir_okay=False),
+    envvar="CHEFBOTCTL_CA",
+    show_envvar=True,
+    help="Speak TLS, and trust the certificates in this PEM file.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts; failures too, on stderr.")
 @click.version_option(__version__, prog_name="chefbotctl")
 @click.pass_context
-def main(ctx: click.Context, where: Address, as_json: bool) -> None:
+def main(
+    ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None, as_json: bool
+) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
     run: Runner = ctx.obj or run_until_signalled
-    ctx.obj = Conversation(where, as_json, run)
+    ctx.obj = Conversation(where, as_json, run, _trust(token_file, ca))
+
+
+def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
+    token = None if token_file is None else token_file.read().strip()
+    try:
+        return Trust(token, None if ca is None else ssl.create_default_context(cafile=ca))
+    except OSError as error:
+        raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
 
 
 COMMANDS: tuple[click.Command, ...] = (

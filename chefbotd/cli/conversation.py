@@ -3,8 +3,9 @@
 import asyncio
 import os
 import signal
+import ssl
 from collections.abc import Awaitable, Callable, Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 from chefbotd.cli.arguments import Address
@@ -43,12 +44,24 @@ def run_until_signalled(main: Coroutine[Any, Any, T]) -> T:
 
 
 @dataclass(frozen=True, slots=True)
+class Trust:
+    """What we show the daemon, and whose certificate we believe (None: the connection is not encrypted)."""
+
+    token: str | None = field(default=None, repr=False)
+    tls: ssl.SSLContext | None = None
+
+
+NO_TRUST = Trust()
+
+
+@dataclass(frozen=True, slots=True)
 class Conversation:
     """What every command of chefbotctl needs: where the daemon is, how to print, and an event loop."""
 
     address: Address
     as_json: bool = False
     run: Runner = run_until_signalled
+    trust: Trust = NO_TRUST
 
     def hold(self, talk: Callable[[Client], Awaitable[T]]) -> T:
         """Connect, ``talk``, disconnect.
@@ -61,7 +74,9 @@ class Conversation:
     async def connected(self, talk: Callable[[Client], Awaitable[T]]) -> T:
         """The same, on a loop that runs."""
         try:
-            async with Client.connect(self.address.host, self.address.port) as robot:
+            async with Client.connect(
+                self.address.host, self.address.port, token=self.trust.token, tls=self.trust.tls
+            ) as robot:
                 return await talk(robot)
         except CallError as error:
             raise refusal(error) from error

@@ -10,6 +10,7 @@ Every method raises ``CallError``, ``CallTimeout`` or ``ConnectionLost``.
 """
 
 import asyncio
+import ssl
 from collections import Counter
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
@@ -50,20 +51,35 @@ class Client:
     @classmethod
     @asynccontextmanager
     async def connect(
-        cls, host: str = "127.0.0.1", port: int = 7333, *, timeout_s: float = 5.0
+        cls,
+        host: str = "127.0.0.1",
+        port: int = 7333,
+        *,
+        token: str | None = None,
+        tls: ssl.SSLContext | None = None,
+        name: str | None = None,
+        timeout_s: float = 5.0,
     ) -> AsyncIterator[Self]:
-        """Connect, and wait for the greeting; ``timeout_s`` also bounds every later call.
+        """Connect, wait for the greeting, show the token if one is asked for, and say our name if we have one.
+
+        ``tls`` decides which certificates are trusted (``ssl.create_default_context(cafile=...)``); without it the
+        connection is not encrypted. ``timeout_s`` also bounds every later call.
 
         Raises:
-            OSError: nobody listens there.
+            OSError: nobody listens there, or (``ssl.SSLError``) it is not whom we trust.
+            CallError: the daemon wants another token (``kind`` is ``wrong_token``).
             ConnectionLost: the connection was closed, or stayed silent, before the greeting.
             IncompatibleProtocol: the daemon speaks another major version.
         """
         client = cls(timeout_s)
         async with asyncio.timeout(timeout_s):
-            await asyncio.get_running_loop().create_connection(lambda: client._wire, host, port)
+            await asyncio.get_running_loop().create_connection(lambda: client._wire, host, port, ssl=tls)
         try:
             await client._await_greeting()
+            if token is not None and client.hello.auth == "token":
+                await client.call("authenticate", token=token)
+            if name is not None:
+                await client.call("introduce", client=name)
             yield client
         finally:
             await client._wire.close(CLOSING_PATIENCE_S)
@@ -91,6 +107,15 @@ class Client:
     async def drive(self, linear_m_s: float, angular_rad_s: float, source: str = "teleop") -> None:
         """Ask for a velocity; it holds for the daemon's dead-man time, so repeat it."""
         await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
+
+    async def take_control(self, source: str = "teleop") -> str | None:
+        """Have a source of commands for ourselves; who had it until now, if another did."""
+        taken_from: str | None = (await self.call("take_control", source=source))["taken_from"]
+        return taken_from
+
+    async def release_control(self) -> None:
+        """Give back every source that we have; our commands are withdrawn."""
+        await self.call("release_control")
 
     async def stop(self) -> None:
         """Come to rest within the deceleration limit; another ``drive`` moves again."""
