@@ -15,6 +15,11 @@ from pydantic import Field
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.safety.charge import ChargeParameters
+from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.silence import SilenceParameters
+from chefbotd.safety.wheels import WheelWatchParameters
 
 
 class SourceParameters(Parameters):
@@ -45,6 +50,10 @@ class SafetyParameters(Parameters):
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
+    encoders: SilenceParameters = SilenceParameters()
+    wheels: WheelWatchParameters = WheelWatchParameters()
+    battery: ChargeParameters = ChargeParameters()
+    guard: GuardParameters = GuardParameters()
 
 
 class Mode(StrEnum):
@@ -91,20 +100,25 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class GateState:
-    """The mode, why it is so, and the newest command of each source."""
+    """The mode, why it is so (``fault``: the fault that latched), and the newest command of each source."""
 
     mode: Mode = Mode.ARMED
     reason: str = "started"
     commands: tuple[Command, ...] = ()
+    fault: FaultKind | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The twist to follow and whose it is; ``halted`` means brake now, whatever the twist."""
+    """The twist to follow and whose it is; ``halted`` means brake now, whatever the twist.
+
+    ``limited_by`` says what keeps a live command from being followed as it was given.
+    """
 
     twist: Twist2D
     source: str | None
     halted: bool
+    limited_by: str | None = None
 
 
 HALT = Decision(STANDING, None, halted=True)
@@ -133,12 +147,18 @@ def stop(state: GateState) -> GateState:
     return replace(state, commands=())
 
 
-def change_mode(state: GateState, trigger: Trigger, reason: str) -> GateState:
-    """Apply a trigger. A change forgets every command; a fault or a recovery that changes nothing keeps the reason."""
+def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKind | None = None) -> GateState:
+    """Apply a trigger, of a fault with its kind.
+
+    A change forgets every command; a fault or a recovery that changes nothing keeps the reason, so that the first of
+    several faults is the one that is told. Only a ``PASSING`` fault recovers.
+    """
     mode = NEXT[state.mode, trigger]
     if mode is state.mode and trigger is not Trigger.ESTOP:
         return state
-    return GateState(mode, reason)
+    if trigger is Trigger.RECOVERY and state.fault not in PASSING:
+        return state
+    return GateState(mode, reason, fault=fault)
 
 
 def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Decision:

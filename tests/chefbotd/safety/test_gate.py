@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.safety.faults import PASSING, FaultKind
 from chefbotd.safety.gate import (
     COME_TO_REST,
     HALT,
@@ -49,7 +50,8 @@ def test_every_mode_answers_every_trigger(mode: Mode, trigger: Trigger):
     """The table is complete: an e-stop is only left by arm, a fault by arm or recovery."""
     expected = EXPECTED_NEXT[mode][trigger]
     assert NEXT[mode, trigger] == expected
-    assert change_mode(GateState(mode, "before"), trigger, "after").mode == expected
+    before = GateState(mode, "before", fault=FaultKind.LINK_LOST)
+    assert change_mode(before, trigger, "after").mode == expected
 
 
 @pytest.mark.parametrize("trigger", [Trigger.ESTOP, Trigger.FAULT])
@@ -72,6 +74,22 @@ def test_a_later_fault_does_not_hide_the_estop():
     """A lost link during an e-stop leaves mode and reason of the e-stop in place."""
     stopped = change_mode(GateState(), Trigger.ESTOP, "button")
     assert change_mode(stopped, Trigger.FAULT, "link") == stopped
+
+
+@pytest.mark.parametrize("kind", FaultKind)
+def test_only_a_fault_that_passes_by_itself_recovers(kind: FaultKind):
+    """When the board is back, a lost link and a restarted board are over; a stalled wheel still waits for a person."""
+    faulted = change_mode(GateState(), Trigger.FAULT, "first", kind)
+    assert (faulted.mode, faulted.fault) == (Mode.DISARMED, kind)
+    recovered = change_mode(faulted, Trigger.RECOVERY, "back")
+    assert recovered.mode is (Mode.ARMED if kind in PASSING else Mode.DISARMED)
+    assert change_mode(faulted, Trigger.ARM, "armed") == GateState(Mode.ARMED, "armed")
+
+
+def test_the_first_of_two_faults_is_the_one_that_is_told():
+    """What follows from a fault does not hide it."""
+    stalled = change_mode(GateState(), Trigger.FAULT, "wheel", FaultKind.WHEEL_STALLED)
+    assert change_mode(stalled, Trigger.FAULT, "link", FaultKind.LINK_LOST) is stalled
 
 
 @pytest.mark.parametrize(

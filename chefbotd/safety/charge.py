@@ -1,0 +1,35 @@
+"""A battery that is critically low for long enough to be believed."""
+
+from pydantic import Field
+
+from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
+from chefbotd.core.parameters import Parameters
+from chefbotd.safety.faults import Fault, FaultKind
+
+
+class ChargeParameters(Parameters):
+    """Critical for ``critical_s`` without a break is a fault, so that a motor that starts (and sags) is none.
+
+    Below ``absent_below_v`` there is no battery on the ADC's pin: the board runs on something, after all.
+    """
+
+    critical_s: float = Field(default=5.0, gt=0, le=600)
+    absent_below_v: float = Field(default=3.0, ge=0, le=100)
+
+
+def judge(
+    params: ChargeParameters, critical_since_s: float | None, measured: BatteryMeasured
+) -> tuple[float | None, Fault | None]:
+    """Since when the battery has been critical (None: it is not), and the fault once that is too long.
+
+    The fault starts the time anew: who arms all the same gets ``critical_s`` more to drive out of the way.
+    """
+    critical = measured.status is BatteryLevelStatus.CRITICAL and measured.voltage_v >= params.absent_below_v
+    if not critical:
+        return None, None
+    if critical_since_s is None:
+        return measured.stamp_s, None
+    if measured.stamp_s - critical_since_s < params.critical_s:
+        return critical_since_s, None
+    reason = f"the battery is critically low ({measured.voltage_v:.1f} V): charge it"
+    return None, Fault(FaultKind.BATTERY_CRITICAL, reason)

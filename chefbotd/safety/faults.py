@@ -1,0 +1,31 @@
+"""What can go wrong with motion: a stable name for each fault, and what happened in words that say what to check."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class FaultKind(StrEnum):
+    """Stable names of the faults that latch; clients branch on these."""
+
+    LINK_LOST = "link_lost"
+    BOARD_RESTARTED = "board_restarted"
+    ENCODERS_SILENT = "encoders_silent"
+    ENCODER_JUMPS = "encoder_jumps"
+    WHEEL_STALLED = "wheel_stalled"
+    WHEEL_REVERSED = "wheel_reversed"
+    BATTERY_CRITICAL = "battery_critical"
+    INTERNAL_ERROR = "internal_error"
+    SERVICE_FAILED = "service_failed"
+    LOOP_BLOCKED = "loop_blocked"
+
+
+PASSING = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})
+"""Faults that are over when the board is back, so that ``rearm = "auto"`` may leave them; the others need a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault that has happened; ``reason`` is for people."""
+
+    kind: FaultKind
+    reason: str

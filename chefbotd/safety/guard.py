@@ -1,0 +1,132 @@
+"""The obstacle guard: not closer to what a range sensor sees than the robot can brake for.
+
+Only the part of the motion that shortens a beam is limited. Backing off, turning on the spot and turning away stay
+allowed, so the robot is never trapped by what it has stopped for.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from pydantic import Field
+
+from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.parameters import Parameters
+
+
+class GuardParameters(Parameters):
+    """How close is close enough, from the sensor, and how the robot brakes before that.
+
+    ``deceleration_m_s2`` should not exceed what the motion limits allow. ``reaction_s`` passes between a reading and
+    the first braking; a reading's age comes on top. A sensor that is silent for longer than ``max_age_s`` sees nothing,
+    or, where ``silent_is_obstacle``, an obstacle at no distance.
+    """
+
+    enabled: bool = True
+    stop_distance_m: float = Field(default=0.15, ge=0, le=5)
+    deceleration_m_s2: float = Field(default=0.5, gt=0, le=100)
+    reaction_s: float = Field(default=0.1, ge=0, le=2)
+    max_age_s: float = Field(default=0.5, gt=0, le=10)
+    silent_is_obstacle: bool = False
+
+
+class Beam(NamedTuple):
+    """What a sensor last saw: infinity is a free way.
+
+    The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
+    each radian that it turns left.
+    """
+
+    sensor: str
+    per_linear: float
+    per_angular_m: float
+    distance_m: float = math.inf
+    stamp_s: float = -math.inf
+
+
+Beams = tuple[Beam, ...]
+
+
+def mount(mounts: Mapping[str, Pose2D]) -> Beams:
+    """Beams that have seen nothing yet, by sensor name and its pose in the base frame (``base_from_sensor``)."""
+    return tuple(_mounted(name, pose) for name, pose in mounts.items())
+
+
+def _mounted(name: str, pose: Pose2D) -> Beam:
+    """Rounded, because a beam at a right angle must not be shortened by the last bit of a cosine."""
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
+
+
+def see(beams: Beams, measured: RangeMeasured) -> Beams:
+    """The beams with a new reading; a sensor that was not mounted guards nothing."""
+    distance_m = _distance_m(measured)
+    return tuple(
+        beam._replace(distance_m=distance_m, stamp_s=measured.stamp_s)
+        if beam.sensor == measured.sensor
+        else beam
+        for beam in beams
+    )
+
+
+def _distance_m(measured: RangeMeasured) -> float:
+    """Too near is no distance at all; too far and no echo are a free way."""
+    if measured.range_m is not None:
+        return measured.range_m
+    return 0.0 if measured.status is RangeStatus.TOO_NEAR else math.inf
+
+
+def restrain(
+    params: GuardParameters, beams: Beams, wanted: Twist2D, now_s: float
+) -> tuple[Twist2D, str | None]:
+    """The twist that may be driven, and the sensor that it was limited for (None: it is ``wanted``).
+
+    What shortens one beam less may shorten another more, so there is a second round; if a beam is still too fast after
+    it, the robot stands.
+    """
+    twist, limiting = wanted, None
+    for beam in beams + beams:
+        allowed_m_s = _allowed_m_s(params, beam, now_s)
+        if _closing_m_s(beam, twist) > allowed_m_s:
+            twist, limiting = _slowed(beam, twist, allowed_m_s), beam.sensor
+    if limiting and any(
+        _closing_m_s(beam, twist) > _allowed_m_s(params, beam, now_s) + 1e-9 for beam in beams
+    ):
+        return STANDING, limiting
+    return twist, limiting
+
+
+def closing_limit_m_s(params: GuardParameters, distance_m: float, age_s: float) -> float:
+    """The speed from which the robot comes to rest at the stop distance: ``v t + v^2 / 2a = distance - stop``."""
+    room_m = distance_m - params.stop_distance_m
+    if room_m <= 0:
+        return 0.0
+    delay_s, braking = params.reaction_s + age_s, params.deceleration_m_s2
+    return braking * (math.sqrt(delay_s * delay_s + 2 * room_m / braking) - delay_s)
+
+
+def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float) -> float:
+    age_s = now_s - beam.stamp_s
+    if age_s > params.max_age_s:
+        return 0.0 if params.silent_is_obstacle else math.inf
+    if beam.distance_m == math.inf:
+        return math.inf
+    return closing_limit_m_s(params, beam.distance_m, max(age_s, 0.0))
+
+
+def _closing_m_s(beam: Beam, twist: Twist2D) -> float:
+    return beam.per_linear * twist.linear_m_s + beam.per_angular_m * twist.angular_rad_s
+
+
+def _slowed(beam: Beam, twist: Twist2D, allowed_m_s: float) -> Twist2D:
+    """First less of the driving that closes in, then, if that was not all, less of the turning."""
+    driving_m_s = beam.per_linear * twist.linear_m_s
+    turning_m_s = beam.per_angular_m * twist.angular_rad_s
+    linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
+    if driving_m_s > 0:
+        driving_m_s = max(0.0, min(driving_m_s, allowed_m_s - turning_m_s))
+        linear_m_s = driving_m_s / beam.per_linear
+    if turning_m_s > allowed_m_s - driving_m_s and turning_m_s > 0:
+        angular_rad_s = max(0.0, allowed_m_s - driving_m_s) / beam.per_angular_m
+    return Twist2D(linear_m_s, angular_rad_s)
