@@ -24,6 +24,7 @@ from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
 from chefbotd.services.drive import DriveService
 from chefbotd.services.odometry import OdometryService
+from chefbotd.services.safety import SafetyKeeper
 from chefbotd.services.sensors import SensorService
 from chefbotd.services.stats import StatsService
 from chefbotd.services.tuning import Tuning
@@ -120,14 +121,21 @@ def _drive_service(
 ) -> DriveService:
     wheels = settings.chassis.wheels
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
+    keeper = SafetyKeeper(
+        bus,
+        clock,
+        settings.safety,
+        wheel_names=tuple(wheel.name for wheel in wheels),
+        mounts={settings.ultrasonic.name: settings.ultrasonic.base_from_sensor},
+    )
     return DriveService(
         bus,
         clock,
         send_duty,
         drive,
+        keeper,
         wheels=wheels,
         encoders=settings.encoders,
-        safety=settings.safety,
         control=settings.control,
     )
 

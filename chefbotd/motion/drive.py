@@ -62,6 +62,7 @@ class Drive:
         if len(gains) != len(chassis.wheels):
             raise ValueError(f"expected gains for {len(chassis.wheels)} wheels, got {len(gains)}")
         self._parameters, self._limits = parameters, limits
+        self._limits_apart = limits.model_copy(update={"keep_curvature": False})
         self._kinematics = Kinematics(chassis)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
         self._still = (0.0,) * len(gains)
@@ -72,9 +73,14 @@ class Drive:
         """Brake now: zero duty, integrators and limiter at zero, so that nothing jumps afterwards."""
         return replace(self.at_rest, stepped_s=state.stepped_s)
 
-    def retarget(self, state: DriveState, target: Twist2D, now_s: float) -> DriveState:
-        """The command changed, or time passed without an encoder frame: step what needs no measurement."""
-        state = self._ramp(state, target, now_s)
+    def retarget(
+        self, state: DriveState, target: Twist2D, now_s: float, *, apart: bool = False
+    ) -> DriveState:
+        """The command changed, or time passed without an encoder frame: step what needs no measurement.
+
+        ``apart``: the path has no curvature to keep, so neither axis waits for the other.
+        """
+        state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
         accelerations = self._rim_accelerations(state)
@@ -88,9 +94,11 @@ class Drive:
         now_s: float,
         velocity_rad_s: tuple[float, ...],
         dt_s: float,
+        *,
+        apart: bool = False,
     ) -> DriveState:
         """An encoder frame: wheel speeds measured over board time ``dt_s`` since the frame before."""
-        state = self._ramp(state, target, now_s)
+        state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
@@ -116,11 +124,17 @@ class Drive:
         """What each wheel is asked to turn at."""
         return tuple(v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True))
 
-    def _ramp(self, state: DriveState, target: Twist2D, now_s: float) -> DriveState:
+    def effort(self, state: DriveState) -> tuple[float, ...]:
+        """The duty in force per wheel as a share of its range, positive where it pushes forward."""
+        wheels = zip(state.duty, self._motor_signs, self.gains, strict=True)
+        return tuple([duty * sign / gains.output_limit for duty, sign, gains in wheels])
+
+    def _ramp(self, state: DriveState, target: Twist2D, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
         target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
-        limiter = limit(self._limits, state.limiter, target, min(elapsed_s, self._parameters.longest_step_s))
+        limits = self._limits_apart if apart else self._limits
+        limiter = limit(limits, state.limiter, target, min(elapsed_s, self._parameters.longest_step_s))
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
         return replace(state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint)
 

@@ -17,19 +17,20 @@ from chefbotd.core.events import (
     EncodersCounted,
     LinkClosed,
     LinkOpened,
-    SafetyChanged,
     WheelsDriven,
     WheelsMeasured,
 )
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import WheelParameters
 from chefbotd.motion.pid import PidParameters
-from chefbotd.safety import gate
-from chefbotd.safety.gate import Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.gate import Command, Decision
+from chefbotd.services.safety import SafetyKeeper
 
 log = structlog.get_logger(component="drive")
 
@@ -45,7 +46,7 @@ class ControlParameters(Parameters):
 
 
 class DriveService:
-    """Owns the gate's state and the wheels' controller; ``send_duty`` puts a duty on the wire at once."""
+    """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once."""
 
     def __init__(
         self,
@@ -53,25 +54,24 @@ class DriveService:
         clock: Clock,
         send_duty: Callable[[tuple[int, ...]], None],
         drive: Drive,
+        keeper: SafetyKeeper,
         *,
         wheels: tuple[WheelParameters, ...],
         encoders: EncoderParameters,
-        safety: SafetyParameters,
         control: ControlParameters,
     ) -> None:
         self._bus, self._clock, self._send_duty = bus, clock, send_duty
-        self._drive, self._state = drive, drive.at_rest
+        self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._wheels, self._signs = wheels, tuple(wheel.encoder_sign for wheel in wheels)
         self._encoder_parameters, self._encoders = encoders, encoder.START
-        self._safety, self._gate = safety, GateState()
         self._watch_period_s = control.watch_period_s
         self._board_s: float | None = None
-        self._link_open = False
-        self._source: str | None = None
-        self._announced: SafetyChanged | None = None
         self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, LinkOpened, LinkClosed, BoardRestarted)
+        self._jump_log = RateLimitedLog(log)
         self.steps = 0
         self.readings_refused = 0
+        self.internal_errors = 0
+        self.acted_s = float("-inf")
 
     # Commands
 
@@ -82,20 +82,18 @@ class DriveService:
             Refused: the link is down, the robot is not armed, or there is no such source.
         """
         now_s = self._clock.now_s()
-        accepted = gate.accept(self._safety, self._gate, Command(source, twist, now_s))
-        if not self._link_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
-        self._gate = accepted
-        self._act(now_s)
+        self._keeper.accept(Command(source, twist, now_s))
+        self._obey(now_s)
 
     def stop(self) -> None:
         """Come to rest within the deceleration limit; every source's command is forgotten."""
-        self._gate = gate.stop(self._gate)
-        self._act(self._clock.now_s())
+        self._keeper.stop()
+        self._obey(self._clock.now_s())
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""
-        self._change_mode(Trigger.ESTOP, reason)
+        self._keeper.estop(reason)
+        self._obey(self._clock.now_s())
 
     def arm(self) -> None:
         """Allow motion again; nothing moves before the next command.
@@ -103,9 +101,18 @@ class DriveService:
         Raises:
             Refused: the link is down.
         """
-        if not self._link_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
-        self._change_mode(Trigger.ARM, "armed")
+        self._keeper.arm()
+        self._obey(self._clock.now_s())
+
+    def fail(self, fault: Fault) -> None:
+        """Another part has failed: zero on the wire now, and until ``arm``."""
+        self._keeper.fail(fault)
+        self._obey(self._clock.now_s())
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the last duty was not zero; may be read from any thread."""
+        return any(self._state.duty)
 
     def gains(self) -> dict[str, PidParameters]:
         """The present gains by wheel name."""
@@ -131,25 +138,37 @@ class DriveService:
 
     async def run(self) -> None:
         """Control until cancelled; whatever ends it, the last thing sent is a stop."""
-        self._announce(self._clock.now_s())
+        self._keeper.announce(self._clock.now_s())
         try:
             while True:
                 event = await self._inbox.get_within(self._watch_period_s)
-                if isinstance(event, EncodersCounted):
-                    self._on_encoders(event)
-                elif event is None:
-                    self._act(self._clock.now_s(), repeat=False)
-                else:
-                    self._on_link(event)
+                try:
+                    self._on(event)
+                except Exception as error:
+                    if self._keeper.armed:
+                        log.exception("a control step failed")
+                    self._on_internal_error(error)
         finally:
             self._inbox.close()
-            self._state = self._drive.halt(self._state)
-            self._send_duty(self._state.duty)
+            self._halt()
+
+    def _on(self, event: Heard | None) -> None:
+        if isinstance(event, EncodersCounted):
+            self._on_encoders(event)
+        elif event is None:
+            self._act(self._clock.now_s(), repeat=False)
+        else:
+            self._on_link(event)
 
     def _on_encoders(self, event: EncodersCounted) -> None:
-        """The story of one tick: decode, ask the gate, regulate, put it on the wire, tell the others."""
+        """The story of one tick: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         self._encoders, reading = encoder.decode(
-            self._encoder_parameters, self._signs, self._encoders, event.counts, event.board_s
+            self._encoder_parameters,
+            self._signs,
+            self._encoders,
+            event.counts,
+            event.board_s,
+            event.rate_counts_s,
         )
         now_s = self._clock.now_s()
         if reading.refused:
@@ -158,21 +177,28 @@ class DriveService:
             return
         dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
         self._board_s = event.board_s
+        self._keeper.watch_wheels(now_s, self._drive.effort(self._state), reading.travel_rad, dt_s)
+        self._regulate(now_s, reading, dt_s)
+        self._send_duty(self._state.duty)
+        self.steps += 1
+        self._keeper.announce(now_s)
+        self._publish(event, reading)
+
+    def _regulate(self, now_s: float, reading: encoder.Reading, dt_s: float) -> None:
         decision = self._decide(now_s)
         if decision.halted:
             self._state = self._drive.halt(self._state)
-        else:
-            self._state = self._drive.regulate(
-                self._state, decision.twist, now_s, reading.velocity_rad_s, dt_s
-            )
-        self._send_duty(self._state.duty)
-        self.steps += 1
-        self._publish(event, reading)
+            return
+        apart = decision.limited_by is not None
+        self._state = self._drive.regulate(
+            self._state, decision.twist, now_s, reading.velocity_rad_s, dt_s, apart=apart
+        )
 
     def _refuse_reading(self, event: EncodersCounted, reading: encoder.Reading) -> None:
         self.readings_refused += 1
+        self._keeper.note_jump(reading.jumped)
         names = [self._wheels[index].name for index in reading.jumped]
-        log.warning(
+        self._jump_log.warning(
             "impossible encoder jump refused", wheels=names, counts=event.counts, rebased=reading.rebased
         )
 
@@ -199,50 +225,45 @@ class DriveService:
         if decision.halted:
             self._state = self._drive.halt(self._state)
         else:
-            self._state = self._drive.retarget(self._state, decision.twist, now_s)
+            apart = decision.limited_by is not None
+            self._state = self._drive.retarget(self._state, decision.twist, now_s, apart=apart)
         if repeat or self._state.duty != before:
             self._send_duty(self._state.duty)
+        self._keeper.announce(now_s)
 
     def _decide(self, now_s: float) -> Decision:
-        decision = gate.decide(self._safety, self._gate, now_s)
-        if decision.source != self._source:
-            self._source = decision.source
-            self._announce(now_s)
-        return decision
+        self.acted_s = now_s
+        return self._keeper.decide(now_s, driven=self.is_driving)
 
     # Faults
 
+    def _obey(self, now_s: float) -> None:
+        """Act on a call from outside, which hears of an error as well."""
+        try:
+            self._act(now_s)
+        except Exception as error:
+            self._on_internal_error(error)
+            raise
+
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
-        if isinstance(event, LinkOpened):
-            self._link_open = True
-            if self._safety.rearm is Rearm.AUTO:
-                self._change_mode(Trigger.RECOVERY, "the link is back")
-        elif isinstance(event, LinkClosed):
-            self._link_open = False
-            self._change_mode(Trigger.FAULT, f"the link was lost: {event.reason}")
-        else:
+        if isinstance(event, BoardRestarted):
             self._encoders = encoder.rebase(self._encoders)
             self._board_s = None
-            self._change_mode(Trigger.FAULT, f"the board restarted: {event.cause}")
-            if self._safety.rearm is Rearm.AUTO:
-                self._change_mode(Trigger.RECOVERY, "the board is back")
+        if not isinstance(event, LinkOpened):
+            self._halt()
+        self._keeper.on_link(event)
+        self._act(self._clock.now_s())
 
-    def _change_mode(self, trigger: Trigger, reason: str) -> None:
-        before = self._gate.mode
-        self._gate = gate.change_mode(self._gate, trigger, reason)
-        now_s = self._clock.now_s()
-        self._act(now_s)
-        self._announce(now_s)
-        if self._gate.mode is not before:
-            logged = log.info if self._gate.mode is Mode.ARMED else log.warning
-            logged("safety mode changed", mode=str(self._gate.mode), reason=self._gate.reason)
+    def _on_internal_error(self, error: Exception) -> None:
+        self.internal_errors += 1
+        reason = f"the control loop failed and is stopped: {error!r}; its log says where"
+        self._keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
+        self._halt()
+        self._keeper.announce(self._clock.now_s())
 
-    def _announce(self, now_s: float) -> None:
-        event = SafetyChanged(now_s, str(self._gate.mode), self._gate.reason, self._source)
-        told = self._announced
-        if told is None or (told.mode, told.reason, told.source) != (event.mode, event.reason, event.source):
-            self._announced = event
-            self._bus.publish(event)
+    def _halt(self) -> None:
+        self._state = self._drive.halt(self._state)
+        self._send_duty(self._state.duty)
 
 
 def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
+import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
@@ -17,7 +18,7 @@ from chefbotd.core.events import (
     WheelsDriven,
     WheelsMeasured,
 )
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.motion.drive import Drive, DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
@@ -25,6 +26,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.gate import Rearm, SafetyParameters
 from chefbotd.services.drive import ControlParameters, DriveService
+from chefbotd.services.safety import SafetyKeeper
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -58,9 +60,15 @@ class Rig:
             self.clock,
             lambda duty: self.written.append((round(self.elapsed_s, 6), duty)),
             Drive(DriveParameters(max_rim_speed_m_s=0.5), CHASSIS, LIMITS, (GAINS, GAINS)),
+            SafetyKeeper(
+                self.bus,
+                self.clock,
+                SafetyParameters(rearm=rearm),
+                wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
+                mounts={"front": Pose2D(0.15)},
+            ),
             wheels=CHASSIS.wheels,
             encoders=EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
-            safety=SafetyParameters(rearm=rearm),
             control=ControlParameters(watch_period_s=0.02),
         )
         self.safety = self.bus.subscribe(SafetyChanged)
@@ -383,17 +391,37 @@ def test_bad_gains_are_refused_and_change_nothing(
     on_rig(scenario)
 
 
-def test_a_control_loop_that_dies_stops_the_motors():
-    """An encoder frame with the wrong number of wheels is a bug: the loop ends, and its last word is zero."""
+def test_a_control_step_that_fails_disarms_and_the_loop_lives_on():
+    """Counts of too many wheels are a bug: zero at once, counted, logged once; frames still get answers."""
 
-    async def run() -> None:
-        rig = Rig()
-        await asyncio.sleep(0)
-        await rig.open_link()
+    async def scenario(rig: Rig) -> None:
         await rig.drive_for(0.3)
-        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), (1, 2, 3)))
-        with pytest.raises(ValueError, match="zip"):
-            await rig.task
+        for _ in range(3):
+            rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), (1, 2, 3)))
+        await asyncio.sleep(0)
+        assert rig.duty == (0, 0)
+        assert rig.service.internal_errors == 3
+        with pytest.raises(Refused, match="zip"):
+            rig.service.command("teleop", AHEAD)
+        steps = rig.service.steps
+        await rig.frames(0.1)
+        assert rig.service.steps == steps + 10
+        rig.service.arm()
+        await rig.drive_for(0.3)
+        assert rig.duty == FULL_DUTY
+
+    with structlog.testing.capture_logs() as written:
+        on_rig(scenario)
+    assert [line["event"] for line in written].count("a control step failed") == 1
+
+
+def test_a_control_loop_that_is_cancelled_stops_the_motors():
+    """Its last word is zero."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        rig.task.cancel()
+        await asyncio.gather(rig.task, return_exceptions=True)
         assert rig.duty == (0, 0)
 
-    run_virtual(run())
+    on_rig(scenario)

@@ -1,0 +1,202 @@
+"""The keeper of the robot's safety: holds the gate and the fault detectors, and says what may be driven.
+
+It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import structlog
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import (
+    BatteryMeasured,
+    BoardRestarted,
+    LinkClosed,
+    LinkOpened,
+    RangeMeasured,
+    SafetyChanged,
+)
+from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.logs import RateLimitedLog
+from chefbotd.safety import charge, gate, guard, silence, wheels
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.silence import SilenceState
+
+log = structlog.get_logger(component="safety")
+
+ENCODERS_STALE = "encoders_stale"
+OBSTACLE = "obstacle:"
+
+
+class SafetyKeeper:
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: SafetyParameters,
+        *,
+        wheel_names: tuple[str, ...],
+        mounts: Mapping[str, Pose2D],
+    ) -> None:
+        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._wheel_names = wheel_names
+        self._gate, self._decision = GateState(), HALT
+        self._silence = SilenceState()
+        self._wheels = wheels.at_rest(len(wheel_names))
+        self._critical_since_s: float | None = None
+        self._beams = guard.mount(mounts)
+        self._link_open = False
+        self._reported: Fault | None = None
+        self._announced: SafetyChanged | None = None
+        self._limited_log = RateLimitedLog(log)
+        # Nobody waits for these: they are looked at whenever a decision is made.
+        self._readings: Inbox[RangeMeasured | BatteryMeasured] = bus.subscribe(RangeMeasured, BatteryMeasured)
+
+    @property
+    def armed(self) -> bool:
+        """Whether the robot may move at all."""
+        return self._gate.mode is Mode.ARMED
+
+    # What is asked of the robot
+
+    def accept(self, command: Command) -> None:
+        """Take a command into account.
+
+        Raises:
+            Refused: the link is down, the robot is not armed, or there is no such source.
+        """
+        self._take_report()
+        accepted = gate.accept(self._parameters, self._gate, command)
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+        self._gate = accepted
+
+    def stop(self) -> None:
+        """Forget every command."""
+        self._gate = gate.stop(self._gate)
+
+    def estop(self, reason: str) -> None:
+        """Latch, until ``arm``."""
+        self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
+
+    def arm(self) -> None:
+        """Allow motion again; every detector starts anew.
+
+        Raises:
+            Refused: the link is down.
+        """
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
+        self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        self._wheels = wheels.at_rest(len(self._wheel_names))
+        self._silence = replace(self._silence, interrupted=False)
+
+    # What happens to the robot
+
+    def fail(self, fault: Fault) -> None:
+        """A fault has happened: it latches."""
+        self._gate = gate.change_mode(self._gate, Trigger.FAULT, fault.reason, fault.kind)
+
+    def report_from_thread(self, fault: Fault) -> None:
+        """Let a fault latch before the next decision or command; may be called from any thread."""
+        self._reported = fault
+
+    def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        """The board is back, gone, or another: a fault that is left by arming, or by itself where configured."""
+        if isinstance(event, LinkOpened):
+            self._link_open = True
+            self._silence = SilenceState(event.stamp_s)
+            self._recover("the link is back")
+        elif isinstance(event, LinkClosed):
+            self._link_open = False
+            self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
+        else:
+            self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
+            self._recover("the board is back")
+
+    def watch_wheels(
+        self, now_s: float, effort: tuple[float, ...], travel_rad: tuple[float, ...], dt_s: float
+    ) -> None:
+        """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``)."""
+        self._silence = SilenceState(now_s)
+        self._wheels, fault = wheels.watch(
+            self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s
+        )
+        if fault is not None:
+            self.fail(fault)
+
+    def note_jump(self, jumped: tuple[int, ...]) -> None:
+        """An encoder reading was refused because of these wheels."""
+        self._wheels, fault = wheels.note_jump(
+            self._parameters.wheels, self._wheel_names, self._wheels, jumped
+        )
+        if fault is not None:
+            self.fail(fault)
+
+    # What it comes to
+
+    def decide(self, now_s: float, *, driven: bool) -> Decision:
+        """What to do now; ``driven`` tells whether a duty is in force."""
+        self._take_report()
+        while len(self._readings):
+            self._take_reading(self._readings.take())
+        decision = gate.decide(self._parameters, self._gate, now_s)
+        if not decision.halted:
+            decision = self._within_sight(decision, now_s, driven)
+        self._decision = decision
+        return decision
+
+    def announce(self, now_s: float) -> None:
+        """Publish the gate's state if it has changed, and log a change of mode."""
+        state, decision, told = self._gate, self._decision, self._announced
+        fault, limited_by = state.fault, decision.limited_by
+        event = SafetyChanged(now_s, state.mode, state.reason, decision.source, fault, limited_by)
+        if told is not None and replace(told, stamp_s=now_s) == event:
+            return
+        self._announced = event
+        self._bus.publish(event)
+        if limited_by is not None and (told is None or told.limited_by != limited_by):
+            self._limited_log.warning("motion limited", by=limited_by)
+        if told is not None and told.mode != state.mode:
+            logged = log.info if self.armed else log.warning
+            logged("safety mode changed", mode=str(state.mode), reason=state.reason, fault=fault)
+
+    def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
+        """No motion without encoders, and none that an obstacle forbids."""
+        if silence.is_stale(self._parameters.encoders, self._silence, now_s):
+            self._silence, fault = silence.endure(
+                self._parameters.encoders, self._silence, now_s, driven=driven
+            )
+            if fault is not None:
+                self.fail(fault)
+                return HALT
+            return Decision(STANDING, decision.source, halted=True, limited_by=ENCODERS_STALE)
+        if not self._parameters.guard.enabled or decision.twist == STANDING:
+            return decision
+        twist, sensor = guard.restrain(self._parameters.guard, self._beams, decision.twist, now_s)
+        if sensor is None:
+            return decision
+        return Decision(twist, decision.source, halted=False, limited_by=OBSTACLE + sensor)
+
+    def _take_report(self) -> None:
+        if self._reported is not None:
+            fault, self._reported = self._reported, None
+            self.fail(fault)
+
+    def _take_reading(self, event: RangeMeasured | BatteryMeasured) -> None:
+        if isinstance(event, RangeMeasured):
+            self._beams = guard.see(self._beams, event)
+            return
+        self._critical_since_s, fault = charge.judge(self._parameters.battery, self._critical_since_s, event)
+        if fault is not None:
+            self.fail(fault)
+
+    def _recover(self, reason: str) -> None:
+        if self._parameters.rearm is Rearm.AUTO:
+            self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
