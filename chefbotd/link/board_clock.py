@@ -78,6 +78,13 @@ class BoardClock:
             return host_s
         return self._last.board_s + max(0.0, host_s - self._last.host_s)
 
+    def time_of_s(self, micros: int) -> float | None:
+        """Board time of another reading of its counter, within half a turn of the last good one; None before that."""
+        if self._last is None:
+            return None
+        half = MICROS_PER_TURN // 2
+        return self._last.board_s + ((micros - self._last.micros + half) % MICROS_PER_TURN - half) * 1e-6
+
     @property
     def latest_s(self) -> float | None:
         """Board time of the last good reading; None before the first."""

@@ -7,10 +7,12 @@ from typing import Any, cast
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
+    AnalogueCounted,
     BatteryCounted,
     BoardRestarted,
     Direction,
     DutyEchoed,
+    EdgesSeen,
     EncodersCounted,
     InertialCounted,
     LineRefused,
@@ -22,6 +24,7 @@ from chefbotd.core.events import (
     UltrasonicEchoed,
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
+from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.setpoint import SetpointWriter
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
@@ -44,6 +47,7 @@ class BoardSession(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._board_clock = BoardClock()
         self._cycle_has_time = False
+        self._edges = EdgeBasket(self._board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._setpoints = SetpointWriter(
             self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
         )
@@ -61,6 +65,8 @@ class BoardSession(asyncio.Protocol):
             wire.Orientation: self._on_orientation,
             wire.RawImu: self._on_raw_imu,
             wire.BatteryLevel: self._on_battery,
+            wire.AnalogueLevel: self._on_analogue,
+            wire.QuadratureEdges: self._on_edges,
             wire.Banner: self._on_banner,
             wire.ResetDone: self._on_reset_done,
             wire.Text: self._on_text,
@@ -155,6 +161,13 @@ class BoardSession(asyncio.Protocol):
         self._cycle_has_time = verdict is not Verdict.SUSPECT
         if verdict is Verdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
+        if self._edges is not None and not self._board_clock.in_doubt:
+            self._bus.publish(EdgesSeen(now_s, self._board_clock.board_s(now_s), self._edges.empty()))
+
+    def _on_edges(self, message: wire.QuadratureEdges, now_s: float) -> None:
+        """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
+        if self._edges is not None:
+            self._edges.put(message)
 
     def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> None:
         """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
@@ -181,6 +194,9 @@ class BoardSession(asyncio.Protocol):
     def _on_battery(self, message: wire.BatteryLevel, now_s: float) -> None:
         self._bus.publish(BatteryCounted(now_s, message.adc))
 
+    def _on_analogue(self, message: wire.AnalogueLevel, now_s: float) -> None:
+        self._bus.publish(AnalogueCounted(now_s, message.channel, message.adc))
+
     def _on_banner(self, message: wire.Banner, now_s: float) -> None:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
         if self._board_clock.latest_s is not None:
@@ -199,6 +215,8 @@ class BoardSession(asyncio.Protocol):
 
     def _restarted(self, now_s: float, cause: str) -> None:
         self.board_restarts += 1
+        if self._edges is not None:
+            self._edges.forget()
         self._bus.publish(BoardRestarted(now_s, cause))
 
     # What is counted

@@ -6,6 +6,7 @@ nothing is lost.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -89,11 +90,13 @@ def decode(
     state: EncodersState,
     counts: tuple[int, ...],
     board_s: float,
+    rate_counts_s: tuple[float, ...] | None = None,
 ) -> tuple[EncodersState, Reading]:
     """The next state and what the frame says; ``signs`` is +1 or -1 per wheel.
 
-    Between two good readings a wheel must turn less than half of the counter's range, or its way round is
-    ambiguous. Raises ``ValueError`` unless there is one count per sign.
+    Where the edges' own timing is known, ``rate_counts_s`` is the velocity, instead of the window's mean. Between two
+    good readings a wheel must turn less than half of the counter's range, or its way round is ambiguous. Raises
+    ``ValueError`` unless there is one count per sign.
     """
     sample = Sample(board_s, counts)
     if state.base is None:
@@ -102,7 +105,11 @@ def decode(
     jumped = _impossible(params, deltas, board_s - state.base.board_s)
     if jumped:
         return _refuse(params, state, sample, jumped)
-    return _accept(params, signs, state, sample, deltas)
+    turned, reading = _accept(params, signs, state, sample, deltas)
+    if rate_counts_s is None:
+        return turned, reading
+    signed = tuple([sign * rate for sign, rate in zip(signs, rate_counts_s, strict=True)])
+    return turned, replace(reading, velocity_rad_s=_standing_still(params, _radians(params, signed)))
 
 
 def _take_reference(
@@ -186,9 +193,14 @@ def _velocity(params: EncoderParameters, window: tuple[Sample, ...]) -> tuple[fl
         return (0.0,) * len(newest.counts)
     scale = math.tau / params.counts_per_turn / (newest.board_s - oldest.board_s)
     velocity = [(new - old) * scale for old, new in zip(oldest.counts, newest.counts, strict=True)]
-    return tuple([v if abs(v) >= params.standstill_rad_s else 0.0 for v in velocity])
+    return _standing_still(params, velocity)
 
 
-def _radians(params: EncoderParameters, counts: tuple[int, ...]) -> tuple[float, ...]:
+def _standing_still(params: EncoderParameters, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
+    """The velocities, with those too slow to be told from none at zero."""
+    return tuple([v if abs(v) >= params.standstill_rad_s else 0.0 for v in velocity_rad_s])
+
+
+def _radians(params: EncoderParameters, counts: Sequence[float]) -> tuple[float, ...]:
     scale = math.tau / params.counts_per_turn
     return tuple([count * scale for count in counts])

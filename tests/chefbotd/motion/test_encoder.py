@@ -53,6 +53,15 @@ def test_counts_become_angles_and_speeds() -> None:
     assert not reading.refused
 
 
+def test_a_rate_from_the_edges_is_the_velocity() -> None:
+    """500 and 2 counts/s of 1000 a turn, the left encoder turned round: -0.5 and 0 turns a second (threshold 0.02)."""
+    params = parameters(standstill_rad_s=0.02)
+    state, _ = feed(params, (0, 0))
+    _, reading = encoder.decode(params, (-1, 1), state, (-10, 0), PERIOD_S, (500.0, 2.0))
+    assert reading.travel_rad == turns(0.01, 0)
+    assert reading.velocity_rad_s == (pytest.approx(-math.pi), 0.0)
+
+
 def test_a_sign_turns_an_encoder_round() -> None:
     """With -1 for the left wheel its falling count is forward."""
     _, (_, reading) = feed(parameters(), (0, 0), (-100, 100), signs=(-1, 1))

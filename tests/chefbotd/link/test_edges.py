@@ -1,0 +1,113 @@
+"""Edge lines become dated edges, a cycle at a time."""
+
+import asyncio
+
+import pytest
+
+from chefbotd.bus import Bus
+from chefbotd.clock import ManualClock, run_virtual
+from chefbotd.core.events import AnalogueCounted, EdgesSeen, WheelEdge
+from chefbotd.link.board_clock import BoardClock
+from chefbotd.link.edges import MOST_BURSTS, EdgeBasket
+from chefbotd.link.session import BoardSession
+from chefbotd.testing.transport import FakeSerialTransport
+from firmware_protocol.codec import KHAN, KHAN_EDGES, Variant
+from firmware_protocol.messages import QuadratureEdges
+
+
+def heard(variant: Variant, *chunks: bytes) -> list[EdgesSeen | AnalogueCounted]:
+    """The events of chunks that are read 20 ms apart, from host time 100 s."""
+
+    async def scenario() -> list[EdgesSeen | AnalogueCounted]:
+        bus, clock = Bus(), ManualClock(100.0)
+        inbox = bus.subscribe(EdgesSeen, AnalogueCounted)
+        session = BoardSession(bus, clock, variant, device="test", setpoints_per_s=200.0)
+        FakeSerialTransport(session, lambda data: None)
+        await asyncio.sleep(0)
+        for chunk in chunks:
+            session.data_received(chunk)
+            clock.advance(0.02)
+        return [inbox.take() for _ in range(len(inbox))]
+
+    return run_virtual(scenario())
+
+
+def test_edges_wait_for_the_time_that_closes_their_cycle():
+    """Two bursts and ``t``: one event, dated against ``t``, whose 20,000 µs are board time 100.02 s."""
+    first, second = heard(
+        KHAN_EDGES,
+        b"t\t1000000\t0.02\n",
+        b"q\t2\t2\t3\t1010000\t500\nq\t0\t1\t1012000\nt\t1020000\t0.02\n",
+    )
+    assert first == EdgesSeen(100.0, 100.0, ())
+    assert (second.stamp_s, second.board_s) == (100.02, pytest.approx(100.02))
+    assert [(edge.wheel, edge.levels) for edge in second.edges] == [(2, 2), (2, 3), (0, 1)]
+    assert [edge.board_s for edge in second.edges] == pytest.approx([100.01, 100.0105, 100.012])
+
+
+def test_edges_are_dated_across_the_wrap_of_the_boards_counter():
+    """An edge 5 ms before the wrap and one 5 ms after it are 10 ms apart."""
+    *_, seen = heard(
+        KHAN_EDGES,
+        b"t\t4294957296\t0.02\n",
+        b"q\t0\t2\t3\t4294962296\t10000\nt\t10000\t0.02\n",
+    )
+    before, after = seen.edges
+    assert after.board_s - before.board_s == pytest.approx(0.010)
+    assert seen.board_s - after.board_s == pytest.approx(0.005)
+
+
+def test_a_time_in_doubt_keeps_the_edges_for_the_next_cycle():
+    """A damaged ``t`` closes nothing; the next good one has the edges of both cycles."""
+    events = heard(
+        KHAN_EDGES,
+        b"t\t1000000\t0.02\n",
+        b"q\t0\t2\t1010000\nt\t91020000\t0.02\n",
+        b"q\t0\t3\t1030000\nt\t1040000\t0.02\n",
+    )
+    assert [len(event.edges) for event in events] == [0, 2]
+
+
+def test_edges_of_a_board_that_then_restarted_are_forgotten():
+    """What was told before the banner belongs to another run of the clock."""
+    events = heard(
+        KHAN_EDGES,
+        b"t\t1000000\t0.02\n",
+        b"q\t0\t2\t1010000\nMPU6050 connection successful\r\nq\t0\t3\t150000\nt\t160000\t0.02\n",
+    )
+    (edge,) = events[-1].edges
+    assert edge.levels == 3
+
+
+def test_a_board_that_counts_itself_closes_no_cycles_of_edges():
+    """``t`` of KHAN's usual board is a time and nothing else; its analogue line is a raw reading."""
+    assert heard(KHAN, b"t\t1000000\t0.02\n", b"a\t3\t2048.00\n") == [AnalogueCounted(100.02, 3, 2048.0)]
+
+
+def test_edges_that_no_time_follows_are_kept_within_bounds():
+    """Twice as many bursts as there is room for: the newest remain."""
+    clock = BoardClock()
+    clock.observe(0, 0.0, 50.0)
+    basket = EdgeBasket(clock)
+    for n in range(2 * MOST_BURSTS):
+        basket.put(QuadratureEdges(0, (2,), n))
+    edges = basket.empty()
+    assert len(edges) == MOST_BURSTS
+    assert edges[-1].board_s == pytest.approx(50.0 + (2 * MOST_BURSTS - 1) * 1e-6)
+    assert basket.empty() == ()
+
+
+def test_edges_before_any_time_cannot_be_dated():
+    """A clock that was never read gives no times, so there are no edges."""
+    basket = EdgeBasket(BoardClock())
+    basket.put(QuadratureEdges(0, (2,), 5))
+    assert basket.empty() == ()
+
+
+def test_a_dated_edge_names_its_wheel_and_levels():
+    """Wheel 3, A and B high, 7 µs after the clock was read."""
+    clock = BoardClock()
+    clock.observe(100, 0.0, 50.0)
+    basket = EdgeBasket(clock)
+    basket.put(QuadratureEdges(3, (3,), 107))
+    assert basket.empty() == (WheelEdge(3, pytest.approx(50.000007), 3),)
