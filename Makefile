@@ -40,7 +40,7 @@ wheel: $(VENV)/ready
 wheel-test: wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,testing]" hypothesis psutil
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil
 	mkdir -p build/wheel-test
 	cp -r tests fuzz pyproject.toml build/wheel-test/
 	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
@@ -60,5 +60,5 @@ clean:
 
 $(VENV)/ready: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[dev,teleop]'
+	$(BIN)/pip install --quiet --editable '.[dev,teleop,tune,joystick]'
 	touch $@
