@@ -14,8 +14,11 @@ MICROS_PER_TURN = 2**32
 CYCLE_ROUNDING_S = 0.011
 """The wire's two decimals, and the time between the board's two readings of its clock."""
 
-RESTART_WITHIN_S = 60.0
-"""A board whose clock went back, to less than this, has restarted; anything else is a damaged reading."""
+RESTART_SLACK_S = 0.5
+"""A board that restarted counts from zero since then: it cannot show more than the host saw pass, and this much."""
+
+HOST_JITTER_S = 0.03
+"""How unevenly the host reads lines that came evenly; a host that was later than this costs one more cycle."""
 
 LONGEST_GAP_S = 10.0
 """A pair of agreeing readings may lie this far ahead of the last good one and still be the same run of the clock."""
@@ -102,7 +105,7 @@ class BoardClock:
             return Verdict.RESYNCED
         self.relation = ClockRelation()
         self._accept(_Reading(micros, last.board_s + max(0.0, host_s - last.host_s), host_s))
-        restarted = micros < last.micros and micros < RESTART_WITHIN_S * 1e6
+        restarted = micros < last.micros and micros * 1e-6 < host_s - last.host_s + RESTART_SLACK_S
         return Verdict.RESTARTED if restarted else Verdict.RESYNCED
 
 
@@ -116,7 +119,7 @@ def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> b
     if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
         return True
     elapsed_s = host_s - earlier.host_s
-    return step_s > 0.0 and abs(step_s - elapsed_s) <= 0.1 + 0.1 * elapsed_s
+    return step_s > 0.0 and abs(step_s - elapsed_s) <= HOST_JITTER_S + 0.1 * elapsed_s
 
 
 class ClockRelation:

@@ -89,6 +89,35 @@ def test_two_agreeing_readings_a_little_ahead_are_a_gap():
     assert clock.latest_s - before == pytest.approx(3.02)
 
 
+def test_a_reading_damaged_forwards_makes_no_restart():
+    """5 s after boot one line is damaged in both numbers and passes; the next two are behind it: resynced, time goes on.
+
+    A board that had restarted in those 40 ms could show 40 ms and the slack at most, not 5 s.
+    """
+    clock = BoardClock()
+    host_s = run(clock, 5_000_000, 10)
+    before = clock.latest_s
+    assert clock.observe(5_180_000 + 90_000, 0.09, host_s + 0.02) is Verdict.GOOD
+    assert clock.observe(5_220_000, 0.02, host_s + 0.04) is Verdict.SUSPECT
+    assert clock.observe(5_240_000, 0.02, host_s + 0.06) is Verdict.RESYNCED
+    assert clock.latest_s - before == pytest.approx(0.09 + 0.04)
+
+
+def test_two_readings_that_lost_the_same_digit_make_no_restart():
+    """9.17 s becomes 0.97 s twice in a row: too much for a board that has been running for 40 ms."""
+    clock = BoardClock()
+    host_s = run(clock, 9_150_065, 2)
+    assert clock.observe(949_065, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.observe(969_065, 0.02, host_s + 0.04) is Verdict.RESYNCED
+
+
+def test_a_reading_50_ms_off_is_not_excused_by_the_host():
+    """Neither the line's own 20 ms nor the host's 20 ms allow a step of 70 ms: it waits for the next reading."""
+    clock = BoardClock()
+    host_s = run(clock, 5_000_000, 10)
+    assert clock.observe(5_000_000 + 9 * 20_000 + 70_000, 0.02, host_s + 0.02) is Verdict.SUSPECT
+
+
 def test_a_leap_far_ahead_is_no_restart():
     """Microseconds an hour ahead, confirmed: the clock moved, the board did not restart; host time bridges."""
     clock = BoardClock()
