@@ -27,7 +27,9 @@ from chefbotd.services.odometry import OdometryService
 from chefbotd.services.safety import SafetyKeeper
 from chefbotd.services.sensors import SensorService
 from chefbotd.services.stats import StatsService
+from chefbotd.services.supervisor import Supervisor
 from chefbotd.services.tuning import Tuning
+from chefbotd.services.watchdog import Watchdog
 from chefbotd.settings import Settings
 from chefbotd.sim.parameters import SimulationParameters
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
@@ -35,7 +37,7 @@ from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
 log = structlog.get_logger(component="app")
 
 VARIANTS = {"classic": CLASSIC, "four_wheels": FOUR_WHEELS}
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 
@@ -65,6 +67,14 @@ class Daemon:
             battery_parameters=settings.battery,
         )
         self._stats = StatsService(self.bus, clock, self._collect_stats)
+        self._supervisor = Supervisor(clock, self.driving.fail)
+        self.watchdog = Watchdog(
+            settings.watchdog,
+            clock,
+            self.driving,
+            self.session.stop_from_thread,
+            self.driving.report_from_thread,
+        )
         self.server = Server(
             WiredRobot(self.driving, self._odometry, self.session, self._stats, Tuning(self.driving)),
             self.bus,
@@ -82,13 +92,18 @@ class Daemon:
 
         The socket listens before the board is touched. However this ends, the motors are told to stop.
         """
+        kept, insist = self._supervisor.keep, self._supervisor.insist
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(self.server.run(), name="server")
+                group.create_task(insist("server", self.server.run))
                 await self.server.address()
-                for loop in (self.driving.run, self._odometry.run, self._sensors.run, self._stats.run, *more):
+                group.create_task(insist("drive", self.driving.run))
+                group.create_task(kept("odometry", self._odometry.run))
+                group.create_task(kept("sensors", self._sensors.run))
+                group.create_task(kept("stats", self._stats.run))
+                for loop in more:
                     group.create_task(loop())
-                group.create_task(self._link.run(), name="link")
+                group.create_task(insist("link", self._link.run))
         finally:
             self.session.stop_motors()
 
@@ -141,7 +156,7 @@ def _drive_service(
 
 
 def run(settings: Settings, *, simulated: bool) -> int:
-    """Run the daemon until SIGINT, SIGTERM or SIGHUP; returns the exit code.
+    """Run the daemon until SIGINT, SIGTERM, SIGHUP or SIGQUIT; returns the exit code.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
     """
@@ -192,7 +207,8 @@ async def _serve(daemon: Daemon, *more: Loop) -> None:
         host, port = await daemon.server.address()
         systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
 
-    await daemon.run(report_ready, *more)
+    with daemon.watchdog:
+        await daemon.run(report_ready, *more)
 
 
 async def _serve_simulated(settings: Settings) -> None:

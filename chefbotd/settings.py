@@ -28,6 +28,7 @@ from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.drive import ControlParameters
+from chefbotd.services.watchdog import WatchdogParameters
 from chefbotd.sim.parameters import SimulationParameters
 
 DEFAULT_ROBOT = "chefbot"
@@ -65,6 +66,7 @@ class Settings(Parameters):
     odometry: OdometryParameters
     control: ControlParameters = ControlParameters()
     safety: SafetyParameters = SafetyParameters()
+    watchdog: WatchdogParameters = WatchdogParameters()
     ultrasonic: UltrasonicParameters
     imu: ImuParameters
     battery: BatteryParameters

@@ -54,6 +54,18 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         if data:
             super().write(data)
 
+    def write_from_thread(self, line: bytes) -> bool:
+        """Write past the loop and what waits in its buffer, from any thread: whether the device took the line.
+
+        The caller sees to it that the port is not closed meanwhile. A line that was cut short is ended first.
+        """
+        if self.get_write_buffer_size():
+            line = b"\r" + line
+        try:
+            return os.write(self.serial.fileno(), line) == len(line)
+        except OSError:
+            return False
+
     def abort(self) -> None:
         """Close now, dropping what is unsent; harmless on a closed transport."""
         if not self.is_closing():

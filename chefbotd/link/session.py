@@ -1,6 +1,7 @@
 """The board as seen from the wire: bytes in, stamped events out; duties in, bytes out."""
 
 import asyncio
+import threading
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -25,6 +26,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.edges import EdgeBasket
+from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.setpoint import SetpointWriter
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
@@ -52,6 +54,7 @@ class BoardSession(asyncio.Protocol):
             self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
         )
         self._still = (0,) * variant.wheels
+        self._port_lock = threading.Lock()
         self._closed = asyncio.Event()
         self._closed.set()
         self.opens = 0
@@ -87,7 +90,8 @@ class BoardSession(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
-        self._transport = None
+        with self._port_lock:
+            self._transport = None
         self._setpoints.forget()
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
         self._closed.set()
@@ -128,6 +132,17 @@ class BoardSession(asyncio.Protocol):
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
         self.send_duty(self._still)
+
+    def stop_from_thread(self) -> bool:
+        """Put zeros on the wire past a loop that stands still, from any thread: whether the port took them.
+
+        A duty that still waits is withdrawn, or it would follow when the loop goes on.
+        """
+        self._setpoints.withdraw()
+        stop = self._encoder.encode(wire.SetDuty(self._still))
+        with self._port_lock:
+            port = self._transport
+            return isinstance(port, SerialPortTransport) and port.write_from_thread(stop)
 
     def reset_board(self) -> None:
         """Stop, then ask the board to restart; its counters and clock begin anew."""

@@ -51,6 +51,10 @@ class SetpointWriter:
         self._written, self._written_s = duty, self._now_s()
         self._write(duty)
 
+    def withdraw(self) -> None:
+        """Drop what waits; may be called from any thread."""
+        self._pending = None
+
     def forget(self) -> None:
         """Drop what waits: the link it was meant for is gone."""
         self._cancel_timer()

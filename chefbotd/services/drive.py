@@ -109,6 +109,10 @@ class DriveService:
         self._keeper.fail(fault)
         self._obey(self._clock.now_s())
 
+    def report_from_thread(self, fault: Fault) -> None:
+        """The same, as soon as the loop goes on; may be called from any thread."""
+        self._keeper.report_from_thread(fault)
+
     @property
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
