@@ -40,7 +40,7 @@ wheel: $(VENV)/ready
 wheel-test: wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz pyproject.toml build/wheel-test/
 	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
