@@ -25,7 +25,8 @@ def test_a_quarter_turn_about_the_standing_left_wheel() -> None:
 def test_straight_ahead_is_the_sum_of_the_ticks() -> None:
     """Three times 200 ticks of a millimetre are 0.6 m, with no turn to divide by."""
     pose = integrate(QUARTER, np.full((3, 2), 200))
-    assert (pose.x_m, pose.y_m, pose.heading_rad) == (pytest.approx(0.6), 0.0, 0.0)
+    assert pose.x_m == pytest.approx(0.6)
+    assert (pose.y_m, pose.heading_rad) == (0.0, 0.0)
 
 
 def test_apart_measures_the_short_way_round() -> None:
