@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from chefbotd.api import ApiParameters, Server
+from chefbotd.api import ApiParameters, Guard, Server
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock
 from tests.fakes.robot import WHEELS, FakeRobot
@@ -24,7 +24,9 @@ class Served:
     port: int
 
 
-def new_server(*, simulated: bool = False, port: int = 0, **limits: Any) -> tuple[Server, FakeRobot, Bus]:
+def new_server(
+    *, simulated: bool = False, port: int = 0, guard: Guard | None = None, **limits: Any
+) -> tuple[Server, FakeRobot, Bus]:
     """A server that does not run yet, with its fake robot and its bus."""
     robot, bus = FakeRobot(), Bus()
     server = Server(
@@ -36,6 +38,7 @@ def new_server(*, simulated: bool = False, port: int = 0, **limits: Any) -> tupl
         session="s1",
         wheel_names=WHEELS,
         simulated=simulated,
+        guard=guard or Guard(),
     )
     return server, robot, bus
 

@@ -108,14 +108,20 @@ def test_battery() -> None:
 
 
 def test_link() -> None:
-    """Up with its device; down with the reason; down before anything was heard."""
+    """Up with its device, then healthy or not; down with the reason; down before anything was heard."""
     opened = events.LinkOpened(1.0, "/dev/ttyACM0")
     closed = events.LinkClosed(2.0, "/dev/ttyACM0", "unplugged")
-    assert data_of("link", opened) == {"state": "up", "device": "/dev/ttyACM0", "reason": ""}
+    judged = events.LinkJudged(1.5, "/dev/ttyACM0", False, "silent", "nothing heard")
+    up = {"state": "up", "device": "/dev/ttyACM0"}
+    assert data_of("link", opened) == {**up, "reason": "", "healthy": None, "condition": "judging"}
+    silent = {**up, "reason": "nothing heard", "healthy": False, "condition": "silent"}
+    assert data_of("link", opened, judged) == silent
     assert data_of("link", opened, closed) == {
         "state": "down",
         "device": "/dev/ttyACM0",
         "reason": "unplugged",
+        "healthy": False,
+        "condition": "down",
     }
     assert link_data(None).state == "down"
 
