@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.stopwatch FILE run ...`` is ``chefbotd run ...``, and at its end FILE holds processor seconds by
 part. Time in a part is exclusive of the parts that it calls; what no part accounts for is the event loop, its system
-calls, and the services between the parts. In a tight loop on warm caches the same work takes a third of this.
+calls, and the services between the parts. In a tight loop on warm caches the same work takes a third of this or less.
 """
 
 import functools
