@@ -72,11 +72,17 @@ class BatteryData(TopicData):
 
 
 class LinkData(TopicData):
-    """The serial link; ``reason`` says why it is down."""
+    """The serial link; ``reason`` says why it is down, or up and not healthy."""
 
     state: Literal["up", "down"]
     device: str
     reason: str
+    healthy: bool | None = Field(
+        default=False, description="whether a board talks; null until it can be told"
+    )
+    condition: str = Field(
+        default="down", description="healthy, silent, wrong_baud, wrong_device, judging or down"
+    )
 
 
 class SafetyData(TopicData):
@@ -126,6 +132,8 @@ class StatsData(TopicData):
     loop_lag_s: float
     board_clock_skew_ppm: float | None
     board_clock_jitter_s: float | None
+    board_clock_suspects: int
+    bytes_in: int
 
 
 class SimData(TopicData):

@@ -31,6 +31,17 @@ class LinkClosed:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkJudged:
+    """What the open device sounds like: ``condition`` is its stable name, ``reason`` for people (empty: healthy)."""
+
+    stamp_s: float
+    device: str
+    healthy: bool
+    condition: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class BoardRestarted:
     """The board's counters and time began anew; ``cause`` says how it was noticed."""
 
@@ -306,3 +317,5 @@ class StatsSampled:
     board_clock_jitter_s: float | None
     clients_refused: dict[str, int] = field(default_factory=dict)
     handler_faults: dict[str, int] = field(default_factory=dict)
+    board_clock_suspects: int = 0
+    bytes_in: int = 0

@@ -1,15 +1,26 @@
 """Opening the serial device, and a transport for it that writes at once."""
 
 import asyncio
+import errno
 import os
 import termios
+import time
 from typing import Any
 
 import serial
 import serial_asyncio
+import structlog
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.link.owner import owner_of
+
+log = structlog.get_logger(component="link")
+
+IN_USE = (errno.EAGAIN, errno.EBUSY)
+"""What a lock that another holds, or its exclusive mode, is refused with."""
+
+FLUSH_S = 0.05
 
 
 class LinkParameters(Parameters):
@@ -18,7 +29,9 @@ class LinkParameters(Parameters):
     ``device`` is a path (``/dev/ttyACM0``, better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``dtr`` is the
     state of the DTR line while open: some boards reset when it changes. With ``hang_up_on_close`` the kernel drops DTR
     when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to ``reconnect_longest_s``,
-    each wait varied by ``reconnect_jitter`` of itself. At most ``setpoints_per_s`` motor commands are written.
+    each wait varied by ``reconnect_jitter`` of itself. A port on which no board was heard for ``judged_after_s`` is said
+    to be unhealthy; the ultrasonic alone may silence one for a second. At most ``setpoints_per_s`` motor commands are
+    written.
     """
 
     device: str = Field(default="/dev/ttyACM0", min_length=1)
@@ -29,7 +42,27 @@ class LinkParameters(Parameters):
     reconnect_first_s: float = Field(default=0.1, gt=0, le=60)
     reconnect_longest_s: float = Field(default=2.0, gt=0, le=600)
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
+    judged_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
+
+
+class BriefSerial(serial.Serial):  # type: ignore[misc]
+    """A serial port that does not wait for ever for a board that has stopped reading.
+
+    pyserial's ``flush`` waits until the last byte is out, and so does the kernel at ``close``, for up to 30 s.
+    """
+
+    def flush(self) -> None:
+        """Give what is unsent, a stop among it, ``FLUSH_S`` to go; then drop it. A lost device has nothing to flush."""
+        give_up_s = time.monotonic() + FLUSH_S
+        try:
+            while self.out_waiting:
+                if time.monotonic() >= give_up_s:
+                    self.reset_output_buffer()
+                    return
+                time.sleep(FLUSH_S / 50)
+        except (OSError, termios.error):
+            log.debug("the device was gone before its output was")
 
 
 class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
@@ -86,16 +119,29 @@ async def open_port(parameters: LinkParameters, protocol: asyncio.BaseProtocol) 
 
 def _open(parameters: LinkParameters) -> Any:
     """Open in a thread: a tty may take its time, and ``socket://`` always does."""
+    device = parameters.device
     try:
-        if "://" in parameters.device:
-            return serial.serial_for_url(parameters.device)
-        port = serial.Serial(baudrate=parameters.baud, exclusive=parameters.exclusive or None)
-        port.dtr = parameters.dtr
-        port.port = parameters.device
-        port.open()
-    except ValueError as error:
-        raise OSError(f"{parameters.device}: {error}") from error
-    _keep_hang_up(port.fileno(), parameters.hang_up_on_close)
+        if "://" in device:
+            return serial.serial_for_url(device)
+        return _open_tty(parameters)
+    except (ValueError, termios.error) as error:  # the latter when the cable is pulled meanwhile
+        raise OSError(f"{device}: {error}") from error
+    except OSError as error:
+        if error.errno in IN_USE:
+            raise OSError(error.errno, f"{device} is in use by {owner_of(device)}") from error
+        raise
+
+
+def _open_tty(parameters: LinkParameters) -> "BriefSerial":
+    port = BriefSerial(baudrate=parameters.baud, exclusive=parameters.exclusive or None)
+    port.dtr = parameters.dtr
+    port.port = parameters.device
+    port.open()
+    try:
+        _keep_hang_up(port.fileno(), parameters.hang_up_on_close)
+    except termios.error:
+        port.close()
+        raise
     return port
 
 

@@ -18,6 +18,8 @@ Opener = Callable[[LinkParameters, asyncio.BaseProtocol], Awaitable[asyncio.Tran
 REMIND_EVERY_S = 60.0
 """A device that stays away is mentioned in the log this often, however often it is tried."""
 
+LISTEN_EVERY_S = 0.25
+
 
 def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
     """Seconds between attempts: doubling up to the longest, each varied so that two daemons do not march in step."""
@@ -47,12 +49,21 @@ class BoardLink:
             while True:
                 await self._open()
                 log.info("link opened", device=self._parameters.device)
-                await self._session.wait_closed()
+                await self._watch()
                 log.warning("link lost", device=self._parameters.device)
         finally:
             if self._session.is_open:
                 self._session.close()
                 await self._session.wait_closed()
+
+    async def _watch(self) -> None:
+        """Until the link is lost: hear whether it is the board that talks."""
+        closed = asyncio.ensure_future(self._session.wait_closed())
+        try:
+            while not (await asyncio.wait([closed], timeout=LISTEN_EVERY_S))[0]:
+                self._session.judge_health()
+        finally:
+            closed.cancel()
 
     async def _open(self) -> None:
         complaint, complained_s = "", float("-inf")

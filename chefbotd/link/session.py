@@ -5,32 +5,36 @@ import threading
 from collections.abc import Callable
 from typing import Any, cast
 
+import structlog
+
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
-    AnalogueCounted,
-    BatteryCounted,
     BoardRestarted,
     Direction,
-    DutyEchoed,
     EdgesSeen,
     EncodersCounted,
-    InertialCounted,
-    LineRefused,
     LineSeen,
     LinkClosed,
+    LinkJudged,
     LinkOpened,
-    OrientationReported,
     TextReceived,
-    UltrasonicEchoed,
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.edges import EdgeBasket
+from chefbotd.link.health import Condition, HealthWatch, Heard, show
 from chefbotd.link.port import SerialPortTransport
+from chefbotd.link.readings import READINGS, refusal
+from chefbotd.link.ring import LineRing
 from chefbotd.link.setpoint import SetpointWriter
+from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
+
+log = structlog.get_logger(component="link")
+
+SAMPLE_BYTES = 128
 
 
 class BoardSession(asyncio.Protocol):
@@ -41,7 +45,14 @@ class BoardSession(asyncio.Protocol):
     """
 
     def __init__(
-        self, bus: Bus, clock: Clock, variant: Variant, *, device: str, setpoints_per_s: float
+        self,
+        bus: Bus,
+        clock: Clock,
+        variant: Variant,
+        *,
+        device: str,
+        setpoints_per_s: float,
+        judged_after_s: float = 2.0,
     ) -> None:
         self._bus, self._clock, self._device = bus, clock, device
         self._decoder = Decoder(from_board(variant))
@@ -57,22 +68,21 @@ class BoardSession(asyncio.Protocol):
         self._port_lock = threading.Lock()
         self._closed = asyncio.Event()
         self._closed.set()
+        self._log = RateLimitedLog(log)
+        self._sample = b""
+        self.lines = LineRing()
+        self._health = HealthWatch(0.0, Heard(), judged_after_s=judged_after_s)
+        self._judged_after_s = judged_after_s
         self.opens = 0
+        self.bytes_in = 0
         self.lines_out = 0
         self.board_restarts = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
+            **{frame: self._passing_on(event_of) for frame, event_of in READINGS.items()},
             wire.BoardTime: self._on_time,
             wire.EncoderCounts: self._on_encoders,
-            wire.UltrasonicDistance: self._on_ultrasonic,
-            wire.DutyEcho: self._on_duty,
-            wire.Orientation: self._on_orientation,
-            wire.RawImu: self._on_raw_imu,
-            wire.BatteryLevel: self._on_battery,
-            wire.AnalogueLevel: self._on_analogue,
             wire.QuadratureEdges: self._on_edges,
             wire.Banner: self._on_banner,
-            wire.ResetDone: self._on_reset_done,
-            wire.Text: self._on_text,
             wire.Malformed: self._on_malformed,
         }
 
@@ -85,7 +95,9 @@ class BoardSession(asyncio.Protocol):
         self._decoder.reset()
         self._cycle_has_time = False
         self.opens += 1
-        self._bus.publish(LinkOpened(self._clock.now_s(), self._device))
+        now_s = self._clock.now_s()
+        self._health = HealthWatch(now_s, self._heard(), judged_after_s=self._judged_after_s)
+        self._bus.publish(LinkOpened(now_s, self._device))
         self.stop_motors()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -103,11 +115,32 @@ class BoardSession(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
-        listened = self._bus.wanted(LineSeen)
+        self.bytes_in += len(data)
+        self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+        listened, keep = self._bus.wanted(LineSeen), self.lines.heard.append
         for line, message in self._decoder.feed(data):
+            keep((now_s, line))
             if listened:
                 self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
             self._handlers[type(message)](message, now_s)
+
+    def judge_health(self) -> None:
+        """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
+        now_s = self._clock.now_s()
+        health = self._health.look(now_s, self._heard(), self._sample)
+        if health is None or not self.is_open:
+            return
+        healthy = health.condition is Condition.HEALTHY
+        self._bus.publish(LinkJudged(now_s, self._device, healthy, str(health.condition), health.reason))
+        if not healthy:
+            log.warning(
+                "this does not sound like the board", condition=health.condition, reason=health.reason
+            )
+
+    def _heard(self) -> Heard:
+        frames, refused = self._decoder.accepted, self._decoder.malformed.total()
+        lines = sum(frames.values())
+        return Heard(self.bytes_in, lines + refused, lines - frames.get("Text", 0))
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""
@@ -163,6 +196,7 @@ class BoardSession(asyncio.Protocol):
             return
         self._transport.write(line)
         self.lines_out += 1
+        self.lines.said.append((self._clock.now_s(), line.rstrip(b"\r\n")))
         if self._bus.wanted(LineSeen):
             self._bus.publish(LineSeen(self._clock.now_s(), Direction.TO_BOARD, line.rstrip(b"\r\n")))
 
@@ -194,24 +228,6 @@ class BoardSession(asyncio.Protocol):
             board_s = self._board_clock.board_s(now_s)
         self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
 
-    def _on_ultrasonic(self, message: wire.UltrasonicDistance, now_s: float) -> None:
-        self._bus.publish(UltrasonicEchoed(now_s, message.distance_cm))
-
-    def _on_duty(self, message: wire.DutyEcho, now_s: float) -> None:
-        self._bus.publish(DutyEchoed(now_s, message.duty))
-
-    def _on_orientation(self, message: wire.Orientation, now_s: float) -> None:
-        self._bus.publish(OrientationReported(now_s, message.x, message.y, message.z, message.w))
-
-    def _on_raw_imu(self, message: wire.RawImu, now_s: float) -> None:
-        self._bus.publish(InertialCounted(now_s, message.acceleration, message.angular_rate))
-
-    def _on_battery(self, message: wire.BatteryLevel, now_s: float) -> None:
-        self._bus.publish(BatteryCounted(now_s, message.adc))
-
-    def _on_analogue(self, message: wire.AnalogueLevel, now_s: float) -> None:
-        self._bus.publish(AnalogueCounted(now_s, message.channel, message.adc))
-
     def _on_banner(self, message: wire.Banner, now_s: float) -> None:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
         if self._board_clock.latest_s is not None:
@@ -219,14 +235,17 @@ class BoardSession(asyncio.Protocol):
             self._restarted(now_s, f"it printed {message.text!r}")
         self._bus.publish(TextReceived(now_s, message.text))
 
-    def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> None:
-        self._bus.publish(TextReceived(now_s, "Reset Done"))
-
-    def _on_text(self, message: wire.Text, now_s: float) -> None:
-        self._bus.publish(TextReceived(now_s, message.text))
-
     def _on_malformed(self, message: wire.Malformed, now_s: float) -> None:
-        self._bus.publish(LineRefused(now_s, message.reason, message.line, message.detail))
+        self._log.warning(
+            "line refused", reason=message.reason, line=show(message.line), detail=message.detail
+        )
+        self._bus.publish(refusal(message, now_s))
+
+    def _passing_on(self, event_of: Callable[[Any, float], object]) -> Callable[[Any, float], None]:
+        def pass_on(message: Any, now_s: float) -> None:
+            self._bus.publish(event_of(message, now_s))
+
+        return pass_on
 
     def _restarted(self, now_s: float, cause: str) -> None:
         self.board_restarts += 1
@@ -245,6 +264,11 @@ class BoardSession(asyncio.Protocol):
     def refused(self) -> dict[str, int]:
         """Malformed lines so far, by reason."""
         return {str(reason): n for reason, n in self._decoder.malformed.items()}
+
+    @property
+    def clock_suspects(self) -> int:
+        """Readings of the board's clock that disagreed with those before them."""
+        return self._board_clock.suspects
 
     @property
     def setpoints_replaced(self) -> int:

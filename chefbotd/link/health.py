@@ -1,0 +1,91 @@
+"""Whether what comes in is a board at all: an open port says little, a wrong one says something else.
+
+A board that talks is judged by the share of its lines that are frames; a line in ten is plenty on the worst cable, and
+no other device comes near it. At a wrong baud rate most bytes are no text.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+ENOUGH_LINES = 20
+LEAST_FRAME_SHARE = 0.1
+GARBLED_SHARE = 0.25
+SHOWN_BYTES = 64
+
+
+class Condition(StrEnum):
+    """What an open port turned out to be."""
+
+    HEALTHY = "healthy"
+    SILENT = "silent"
+    WRONG_BAUD = "wrong_baud"
+    WRONG_DEVICE = "wrong_device"
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Totals since the daemon started: bytes, lines of any kind, and those of them that were frames."""
+
+    bytes: int = 0
+    lines: int = 0
+    frames: int = 0
+
+    def since(self, before: "Heard") -> "Heard":
+        """What was heard after ``before``."""
+        return Heard(self.bytes - before.bytes, self.lines - before.lines, self.frames - before.frames)
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """The condition, and for people what was heard and what it suggests (empty while healthy)."""
+
+    condition: Condition
+    reason: str
+
+
+class HealthWatch:
+    """Judges one connection; look at it a few times a second."""
+
+    def __init__(self, now_s: float, heard: Heard, *, judged_after_s: float) -> None:
+        self._judged_after_s = judged_after_s
+        self._from_s, self._before = now_s, heard
+        self._told: Condition | None = None
+
+    def look(self, now_s: float, heard: Heard, sample: bytes) -> Health | None:
+        """The health if it has changed; ``sample`` are the newest bytes.
+
+        It is judged as soon as there are lines enough, or after ``judged_after_s`` by what there is.
+        """
+        new, waited_s = heard.since(self._before), now_s - self._from_s
+        if new.lines < ENOUGH_LINES and waited_s < self._judged_after_s:
+            return None
+        self._from_s, self._before = now_s, heard
+        health = _judge(new, waited_s, sample)
+        if health.condition is self._told:
+            return None
+        self._told = health.condition
+        return health
+
+
+def _judge(new: Heard, waited_s: float, sample: bytes) -> Health:
+    if not new.bytes:
+        reason = f"nothing heard for {waited_s:.1f} s: is the board powered, and does its program run?"
+        return Health(Condition.SILENT, reason)
+    if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
+        return Health(Condition.HEALTHY, "")
+    found = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; heard: {show(sample)}"
+    if _garbled_share(sample) > GARBLED_SHARE:
+        return Health(Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {found}")
+    return Health(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {found}")
+
+
+def _garbled_share(sample: bytes) -> float:
+    text = sum(0x20 <= byte <= 0x7E or byte in b"\t\r\n" for byte in sample)
+    return 1 - text / len(sample)
+
+
+def show(line: bytes) -> str:
+    """Bytes for people: printable ASCII on one line, at most ``SHOWN_BYTES`` of them."""
+    shown = "".join(chr(byte) if 0x20 <= byte <= 0x7E else f"\\x{byte:02x}" for byte in line[:SHOWN_BYTES])
+    shown = shown.replace("\\x09", "\\t").replace("\\x0d", "\\r").replace("\\x0a", "\\n")
+    return shown + ("..." if len(line) > SHOWN_BYTES else "")
