@@ -1,0 +1,198 @@
+"""The whole daemon on the simulated robot, while clients die, quarrel, and misbehave."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable
+
+import pytest
+from structlog.testing import capture_logs
+
+from chefbotd.client import CallError, Client
+from chefbotd.clock import run_virtual
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+
+Scenario = Callable[[SimulatedRobot], Awaitable[None]]
+
+DEAD_MAN_S = 0.5
+
+
+def on_robot(scenario: Scenario) -> None:
+    """Run a scenario with the board up and the encoders coming in."""
+
+    async def run() -> None:
+        async with simulated_robot() as robot:
+            await asyncio.sleep(1.0)
+            await scenario(robot)
+
+    with capture_logs():
+        run_virtual(run())
+
+
+@contextlib.asynccontextmanager
+async def another(robot: SimulatedRobot, name: str) -> AsyncIterator[Client]:
+    """One more client, with a name."""
+    host, port = await robot.daemon.server.address()
+    async with Client.connect(host, port, name=name) as client:
+        yield client
+
+
+async def drive(client: Client, linear_m_s: float, seconds: float, source: str = "teleop") -> None:
+    """Repeat a command at 20 Hz."""
+    for _ in range(round(seconds / 0.05)):
+        await client.drive(linear_m_s, 0.0, source)
+        await asyncio.sleep(0.05)
+
+
+def speed_m_s(robot: SimulatedRobot) -> float:
+    """How fast the robot really goes."""
+    return robot.board.truth(0.0).twist.linear_m_s
+
+
+async def safety(robot: SimulatedRobot) -> dict[str, object]:
+    """The latest of the topic ``safety``."""
+    state: dict[str, object] = (await robot.client.get_state())["safety"]
+    return state
+
+
+async def connected(robot: SimulatedRobot) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A client that speaks what it likes."""
+    host, port = await robot.daemon.server.address()
+    return await asyncio.open_connection(host, port)
+
+
+async def say(robot: SimulatedRobot, data: bytes, repeat: int = 1) -> asyncio.StreamWriter:
+    """Connect and send, then leave the connection as it is."""
+    _, writer = await connected(robot)
+    with contextlib.suppress(ConnectionError):
+        for _ in range(repeat):
+            writer.write(data)
+            await writer.drain()
+    return writer
+
+
+@pytest.mark.parametrize("abrupt", [False, True])
+def test_the_robot_stops_when_its_driver_is_gone(abrupt: bool):
+    """Closed in good order or reset: the duty falls at once, the robot stands within the dead-man time and its ramp."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        line = b'{"jsonrpc":"2.0","method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.0}}\n'
+        _, writer = await connected(robot)
+        for _ in range(30):
+            writer.write(line)
+            await asyncio.sleep(0.05)
+        assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
+        assert len((await safety(robot))["control"]) == 1
+        writer.transport.abort() if abrupt else writer.close()
+        # 0.2 m/s at 1 m/s2 is a ramp of 0.2 s; the dead-man alone would have it start only after 0.5 s.
+        await asyncio.sleep(0.35)
+        assert speed_m_s(robot) < 0.02
+        state = await safety(robot)
+        assert (state["mode"], state["control"]) == ("armed", {})
+
+    on_robot(scenario)
+
+
+def test_navigation_goes_on_after_the_driver_is_gone():
+    """A lost joystick hands over to the lower source once its last word is older than the dead-man time."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "joystick") as joystick:
+            navigating = asyncio.ensure_future(drive(robot.client, 0.1, 4.0, "navigation"))
+            await drive(joystick, 0.2, 1.5)
+            assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
+        await asyncio.sleep(DEAD_MAN_S + 0.5)
+        assert (await safety(robot))["source"] == "navigation"
+        assert speed_m_s(robot) == pytest.approx(0.1, rel=0.05)
+        await navigating
+
+    on_robot(scenario)
+
+
+def test_one_drives_and_everyone_can_see_who():
+    """The second driver is refused by name; it takes over, and the first is refused in its turn."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann, another(robot, "Bob") as bob:
+            await drive(ann, 0.2, 1.0)
+            with pytest.raises(CallError, match="driven by Ann") as caught:
+                await bob.drive(-0.2, 0.0)
+            assert caught.value.kind == "lease_held"
+            holder = (await safety(robot))["control"]
+            assert str(holder).startswith("{'teleop': 'Ann (127.0.0.1:")
+            assert str(await bob.take_control()).startswith("Ann")
+            await asyncio.sleep(0.5)
+            assert abs(speed_m_s(robot)) < 0.02
+            with pytest.raises(CallError, match="driven by Bob"):
+                await ann.drive(0.2, 0.0)
+            await drive(bob, -0.2, 1.0)
+            assert speed_m_s(robot) == pytest.approx(-0.2, rel=0.05)
+            await bob.release_control()
+            await ann.drive(0.2, 0.0)
+
+    on_robot(scenario)
+
+
+def test_a_driver_that_falls_silent_gives_the_robot_up():
+    """Three seconds after its last drive anyone may drive, and the topic says that nobody does."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann:
+            await drive(ann, 0.1, 0.5)
+            await asyncio.sleep(3.4)
+            assert (await safety(robot))["control"] == {}
+            await drive(robot.client, 0.1, 0.2)
+
+    on_robot(scenario)
+
+
+def test_anyone_may_stop_and_estop_whoever_drives():
+    """Another client's stop ends the motion, its estop latches; the driver's lease is no shield."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann:
+            await drive(ann, 0.2, 1.0)
+            await robot.client.stop()
+            await asyncio.sleep(0.4)
+            assert abs(speed_m_s(robot)) < 0.02
+            await drive(ann, 0.2, 1.0)
+            await robot.client.estop("smoke")
+            await asyncio.sleep(0.02)  # a line of the wire takes less
+            assert robot.board.duty == (0, 0)
+            with pytest.raises(CallError) as caught:
+                await ann.drive(0.2, 0.0)
+            assert caught.value.kind == "estopped"
+
+    on_robot(scenario)
+
+
+BODY = b"x" * 65_536
+ABUSE = {
+    "HTTP": (b"POST / HTTP/1.1\r\nContent-Length: 99999999\r\n\r\n", BODY),
+    "TLS": (bytes.fromhex("16030100c8010000c40303"), BODY),
+    "garbage": (bytes(range(256)), BODY),
+    "lines": (b"", b"nonsense\n" * 7000),
+    "pings": (b"", b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n' * 1500),
+    "an endless request": (b'{"jsonrpc":"2.0","id":1,"method":"', BODY),
+    "an open request": (b'{"jsonrpc":"2.0"', b""),
+    "nothing": (b"", b""),
+}
+
+
+@pytest.mark.parametrize(("first", "body"), ABUSE.values(), ids=ABUSE)
+def test_a_driver_is_not_disturbed_by_what_others_send(first: bytes, body: bytes):
+    """Ten abusers at once: every drive is answered, no control step is missed, and the room is free again."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        abusers = await asyncio.gather(*(say(robot, first + body, repeat=4) for _ in range(10)))
+        before = await robot.client.get_stats()
+        await drive(robot.client, 0.2, 1.5)
+        assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
+        after = await robot.client.get_stats()
+        frames = after["frames"]["EncoderCounts"] - before["frames"]["EncoderCounts"]
+        assert after["control_steps"] - before["control_steps"] == frames > 50
+        for writer in abusers:
+            writer.transport.abort()
+        await asyncio.sleep(0.3)
+        assert (await robot.client.get_stats())["clients"] == 1
+
+    on_robot(scenario)
