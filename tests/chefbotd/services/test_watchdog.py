@@ -1,0 +1,64 @@
+"""The watchdog thread, beside a control loop that stands still for as long as the test says."""
+
+import threading
+from dataclasses import dataclass, field
+
+import pytest
+
+from chefbotd.clock import ManualClock
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.services.watchdog import Watchdog, WatchdogParameters
+
+SOON_S = 5.0
+LOOKS_S = 0.1
+
+
+@dataclass
+class StandingLoop:
+    """A control loop that last acted at 0, and what the watchdog does to it; ``stopped`` is set by the first stop."""
+
+    takes_stop: bool = True
+    is_driving: bool = True
+    acted_s: float = 0.0
+    stopped: threading.Event = field(default_factory=threading.Event)
+    reported: list[Fault] = field(default_factory=list)
+
+    def stop(self) -> bool:
+        """Remember it."""
+        self.stopped.set()
+        return self.takes_stop
+
+
+def watchdog(loop: StandingLoop, now_s: float) -> Watchdog:
+    """A watchdog that looks every 12.5 ms, at a clock that stands at ``now_s``."""
+    parameters = WatchdogParameters(patience_s=0.1)
+    return Watchdog(parameters, ManualClock(now_s), loop, loop.stop, loop.reported.append)
+
+
+@pytest.mark.parametrize(
+    ("takes_stop", "told"), [(True, "the watchdog stopped the motors"), (False, "the board took no stop")]
+)
+def test_a_loop_that_stands_still_while_driving_is_stopped(takes_stop: bool, told: str):
+    """The stop is written first, then the fault is reported with the time and whether the stop went."""
+    loop = StandingLoop(takes_stop)
+    with watchdog(loop, now_s=0.12):
+        assert loop.stopped.wait(SOON_S)
+    assert loop.reported[0].kind is FaultKind.LOOP_BLOCKED
+    assert loop.reported[0].reason.startswith(f"the control loop stood still for 0.12 s and {told}")
+
+
+@pytest.mark.parametrize(("now_s", "driving"), [(0.09, True), (100.0, False)])
+def test_a_loop_that_is_busy_or_at_rest_is_left_alone(now_s: float, driving: bool):
+    """Younger than the patience, or with nothing to stop: no word from the watchdog."""
+    loop = StandingLoop(is_driving=driving)
+    with watchdog(loop, now_s):
+        assert not loop.stopped.wait(LOOKS_S)
+    assert not loop.reported
+
+
+def test_the_thread_ends_with_its_context():
+    """Nothing is left behind."""
+    before = threading.active_count()
+    with watchdog(StandingLoop(is_driving=False), 0.0):
+        assert threading.active_count() == before + 1
+    assert threading.active_count() == before
