@@ -24,6 +24,7 @@ from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
 from chefbotd.services.drive import DriveService
 from chefbotd.services.odometry import OdometryService
+from chefbotd.services.quadrature import QuadratureService
 from chefbotd.services.safety import SafetyKeeper
 from chefbotd.services.sensors import SensorService
 from chefbotd.services.stats import StatsService
@@ -31,12 +32,11 @@ from chefbotd.services.supervisor import Supervisor
 from chefbotd.services.tuning import Tuning
 from chefbotd.services.watchdog import Watchdog
 from chefbotd.settings import Settings
-from chefbotd.sim.parameters import SimulationParameters
-from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
+from chefbotd.simulation import simulation_of
+from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
 
-VARIANTS = {"classic": CLASSIC, "four_wheels": FOUR_WHEELS}
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
@@ -50,19 +50,22 @@ class Daemon:
     ) -> None:
         self.bus = Bus()
         self._clock, self._started_s = clock, clock.now_s()
+        variant = VARIANTS[settings.robot.wire]
         self.session = BoardSession(
             self.bus,
             clock,
-            VARIANTS[settings.robot.wire],
+            variant,
             device=settings.link.device,
             setpoints_per_s=settings.link.setpoints_per_s,
         )
         self._link = BoardLink(settings.link, self.session, opener, clock, random.Random())
         self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
+        self._quadrature = QuadratureService(self.bus, settings.quadrature, variant.wheels)
         self._sensors = SensorService(
             self.bus,
             ultrasonic_parameters=settings.ultrasonic,
+            infrared_parameters=settings.infrared,
             imu_parameters=settings.imu,
             battery_parameters=settings.battery,
         )
@@ -98,6 +101,7 @@ class Daemon:
                 group.create_task(insist("server", self.server.run))
                 await self.server.address()
                 group.create_task(insist("drive", self.driving.run))
+                group.create_task(insist("quadrature", self._quadrature.run))
                 group.create_task(kept("odometry", self._odometry.run))
                 group.create_task(kept("sensors", self._sensors.run))
                 group.create_task(kept("stats", self._stats.run))
@@ -141,7 +145,7 @@ def _drive_service(
         clock,
         settings.safety,
         wheel_names=tuple(wheel.name for wheel in wheels),
-        mounts={settings.ultrasonic.name: settings.ultrasonic.base_from_sensor},
+        mounts=settings.range_mounts(),
     )
     return DriveService(
         bus,
@@ -219,26 +223,3 @@ async def _serve_simulated(settings: Settings) -> None:
         link = settings.link.model_copy(update={"device": str(board.device)})
         daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
         await _serve(daemon, lambda: board.run(daemon.bus.publish))
-
-
-def simulation_of(settings: Settings) -> SimulationParameters:
-    """What to simulate for this robot: its own chassis, divider and range sensor, the rest from ``[sim]``."""
-    chassis, sim = settings.chassis, settings.sim
-    divider = {
-        "adc_reference_v": settings.battery.reference_v,
-        "divider_ratio": settings.battery.divider_ratio,
-    }
-    mount = {
-        "mount_x_m": settings.ultrasonic.mount_x_m,
-        "field_of_view_rad": settings.ultrasonic.field_of_view_rad,
-    }
-    parts = {
-        "battery": sim.battery.model_copy(update=divider),
-        "ultrasonic": sim.ultrasonic.model_copy(update=mount),
-    }
-    return sim.model_copy(update=parts).with_chassis(
-        wheel_radius_m=chassis.wheels[0].radius_m,
-        track_width_m=chassis.track_width_m,
-        counts_per_turn=settings.encoders.counts_per_turn,
-        wheels_per_side=len(chassis.wheels) // 2,
-    )

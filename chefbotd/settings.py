@@ -9,11 +9,12 @@ import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Self
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from chefbotd.api.parameters import ApiParameters
+from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
@@ -23,23 +24,33 @@ from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
+from chefbotd.motion.quadrature import QuadratureParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.drive import ControlParameters
 from chefbotd.services.watchdog import WatchdogParameters
 from chefbotd.sim.parameters import SimulationParameters
+from firmware_protocol.codec import VARIANTS
 
 DEFAULT_ROBOT = "chefbot"
 ENVIRONMENT_PREFIX = "CHEFBOTD_"
 
 
 class RobotParameters(Parameters):
-    """Which robot this is; ``wire`` names the variant of the board's lines."""
+    """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``)."""
 
     name: str = Field(default="chefbot", min_length=1)
-    wire: Literal["classic", "four_wheels"] = "classic"
+    wire: str = "classic"
+
+    @field_validator("wire")
+    @classmethod
+    def _is_spoken(cls, wire: str) -> str:
+        if wire not in VARIANTS:
+            raise ValueError(f"should be one of {', '.join(VARIANTS)}")
+        return wire
 
 
 class LogParameters(Parameters):
@@ -59,6 +70,7 @@ class Settings(Parameters):
     link: LinkParameters
     chassis: ChassisParameters
     encoders: EncoderParameters
+    quadrature: QuadratureParameters = QuadratureParameters()
     drive: DriveParameters
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}
@@ -67,8 +79,9 @@ class Settings(Parameters):
     control: ControlParameters = ControlParameters()
     safety: SafetyParameters = SafetyParameters()
     watchdog: WatchdogParameters = WatchdogParameters()
-    ultrasonic: UltrasonicParameters
-    imu: ImuParameters
+    ultrasonic: UltrasonicParameters | None = None
+    infrared: tuple[InfraredParameters, ...] = ()
+    imu: ImuParameters | None = None
     battery: BatteryParameters
     api: ApiParameters = ApiParameters()
     log: LogParameters = LogParameters()
@@ -84,6 +97,28 @@ class Settings(Parameters):
         if strangers:
             raise ValueError(f"the chassis has no wheel {', '.join(sorted(strangers))}")
         return gains
+
+    @model_validator(mode="after")
+    def _fits_its_wire(self) -> Self:
+        wheels, named = VARIANTS[self.robot.wire].wheels, len(self.chassis.wheels)
+        if wheels != named:
+            raise ValueError(f"the wire {self.robot.wire!r} has {wheels} wheels, the chassis names {named}")
+        return self
+
+    @model_validator(mode="after")
+    def _tells_sensors_apart(self) -> Self:
+        names = list(self.range_mounts())
+        if len(names) < len(self.infrared) + (self.ultrasonic is not None):
+            raise ValueError(f"range sensors need names of their own, there are {', '.join(names)}")
+        channels = [sensor.channel for sensor in self.infrared]
+        if len(set(channels)) < len(channels):
+            raise ValueError(f"infrared sensors need analogue inputs of their own, got channels {channels}")
+        return self
+
+    def range_mounts(self) -> dict[str, Pose2D]:
+        """Where each range sensor sits, by its name: ``base_from_sensor``."""
+        sensors = (*((self.ultrasonic,) if self.ultrasonic else ()), *self.infrared)
+        return {sensor.name: sensor.base_from_sensor for sensor in sensors}
 
     def gains(self) -> dict[str, PidParameters]:
         """Each wheel's gains by its name, in the chassis' order: ``[wheel_pid.NAME]``, or else ``[pid]``."""

@@ -81,8 +81,8 @@ def simulate(
     """
     overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
     settings = _load(path, overrides)
-    from chefbotd.app import simulation_of
     from chefbotd.sim.simulate import simulate as run_board
+    from chefbotd.simulation import simulation_of
 
     try:
         asyncio.run(run_board(simulation_of(settings), link_path=link, seed=seed, as_json=as_json))

@@ -1,59 +1,81 @@
 """Raw readings in, SI readings out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.core.events import (
+    AnalogueCounted,
     BatteryCounted,
+    BatteryMeasured,
+    ImuMeasured,
     InertialCounted,
     OrientationReported,
+    RangeMeasured,
     UltrasonicEchoed,
 )
-from chefbotd.sensing import battery, imu, ultrasonic
+from chefbotd.sensing import battery, imu, infrared, ultrasonic
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 
 
 class SensorService:
-    """Interprets every raw reading of the board's sensors."""
+    """Interprets the raw readings of the sensors that the robot has; what else its board sends is left alone."""
 
     def __init__(
         self,
         bus: Bus,
         *,
-        ultrasonic_parameters: UltrasonicParameters,
-        imu_parameters: ImuParameters,
+        ultrasonic_parameters: UltrasonicParameters | None,
+        imu_parameters: ImuParameters | None,
         battery_parameters: BatteryParameters,
+        infrared_parameters: Sequence[InfraredParameters] = (),
     ) -> None:
-        self._bus = bus
-        self._ultrasonic, self._imu, self._battery = ultrasonic_parameters, imu_parameters, battery_parameters
-        self._battery_state = battery.START
-        self._interpret: dict[type[Any], Callable[[Any], object]] = {
-            UltrasonicEchoed: self._range,
-            OrientationReported: self._orientation,
-            InertialCounted: self._inertial,
-            BatteryCounted: self._charge,
-        }
+        self._bus, self._battery, self._battery_state = bus, battery_parameters, battery.START
+        self._infrared = {sensor.channel: (sensor, infrared.START) for sensor in infrared_parameters}
+        self._interpret: dict[type[Any], Callable[[Any], object | None]] = {BatteryCounted: self._charge}
+        if ultrasonic_parameters is not None:
+            self._interpret[UltrasonicEchoed] = partial(_echo, ultrasonic_parameters)
+        if infrared_parameters:
+            self._interpret[AnalogueCounted] = self._glow
+        if imu_parameters is not None:
+            self._interpret[OrientationReported] = partial(_orientation, imu_parameters)
+            self._interpret[InertialCounted] = partial(_inertial, imu_parameters)
         self._inbox: Inbox[Any] = bus.subscribe(*self._interpret)
 
     async def run(self) -> None:
         """Interpret until cancelled."""
         async for event in self._inbox:
-            self._bus.publish(self._interpret[type(event)](event))
+            measured = self._interpret[type(event)](event)
+            if measured is not None:
+                self._bus.publish(measured)
 
-    def _range(self, event: UltrasonicEchoed) -> object:
-        return ultrasonic.interpret(self._ultrasonic, event.stamp_s, event.distance_cm)
+    def _glow(self, event: AnalogueCounted) -> RangeMeasured | None:
+        """None for an analogue input that no sensor is configured on."""
+        if event.channel not in self._infrared:
+            return None
+        sensor, state = self._infrared[event.channel]
+        state, measured = infrared.interpret(sensor, state, event.stamp_s, event.adc)
+        self._infrared[event.channel] = (sensor, state)
+        return measured
 
-    def _orientation(self, event: OrientationReported) -> object:
-        return imu.from_quaternion(self._imu, event.stamp_s, event.x, event.y, event.z, event.w)
-
-    def _inertial(self, event: InertialCounted) -> object:
-        return imu.from_counts(self._imu, event.stamp_s, event.acceleration, event.angular_rate)
-
-    def _charge(self, event: BatteryCounted) -> object:
+    def _charge(self, event: BatteryCounted) -> BatteryMeasured:
         self._battery_state, measured = battery.measure(
             self._battery, self._battery_state, event.stamp_s, event.adc
         )
         return measured
+
+
+def _echo(params: UltrasonicParameters, event: UltrasonicEchoed) -> RangeMeasured:
+    return ultrasonic.interpret(params, event.stamp_s, event.distance_cm)
+
+
+def _orientation(params: ImuParameters, event: OrientationReported) -> ImuMeasured:
+    return imu.from_quaternion(params, event.stamp_s, event.x, event.y, event.z, event.w)
+
+
+def _inertial(params: ImuParameters, event: InertialCounted) -> ImuMeasured:
+    return imu.from_counts(params, event.stamp_s, event.acceleration, event.angular_rate)

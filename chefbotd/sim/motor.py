@@ -80,13 +80,15 @@ class MotorParameters(Parameters):
 class BodyParameters(Parameters):
     """The robot's wheels and weight; a mass of 0 is a robot whose wheels hang free.
 
-    The multipliers make a side's real wheels differ from the nominal radius; a side's slip is the share of
-    its rim travel that does not become motion over the ground.
+    A robot with a ``wheelbase_m`` turns by dragging its wheels sideways (skid steer), against their grip: the tighter
+    it turns, the harder. The multipliers make a side's real wheels differ from the nominal radius; a side's slip is the
+    share of its rim travel that does not become motion over the ground.
     """
 
     wheel_radius_m: float = Field(0.045, gt=0, le=1)
     track_width_m: float = Field(0.3, gt=0, le=5)
     wheels_per_side: int = Field(1, ge=1, le=2)
+    wheelbase_m: float = Field(0.0, ge=0, le=5)
     counts_per_turn: float = Field(4200.0, gt=0)
     radius_m: float = Field(0.18, gt=0, le=2)
     mass_kg: float = Field(6.0, ge=0, le=500)
@@ -102,6 +104,14 @@ class BodyParameters(Parameters):
     def wheel_count(self) -> int:
         """Driven wheels on both sides."""
         return 2 * self.wheels_per_side
+
+    @property
+    def scrub_n_m(self) -> float:
+        """The torque on each axle when every wheel is dragged sideways.
+
+        The wheels resist turning with ``grip * load * wheelbase / 2`` each, and overcome it at a lever of half a track.
+        """
+        return self.grip * self.load_n * self.wheelbase_m / self.track_width_m * self.wheel_radius_m
 
     @property
     def load_n(self) -> float:

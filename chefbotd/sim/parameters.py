@@ -8,6 +8,7 @@ from pydantic import Field
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.sim.battery import Battery, BatteryParameters
+from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.motor import BodyParameters, MotorParameters
 from chefbotd.sim.plant import Plant
@@ -15,9 +16,7 @@ from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import default_room, load_map
 from chefbotd.sim.sensors import ImuParameters, Ultrasonic, UltrasonicParameters
 from chefbotd.sim.sketch import BoardParameters, Wiring
-from firmware_protocol.codec import CLASSIC, FOUR_WHEELS
-
-VARIANTS = {2: CLASSIC, 4: FOUR_WHEELS}
+from firmware_protocol.codec import VARIANTS, Variant
 
 
 class WorldParameters(Parameters):
@@ -30,15 +29,20 @@ class WorldParameters(Parameters):
 
 
 class SimulationParameters(Parameters):
-    """Everything that the simulator can be told; the defaults are the published robot in a furnished room."""
+    """Everything that the simulator can be told; the defaults are the published robot in a furnished room.
 
+    ``wire`` names the variant of the board's lines; a sensor that is None is not wired to the board.
+    """
+
+    wire: str = "classic"
     seed: int = Field(1, ge=0)
     step_s: float = Field(0.005, gt=0, le=0.02)
     motor: MotorParameters = MotorParameters()
     body: BodyParameters = BodyParameters()
     world: WorldParameters = WorldParameters()
-    ultrasonic: UltrasonicParameters = UltrasonicParameters()
-    imu: ImuParameters = ImuParameters()
+    ultrasonic: UltrasonicParameters | None = UltrasonicParameters()
+    infrared: tuple[InfraredParameters, ...] = ()
+    imu: ImuParameters | None = ImuParameters()
     battery: BatteryParameters = BatteryParameters()
     board: BoardParameters = BoardParameters()
 
@@ -64,7 +68,7 @@ def build_launchpad(parameters: SimulationParameters, seed: int | None = None) -
 
     Raises:
         OSError: the map cannot be read.
-        ValueError: the map is none, or the start pose is too close to a wall.
+        ValueError: the map is none, the start pose is too close to a wall, or the wire is not this robot's.
     """
     start, body = parameters.world, parameters.body
     world = default_room() if start.map_path is None else load_map(start.map_path)
@@ -75,6 +79,23 @@ def build_launchpad(parameters: SimulationParameters, seed: int | None = None) -
         Battery.fresh(parameters.battery),
         Pose2D(start.start_x_m, start.start_y_m, start.start_heading_rad),
     )
-    ultrasonic = Ultrasonic(parameters.ultrasonic, world)
-    wiring = Wiring(robot, ultrasonic, parameters.imu, body.counts_per_turn, VARIANTS[body.wheel_count])
+    wiring = Wiring(
+        robot,
+        None if parameters.ultrasonic is None else Ultrasonic(parameters.ultrasonic, world),
+        parameters.imu,
+        body.counts_per_turn,
+        _variant(parameters),
+        tuple(Infrared(each, world) for each in parameters.infrared),
+    )
     return Launchpad(wiring, parameters.board, parameters.seed if seed is None else seed)
+
+
+def _variant(parameters: SimulationParameters) -> Variant:
+    """The wire's variant; raises ``ValueError`` when there is none, or when it has another number of wheels."""
+    variant = VARIANTS.get(parameters.wire)
+    if variant is None or variant.wheels != parameters.body.wheel_count:
+        known = ", ".join(f"{each.name} ({each.wheels} wheels)" for each in VARIANTS.values())
+        raise ValueError(
+            f"no wire {parameters.wire!r} for a robot with {parameters.body.wheel_count} wheels; there are {known}"
+        )
+    return variant

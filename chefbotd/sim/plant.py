@@ -10,6 +10,7 @@ that stops each wheel. Wheels come in pairs, left before right, front before rea
 left, front right, rear left, rear right).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -73,6 +74,7 @@ class Plant:
         self._static_to_kinetic = motor.static_to_kinetic_friction
         self._kinetic_n_m = np.full(body.wheel_count, motor.dry_friction_n_m + rolling)
         self._spinning_n_m = body.grip * body.load_n * body.wheel_radius_m
+        self._scrub_n_m, self._half_base_m = body.scrub_n_m, body.wheelbase_m / 2
         self._open = np.zeros(body.wheel_count)
 
     @property
@@ -134,12 +136,21 @@ class Plant:
 
     def _rub(self, propagator: _Propagator, velocity: Vector, free: Vector, skid: float) -> Vector:
         """Velocities after dry friction, given those without it."""
-        kinetic = self._kinetic_n_m + skid * self._spinning_n_m
+        kinetic = self._kinetic_n_m + (skid * self._spinning_n_m + self._scrubbing_n_m(velocity))
         after: Vector = free - propagator.gain @ np.copysign(kinetic, velocity)
         if (after * velocity).min() > 0:
             return after
         limit = np.where(velocity == 0, kinetic * self._static_to_kinetic, kinetic)
         return _stick_or_slide(propagator, free, limit)
+
+    def _scrubbing_n_m(self, velocity: Vector) -> float:
+        """What dragging the wheels sideways costs each axle: the share of their way over the ground that is sideways."""
+        if self._scrub_n_m == 0:
+            return 0.0
+        moving = self.twist(velocity)
+        sideways_m_s = moving.angular_rad_s * self._half_base_m
+        over_ground_m_s = math.hypot(moving.linear_m_s, sideways_m_s)
+        return self._scrub_n_m * abs(sideways_m_s) / over_ground_m_s if over_ground_m_s else 0.0
 
     def twist(self, wheel_velocity_rad_s: Vector) -> Twist2D:
         """How the robot moves over free ground; a side moves with the mean of its rims."""

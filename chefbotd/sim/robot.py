@@ -5,7 +5,7 @@ two of them acts from the second. So when and how often the robot is looked at n
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from chefbotd.core.events import TruthSimulated
@@ -16,6 +16,9 @@ from chefbotd.sim.motor import BodyParameters
 from chefbotd.sim.plant import Plant, WheelState
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim.world import World
+
+Watcher = Callable[[float, float, Vector, Vector], None]
+"""Told of every step: from and to which time, and the wheels' angles before and after."""
 
 STRAIGHT_RAD = 1e-9
 TOUCH_M = 1e-6
@@ -64,6 +67,7 @@ class Robot:
         )
         self._steps = 0
         self._read_s = 0.0
+        self._watchers: list[Watcher] = []
 
     def drive(self, duty: Sequence[int]) -> None:
         """Put these duties into force, one per wheel; 0 brakes. Raises ``ValueError`` on a wrong number."""
@@ -73,12 +77,20 @@ class Robot:
         """Open the bridges: the motors coast."""
         self._pulse_width = None
 
+    def watch(self, watcher: Watcher) -> None:
+        """Tell this watcher of every step from now on."""
+        self._watchers.append(watcher)
+
     def advance(self, to_s: float) -> None:
         """Bring the robot to this time, at which the readings below are taken; never back."""
         self._read_s = max(to_s, self._read_s)
         while self._steps * self._plant.step_s < self._read_s:
             self._before, self._now = self._now, self._step(self._now)
             self._steps += 1
+            for watcher in self._watchers:
+                to_step_s = self._steps * self._plant.step_s
+                angles = self._before.wheels.angle_rad, self._now.wheels.angle_rad
+                watcher(to_step_s - self._plant.step_s, to_step_s, *angles)
 
     @property
     def wheel_angles_rad(self) -> Vector:

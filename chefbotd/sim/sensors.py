@@ -42,22 +42,33 @@ class ImuParameters(Parameters):
     acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
 
 
+class Fan:
+    """Rays spread evenly over a sensor's cone; one ray alone looks straight ahead."""
+
+    def __init__(self, world: World, base_from_sensor: Pose2D, field_of_view_rad: float, rays: int) -> None:
+        self._world, self._base_from_sensor = world, base_from_sensor
+        half = field_of_view_rad / 2
+        self._bearings_rad: Vector = np.linspace(-half, half, rays) if rays > 1 else np.zeros(1)
+
+    def nearest_m(self, world_from_base: Pose2D) -> float:
+        """Distance from the sensor to the nearest wall in the cone; inf where there is none."""
+        sensor = world_from_base.compose(self._base_from_sensor)
+        bearings_rad = sensor.heading_rad + self._bearings_rad
+        return float(self._world.first_hits_m((sensor.x_m, sensor.y_m), bearings_rad).min())
+
+
 class Ultrasonic:
-    """A fan of rays over the sensor's cone; the nearest hit is the echo."""
+    """The nearest hit in the sensor's cone is the echo."""
 
     def __init__(self, parameters: UltrasonicParameters, world: World) -> None:
-        self._parameters, self._world = parameters, world
-        half = parameters.field_of_view_rad / 2
-        self._fan_rad: Vector = (
-            np.linspace(-half, half, parameters.rays) if parameters.rays > 1 else np.zeros(1)
-        )
+        self._parameters = parameters
+        mount = Pose2D(parameters.mount_x_m)
+        self._fan = Fan(world, mount, parameters.field_of_view_rad, parameters.rays)
 
     def distance_m(self, world_from_base: Pose2D, chance: np.random.Generator) -> float | None:
         """Distance to what returns the first echo; None when nothing in range does."""
-        sensor = world_from_base.compose(Pose2D(self._parameters.mount_x_m))
-        hits_m = self._world.first_hits_m((sensor.x_m, sensor.y_m), sensor.heading_rad + self._fan_rad)
         noise, luck = chance.standard_normal(), chance.random()
-        distance_m = float(hits_m.min()) + float(noise) * self._parameters.noise_m
+        distance_m = self._fan.nearest_m(world_from_base) + float(noise) * self._parameters.noise_m
         if distance_m > self._parameters.max_range_m or luck < self._parameters.lost_echo_share:
             return None
         return max(distance_m, self._parameters.min_range_m)

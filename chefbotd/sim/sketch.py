@@ -3,23 +3,30 @@
 It prints, waits and loops: a generator that yields the time at which it goes on. So whatever blocks it (the
 ultrasonic sensor, a full UART) delays all that follows, as on the board, and waiting costs nothing. There is
 no watchdog: a motor command stays in force for ever, also in the second between ``r`` and the reset.
+
+The same program runs on other robots' boards: what is not wired to it is not reported, and a board that decodes no
+encoders sends their edges before each ``t``.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.sim.battery import adc_counts
+from chefbotd.sim.infrared import Infrared
+from chefbotd.sim.quadrature import Edge, EdgeRecorder
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Imu, ImuParameters, Ultrasonic
 from chefbotd.sim.uart import Uart
-from firmware_protocol.codec import Variant, from_board, to_board
+from firmware_protocol.codec import MOST_EDGES_A_LINE, Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import (
+    AnalogueLevel,
     Banner,
     BatteryLevel,
     BoardTime,
@@ -27,6 +34,7 @@ from firmware_protocol.messages import (
     EncoderCounts,
     FromBoard,
     Orientation,
+    QuadratureEdges,
     RawImu,
     ResetBoard,
     ResetDone,
@@ -66,10 +74,11 @@ class Wiring:
     """What the board is connected to; ``counts_per_turn`` is what its sketch makes of the encoders."""
 
     robot: Robot
-    ultrasonic: Ultrasonic
-    imu: ImuParameters
+    ultrasonic: Ultrasonic | None
+    imu: ImuParameters | None
     counts_per_turn: float
     variant: Variant
+    infrared: tuple[Infrared, ...] = ()
 
 
 class Sketch:
@@ -83,7 +92,11 @@ class Sketch:
         self._now_s = self._started_s = 0.0
         self._micros_at_start = parameters.boot_micros
         self._counts_at_boot = self._counted()
-        self._imu = Imu(wiring.imu, 0.0, 0.0)
+        self._imu: Imu | None = None
+        self._edges: EdgeRecorder | None = None
+        if wiring.variant.speaks(QuadratureEdges):
+            self._edges = EdgeRecorder(wiring.counts_per_turn, wiring.variant.wheels)
+            wiring.robot.watch(self._edges.watch)
         self.duty: tuple[int, ...] = (0,) * len(self._counts_at_boot)
 
     @property
@@ -107,7 +120,10 @@ class Sketch:
         self._commands.reset()
         self._drive((0,) * len(self.duty))
         self._counts_at_boot = self._counted()
-        self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion.heading_rad)
+        if self._wiring.imu is not None:
+            self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion.heading_rad)
+        if self._edges is not None:
+            self._edges.take(self._now_s)
         for text in BANNER:
             yield from self._print(Banner(text))
 
@@ -115,7 +131,9 @@ class Sketch:
         previous_s = self._now_s
         while not self._told_to_reset():
             began_s = self._now_s
-            yield from self._print(BoardTime(self._micros(), began_s - previous_s))
+            if self._edges is not None:
+                yield from self._print_edges(self._edges.take(began_s))
+            yield from self._print(BoardTime(self._micros(began_s), began_s - previous_s))
             yield from self._report()
             previous_s = began_s
             yield from self._wait(began_s + self._parameters.cycle_s - self._now_s)
@@ -133,18 +151,34 @@ class Sketch:
 
     def _report(self) -> Iterator[float]:
         """The rest of a cycle, in the sketch's order."""
-        yield from self._print(EncoderCounts(self._counts()))
-        yield from self._ping()
+        if self._edges is None:
+            yield from self._print(EncoderCounts(self._counts()))
+        if self._wiring.ultrasonic is not None:
+            yield from self._ping(self._wiring.ultrasonic)
         yield from self._print(DutyEcho(tuple(float(duty) for duty in self.duty)))
         inertial = self._inertial()
         if inertial is not None:
             yield from self._print(inertial)
+        for sensor in self._wiring.infrared:
+            level = sensor.adc_counts(self._robot.state.world_from_base, self._chance)
+            yield from self._print(AnalogueLevel(sensor.channel, float(level)))
         if self._parameters.sends_battery:
             yield from self._print(self._battery())
 
-    def _ping(self) -> Iterator[float]:
+    def _print_edges(self, wheels: list[list[Edge]]) -> Iterator[float]:
+        """Every wheel's edges, as many a line as one holds."""
+        for wheel, edges in enumerate(wheels):
+            for start in range(0, len(edges), MOST_EDGES_A_LINE):
+                yield from self._print(self._burst(wheel, edges[start : start + MOST_EDGES_A_LINE]))
+
+    def _burst(self, wheel: int, edges: list[Edge]) -> QuadratureEdges:
+        micros = [self._micros(edge.at_s) for edge in edges]
+        gaps_us = tuple((after - before) % UINT32_SPAN for before, after in pairwise(micros))
+        return QuadratureEdges(wheel, tuple(edge.levels for edge in edges), micros[0], gaps_us)
+
+    def _ping(self, ultrasonic: Ultrasonic) -> Iterator[float]:
         """The sketch stands still until the echo is back, or until it gives up."""
-        distance_m = self._wiring.ultrasonic.distance_m(self._robot.state.world_from_base, self._chance)
+        distance_m = ultrasonic.distance_m(self._robot.state.world_from_base, self._chance)
         timeout_s = self._parameters.echo_timeout_s
         echo_s = math.inf if distance_m is None else 2 * distance_m / SOUND_M_S
         if self._parameters.blocking_ultrasonic:
@@ -153,6 +187,8 @@ class Sketch:
         yield from self._print(UltrasonicDistance(int(echo_s * 1e6) // SKETCH_US_PER_CM // 2 if heard else 0))
 
     def _inertial(self) -> Orientation | RawImu | None:
+        if self._imu is None:
+            return None
         if self._parameters.raw_imu:
             return RawImu(*self._imu.counts(self._robot.motion, self._chance))
         quaternion = self._imu.orientation(self._robot.motion, self._now_s, self._chance)
@@ -167,9 +203,9 @@ class Sketch:
         self.duty = duty
         self._robot.drive(duty)
 
-    def _micros(self) -> int:
+    def _micros(self, at_s: float) -> int:
         """Microseconds since the board started, as its 32-bit counter shows them."""
-        return (self._micros_at_start + int((self._now_s - self._started_s) * 1e6)) % UINT32_SPAN
+        return (self._micros_at_start + int((at_s - self._started_s) * 1e6)) % UINT32_SPAN
 
     def _counted(self) -> tuple[int, ...]:
         """Encoder edges since power-on."""

@@ -5,12 +5,13 @@ import contextlib
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 
-from chefbotd.app import Daemon, simulation_of
+from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.parameters import build_launchpad
+from chefbotd.simulation import simulation_of
 from chefbotd.testing.transport import FakeSerialDevice
 
 

@@ -227,7 +227,7 @@ def test_the_battery_line_is_the_adc_reading() -> None:
 
 def test_four_wheels_speak_their_own_variant() -> None:
     """Two wheels a side make four counts and four duties."""
-    launchpad = board(body={"wheels_per_side": 2})
+    launchpad = board(wire="four_wheels", body={"wheels_per_side": 2})
     launchpad.receive(b"s 100 200 300 400\r", 1.0)
     sent = lines(launchpad, 1.5)
     assert len(fields(sent, b"e")[-1]) == 4

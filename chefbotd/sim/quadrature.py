@@ -1,0 +1,56 @@
+"""The edges of the wheels' quadrature encoders, for a board that passes them on undecoded."""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from chefbotd.sim.arrays import Vector
+
+LEVELS = (0b00, 0b10, 0b11, 0b01)
+"""The lines of an encoder that turns forward: A, worth 2, before B, worth 1."""
+
+
+class Edge(NamedTuple):
+    """The levels after an edge, and when it was."""
+
+    at_s: float
+    levels: int
+
+
+class EdgeRecorder:
+    """Watches wheels turn, a step at a time, and keeps their edges until they are taken."""
+
+    def __init__(self, counts_per_turn: float, wheels: int) -> None:
+        self._counts_per_rad = counts_per_turn / math.tau
+        self._edges: tuple[deque[Edge], ...] = tuple(deque() for _ in range(wheels))
+
+    def watch(self, from_s: float, to_s: float, before_rad: Vector, after_rad: Vector) -> None:
+        """The wheels turned so in this time, each evenly."""
+        angles = zip(before_rad.tolist(), after_rad.tolist(), self._edges, strict=True)
+        for before, after, edges in angles:
+            if before != after:
+                edges.extend(
+                    _edges(from_s, to_s, before * self._counts_per_rad, after * self._counts_per_rad)
+                )
+
+    def take(self, to_s: float) -> list[list[Edge]]:
+        """Each wheel's edges up to this time, and not again."""
+        return [_take(edges, to_s) for edges in self._edges]
+
+
+def _edges(from_s: float, to_s: float, before: float, after: float) -> list[Edge]:
+    """Where an angle in counts crosses whole numbers, in the order in which it does."""
+    per_count_s = (to_s - from_s) / (after - before)
+    first, last = math.floor(before), math.floor(after)
+    if last > first:
+        crossed = [(n, n) for n in range(first + 1, last + 1)]
+    else:
+        crossed = [(n, n - 1) for n in range(first, last, -1)]
+    return [Edge(from_s + (n - before) * per_count_s, LEVELS[now % 4]) for n, now in crossed]
+
+
+def _take(edges: deque[Edge], to_s: float) -> list[Edge]:
+    taken = []
+    while edges and edges[0].at_s <= to_s:
+        taken.append(edges.popleft())
+    return taken
