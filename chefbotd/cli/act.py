@@ -1,4 +1,4 @@
-"""The commands of chefbotctl that change something without driving: stop, arm, gains, resets."""
+"""The commands of chefbotctl that change something without driving: stop, arm, resets."""
 
 import math
 from collections.abc import Awaitable, Callable
@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 import click
 
 from chefbotd.cli import output
-from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite, gain
+from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.conversation import Conversation
 from chefbotd.client import Client
 
@@ -55,31 +55,3 @@ def reset_odometry(chat: Conversation, x_m: float, y_m: float, heading_deg: floa
 def reset_board(chat: Conversation) -> None:
     """Restart the robot's board; motion needs 'arm' afterwards."""
     _do(chat, lambda robot: robot.reset_board(), "The board restarts; 'chefbotctl arm' allows motion again.")
-
-
-@click.group()
-def pid() -> None:
-    """Show and change the gains of the wheels' controllers."""
-
-
-@pid.command("get")
-@click.pass_obj
-def get_pid(chat: Conversation) -> None:
-    """Show every wheel's gains."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.get_pid()))
-
-
-@pid.command("undo")
-@click.pass_obj
-def undo_pid(chat: Conversation) -> None:
-    """Take the latest change of gains back, whoever made it."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.undo_pid()))
-
-
-@pid.command("set")
-@click.argument("wheel", metavar="WHEEL|all")
-@click.argument("changes", nargs=-1, required=True, metavar="NAME=VALUE...", type=gain)
-@click.pass_obj
-def set_pid(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
-    """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.set_pid(wheel, **dict(changes))))

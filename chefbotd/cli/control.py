@@ -10,10 +10,11 @@ from chefbotd.cli import act, ask, move
 from chefbotd.cli.arguments import Address, address
 from chefbotd.cli.completion import completion
 from chefbotd.cli.conversation import Conversation, Runner, Trust, run_until_signalled
-from chefbotd.cli.exits import MEANING, Exit, Program, exit_table
+from chefbotd.cli.exits import MEANING, Program, exit_table
+from chefbotd.cli.pid import pid
 
 TOKEN = click.File(encoding="utf-8")
-EXITS = [code for code in MEANING if code is not Exit.BAD_CONFIGURATION]
+EXITS = list(MEANING)
 
 
 @click.group(cls=Program, name="chefbotctl", epilog=exit_table(*EXITS))
@@ -71,7 +72,7 @@ COMMANDS: tuple[click.Command, ...] = (
     act.stop,
     act.estop,
     act.arm,
-    act.pid,
+    pid,
     act.reset_odometry,
     act.reset_board,
     completion,

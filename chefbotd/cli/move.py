@@ -8,6 +8,7 @@ from chefbotd.cli import facts, output
 from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finite, positive
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.cli.extras import extra
 from chefbotd.core.geometry import Twist2D
 
 
@@ -63,11 +64,6 @@ def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | Non
 @click.pass_obj
 def teleop(chat: Conversation) -> None:
     """Drive by keyboard in the terminal; the robot stops when the keys do."""
-    try:
+    with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "textual":
-            raise
-        missing = "teleop needs textual, which is not installed: pip install 'chefbotd[teleop]'"
-        raise ProgramError(Exit.NOT_INSTALLED, missing) from error
     chat.hold(lambda robot: run_screen(robot, str(chat.address)))

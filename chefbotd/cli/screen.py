@@ -1,7 +1,7 @@
 """What the screens of chefbotctl share: parts that run beside them, a line for messages, an end with a reason."""
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, ClassVar
 
 from textual.app import App
@@ -63,7 +63,17 @@ class RobotScreen(App[None]):
 
     def say(self, text: str) -> None:
         """Show it on the line for messages."""
-        self.query_one("#message", Static).update(text)
+        if self.is_running:
+            self.query_one("#message", Static).update(text)
+
+    def draw_at(self, rate_hz: float, draw: Callable[[], None]) -> None:
+        """Draw so often, but not on a screen that is being taken down, whose widgets go one by one."""
+
+        def draw_if_there() -> None:
+            if self.is_running:
+                draw()
+
+        self.set_interval(1 / rate_hz, draw_if_there)
 
     def _fail(self, failure: ClientError) -> None:
         self.failure = self.failure or failure

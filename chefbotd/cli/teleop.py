@@ -69,7 +69,7 @@ class Teleop(RobotScreen):
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
         self.run_beside(self._pilot.run(), self._listen(), self._measure())
-        self.set_interval(1 / SHOWN_HZ, self._draw)
+        self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
         """Textual: the terminal lost the focus, so no key that is let go would be noticed."""

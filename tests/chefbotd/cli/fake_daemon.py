@@ -9,11 +9,13 @@ from typing import Any, TypeVar
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.motion.pid import PidParameters
 
 T = TypeVar("T")
 TICK_S = 0.02
 DEAD_MAN_S = 0.5
-PID = {"kp": 400.0, "ki": 100.0, "conditional_integration": True, "back_calculation_s": None}
+WHEELS = ("left_wheel", "right_wheel")
+PID = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0).model_dump()
 SCHEMA = {"description": "A velocity.\nMore.", "properties": {"linear_m_s": {}, "angular_rad_s": {}}}
 
 
@@ -37,6 +39,7 @@ class FakeDaemon:
         self.stuck = self.silent = self.coasts = False
         self.simulated = True
         self.protocol = "1.0"
+        self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.slip = self.drift_rad_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
@@ -97,8 +100,9 @@ class FakeDaemon:
         topics: dict[str, dict[str, Any]] = {
             "odometry": {**_pose(self.pose), **speed, "covariance": [0.0] * 9},
             "wheels": {
-                "name": ["left_wheel", "right_wheel"],
+                "name": list(WHEELS),
                 "velocity_rad_s": [1.0, -2.0],
+                "target_rad_s": [1.5, -2.0],
                 "duty": [1, 0],
             },
             "imu": {"heading_rad": 0.5, "angular_velocity_rad_s": None},
@@ -145,15 +149,25 @@ class FakeDaemon:
             "ping": lambda: {"pong": True, "stamp_s": now_s},
             "get_state": lambda: self._state(now_s),
             "get_stats": lambda: STATS,
-            "get_pid": lambda: {"wheels": {"left": PID, "right": PID}},
-            "undo_pid": lambda: {"wheels": {"left": PID, "right": PID}},
-            "set_pid": lambda: {"wheels": {"left": {**PID, **params}, "right": PID}},
+            "get_pid": lambda: {"wheels": self.gains[-1]},
+            "undo_pid": lambda: {"wheels": self._undo_pid()},
+            "set_pid": lambda: {"wheels": self._set_pid(**params)},
             "describe": lambda: {
                 "methods": {"drive": {"params": SCHEMA, "result": {}}},
                 "topics": dict.fromkeys(self._topics(), SCHEMA),
             },
         }
         return {"result": answers.get(method, lambda: {"ok": True})()}
+
+    def _set_pid(self, wheel: str, **changes: object) -> dict[str, Any]:
+        changed = {name: {**self.gains[-1][name], **changes} for name in WHEELS if wheel in (name, "all")}
+        self.gains.append({**self.gains[-1], **changed})
+        return self.gains[-1]
+
+    def _undo_pid(self) -> dict[str, Any]:
+        if len(self.gains) > 1:
+            self.gains.pop()
+        return self.gains[-1]
 
     def _state(self, now_s: float) -> dict[str, Any]:
         topics = self._topics()

@@ -78,8 +78,8 @@ def test_status_tells_everything(control: Control) -> None:
 
 def test_gains_are_shown_by_wheel(control: Control) -> None:
     """A row a gain, a column a wheel; what is off is named as it is set."""
-    rows = [line.split() for line in control("pid", "set", "left", "kp=420").stdout.splitlines()]
-    assert ["gain", "left", "right"] in rows
+    rows = [line.split() for line in control("pid", "set", "left_wheel", "kp=420").stdout.splitlines()]
+    assert ["gain", "left_wheel", "right_wheel"] in rows
     assert ["kp", "420", "400"] in rows
     assert ["back_calculation_s", "none", "none"] in rows
 

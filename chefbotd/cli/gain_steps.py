@@ -1,0 +1,47 @@
+"""What a key does to a gain: pure steps that a hand can take back, over the short names of ``PidParameters``."""
+
+from collections.abc import Mapping
+from math import floor, log10
+from typing import TypeAlias
+
+Gain: TypeAlias = float | bool | None
+
+FIRST_STEP: Mapping[str, float] = {
+    "kp": 10.0,
+    "ki": 10.0,
+    "kd": 1.0,
+    "ks": 5.0,
+    "kv": 100.0,
+    "ka": 10.0,
+    "output_limit": 10.0,
+    "integral_limit": 10.0,
+    "deadband": 0.001,
+    "derivative_filter_s": 0.005,
+    "back_calculation_s": 0.1,
+}
+"""What the first step up from zero leads to (in the gain's own unit): there is no percentage of nothing."""
+
+CAN_BE_OFF = {"integral_limit", "back_calculation_s"}
+COARSE, FINE = 0.1, 0.01
+DIGITS = 4
+
+
+def stepped(name: str, value: Gain, direction: int, share: float = COARSE) -> Gain:
+    """The gain one step up (``direction`` 1) or down (-1), by a share of itself; a condition is turned over.
+
+    Below a tenth of its first step a gain becomes zero, or off where it can be off; the first step up leads back.
+    """
+    if isinstance(value, bool):
+        return not value
+    first = FIRST_STEP[name]
+    if not value:
+        return first if direction > 0 else value
+    after = _rounded(value * (1 + share) if direction > 0 else value / (1 + share))
+    if after < first / 10:
+        return None if name in CAN_BE_OFF else 0.0
+    return after
+
+
+def _rounded(value: float) -> float:
+    """Four significant digits: finer than any step, and short to read."""
+    return round(value, DIGITS - 1 - floor(log10(value)))

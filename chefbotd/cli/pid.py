@@ -1,0 +1,91 @@
+"""The commands of chefbotctl about the wheels' controllers: show, set, undo, save, and tune on a screen."""
+
+from pathlib import Path
+
+import click
+
+from chefbotd.cli import output
+from chefbotd.cli.arguments import gain
+from chefbotd.cli.conversation import Conversation
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.cli.extras import extra
+
+FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
+UNSAVED = "The gains were changed and not saved; 'chefbotctl pid save FILE' writes them to a configuration."
+
+
+@click.group()
+def pid() -> None:
+    """Show, change, tune and save the gains of the wheels' controllers."""
+
+
+@pid.command("get")
+@click.pass_obj
+def get(chat: Conversation) -> None:
+    """Show every wheel's gains."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.get_pid()))
+
+
+@pid.command("set")
+@click.argument("wheel", metavar="WHEEL|all")
+@click.argument("changes", nargs=-1, required=True, metavar="NAME=VALUE...", type=gain)
+@click.pass_obj
+def set_(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
+    """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.set_pid(wheel, **dict(changes))))
+
+
+@pid.command("undo")
+@click.pass_obj
+def undo(chat: Conversation) -> None:
+    """Take the latest change of gains back, whoever made it."""
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.undo_pid()))
+
+
+@pid.command("save")
+@click.argument("path", metavar="FILE", type=FILE)
+@click.pass_obj
+def save(chat: Conversation, path: Path) -> None:
+    """Write the gains in force into the configuration FILE, which keeps its comments.
+
+    FILE is on this computer; the daemon reads its own when it starts.
+    """
+    with extra("tune", "tomlkit"):
+        from chefbotd.cli import gains_file
+    from chefbotd.motion.pid import PidParameters
+    from chefbotd.settings import SettingsError
+
+    wheels = chat.hold(lambda robot: robot.get_pid())
+    gains = {wheel: PidParameters.model_validate(own) for wheel, own in wheels.items()}
+    try:
+        gains_file.save(path, gains)
+    except SettingsError as error:
+        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"{path} was not written: {error.strerror}") from error
+    output.say(chat.as_json, {"saved": str(path)}, f"Saved to {path}.")
+
+
+@pid.command("tune")
+@click.option("--config", "path", metavar="FILE", type=FILE, help="The configuration that 's' saves to.")
+@click.option(
+    "--amplitude", "amplitude_m_s", metavar="M/S", type=click.FloatRange(0.01, 0.2), default=0.1,
+    show_default=True, help="Speed of the excitation's square wave.",
+)  # fmt: skip
+@click.option(
+    "--half-period", "half_period_s", metavar="S", type=click.FloatRange(0.5, 5.0), default=1.5,
+    show_default=True, help="How long it goes each way.",
+)  # fmt: skip
+@click.pass_obj
+def tune(chat: Conversation, path: Path | None, amplitude_m_s: float, half_period_s: float) -> None:
+    """Tune on a screen: speed, target (grey), error and duty of each wheel while keys change the gains.
+
+    The excitation drives the robot forward and back: put it on blocks first.
+    """
+    with extra("tune", "textual", "textual_plot", "textual_hires_canvas", "tomlkit"):
+        from chefbotd.cli.tune import tune as run_screen
+    from chefbotd.cli.excitation import WaveParameters
+
+    wave = WaveParameters(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
+    if chat.hold(lambda robot: run_screen(robot, str(chat.address), path, wave)):
+        click.echo(UNSAVED, err=True)
