@@ -79,7 +79,14 @@ class Daemon:
             self.driving.report_from_thread,
         )
         self.server = Server(
-            WiredRobot(self.driving, self._odometry, self.session, self._stats, Tuning(self.driving)),
+            WiredRobot(
+                self.driving,
+                self._odometry,
+                self.session,
+                self._stats,
+                Tuning(self.driving),
+                settings.safety.default_source,
+            ),
             self.bus,
             clock,
             settings.api,

@@ -24,6 +24,7 @@ class WiredRobot:
     session: BoardSession
     statistics: StatsService
     tuning: Tuning
+    default_source: str
 
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command."""

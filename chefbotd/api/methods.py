@@ -131,17 +131,18 @@ class Methods:
 
     def _drive(self, caller: Caller, params: models.DriveParams) -> models.Done:
         """Move so until the command is replaced or too old; repeat it to keep moving."""
-        now_s = self._clock.now_s()
-        self._control.require(params.source, caller.session, now_s)
-        self._robot.drive(params.source, Twist2D(params.linear_m_s, params.angular_rad_s))
-        self._control.renew(params.source, caller.session, now_s)
+        now_s, source = self._clock.now_s(), params.source or self._robot.default_source
+        self._control.require(source, caller.session, now_s)
+        self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
+        self._control.renew(source, caller.session, now_s)
         return DONE
 
     def _take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
-        before = self._control.take(params.source, caller.session, self._clock.now_s())
+        source = params.source or self._robot.default_source
+        before = self._control.take(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
-        return models.Taken(source=params.source, taken_from=others)
+        return models.Taken(source=source, taken_from=others)
 
     def _release_control(self, caller: Caller, params: models.NoParams) -> models.Released:
         """Give back every source that this client has; its commands are withdrawn."""

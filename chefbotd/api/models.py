@@ -23,6 +23,8 @@ from chefbotd.motion.pid import PidParameters
 PROTOCOL: Final = "1.0"
 ALL_WHEELS = "all"
 
+_SOURCE = Field(None, min_length=1, max_length=64, description="the robot's own default source, if none is named")
+
 
 class Params(BaseModel):
     """Parameters by name; unknown names are refused. Values of ``confidential`` ones are never repeated in errors."""
@@ -52,7 +54,7 @@ class IntroduceParams(Params):
 class TakeControlParams(Params):
     """The source of commands to have for oneself."""
 
-    source: str = Field("teleop", min_length=1, max_length=64)
+    source: str | None = _SOURCE
 
 
 class DriveParams(Params):
@@ -60,7 +62,7 @@ class DriveParams(Params):
 
     linear_m_s: float
     angular_rad_s: float
-    source: str = Field("teleop", min_length=1, max_length=64)
+    source: str | None = _SOURCE
 
 
 class EstopParams(Params):

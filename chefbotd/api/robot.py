@@ -14,6 +14,11 @@ class Robot(Protocol):
     A method that does not do what it is asked raises ``chefbotd.core.commands.Refused``.
     """
 
+    @property
+    def default_source(self) -> str:
+        """Whose a velocity command is that does not say."""
+        ...
+
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command from one of the configured sources."""
         ...

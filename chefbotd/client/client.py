@@ -104,13 +104,16 @@ class Client:
         """Any method by its name: the answer's ``result``."""
         return await self._wire.call(method, params, self._timeout_s)
 
-    async def drive(self, linear_m_s: float, angular_rad_s: float, source: str = "teleop") -> None:
-        """Ask for a velocity; it holds for the daemon's dead-man time, so repeat it."""
-        await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
+    async def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> None:
+        """Ask for a velocity; it holds for the daemon's dead-man time, so repeat it.
 
-    async def take_control(self, source: str = "teleop") -> str | None:
-        """Have a source of commands for ourselves; who had it until now, if another did."""
-        taken_from: str | None = (await self.call("take_control", source=source))["taken_from"]
+        Without a source it is the robot's default one that asks.
+        """
+        await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, **_named(source))
+
+    async def take_control(self, source: str | None = None) -> str | None:
+        """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""
+        taken_from: str | None = (await self.call("take_control", **_named(source)))["taken_from"]
         return taken_from
 
     async def release_control(self) -> None:
@@ -227,3 +230,8 @@ def _frozen(value: Any) -> Any:
 def _wheels(answer: dict[str, Any]) -> dict[str, dict[str, Any]]:
     wheels: dict[str, dict[str, Any]] = answer["wheels"]
     return wheels
+
+
+def _named(source: str | None) -> dict[str, str]:
+    """The parameter ``source``, if there is one to send."""
+    return {} if source is None else {"source": source}

@@ -8,9 +8,9 @@ than its source's timeout and the dead-man's; what feeds the dead-man is command
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Twist2D
@@ -45,15 +45,26 @@ class Rearm(StrEnum):
 
 
 class SafetyParameters(Parameters):
-    """``command_timeout_s`` is the dead-man: no command, of whatever source, outlives it."""
+    """``command_timeout_s`` is the dead-man: no command, of whatever source, outlives it.
+
+    ``default_source`` is whose a command is that does not say.
+    """
 
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
+    default_source: str = "teleop"
     encoders: SilenceParameters = SilenceParameters()
     wheels: WheelWatchParameters = WheelWatchParameters()
     battery: ChargeParameters = ChargeParameters()
     guard: GuardParameters = GuardParameters()
+
+    @model_validator(mode="after")
+    def _has_its_default(self) -> Self:
+        if self.default_source not in self.sources:
+            known = ", ".join(self.sources)
+            raise ValueError(f"default_source must be one of {known}, got {self.default_source!r}")
+        return self
 
 
 class Mode(StrEnum):

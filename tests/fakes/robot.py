@@ -35,6 +35,8 @@ STATS = StatsSampled(
 class FakeRobot:
     """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
 
+    default_source = "teleop"
+
     def __init__(self) -> None:
         self.calls: list[tuple[object, ...]] = []
         self.answer: Exception | None = None

@@ -19,7 +19,7 @@ def test_a_speed_is_a_finite_number_and_nothing_else(value: Any) -> None:
 def test_an_integer_is_a_number() -> None:
     """A client need not write 1.0."""
     params = DriveParams.model_validate({"linear_m_s": 1, "angular_rad_s": -2})
-    assert (params.linear_m_s, params.angular_rad_s, params.source) == (1.0, -2.0, "teleop")
+    assert (params.linear_m_s, params.angular_rad_s, params.source) == (1.0, -2.0, None)
 
 
 def test_drive_needs_both_speeds() -> None:

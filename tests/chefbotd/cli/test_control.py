@@ -145,7 +145,7 @@ def test_drive_takes_negative_numbers(control: Control, daemon: FakeDaemon, args
     """Negative speeds need no quoting, with or without a double dash."""
     result = control("drive", *args)
     assert (result.exit_code, result.stdout[:5]) == (0, "Moved")
-    assert daemon.calls[1][2] == {"linear_m_s": -0.1, "angular_rad_s": -0.2, "source": "teleop"}
+    assert daemon.calls[1][2] == {"linear_m_s": -0.1, "angular_rad_s": -0.2}
 
 
 def test_drive_waits_until_the_robot_stands(control: Control, daemon: FakeDaemon) -> None:

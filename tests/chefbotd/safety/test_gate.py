@@ -127,10 +127,18 @@ def test_a_source_that_falls_silent_gives_way():
     assert decide(PARAMETERS, state, 0.201).source == "teleop"
 
 
+def test_a_default_source_is_one_of_the_sources():
+    """A robot without teleop has to say whose a command is that does not; both are named."""
+    joystick = {"joystick": SourceParameters(priority=10, timeout_s=0.5)}
+    with pytest.raises(ValidationError, match="default_source must be one of joystick, got 'teleop'"):
+        SafetyParameters(sources=joystick)
+    assert SafetyParameters(sources=joystick, default_source="joystick").default_source == "joystick"
+
+
 def test_of_two_equals_the_newer_wins():
     """With the same priority, whoever spoke last is followed."""
     equal = SourceParameters(priority=3, timeout_s=1.0)
-    parameters = SafetyParameters(sources={"a": equal, "b": equal})
+    parameters = SafetyParameters(sources={"a": equal, "b": equal}, default_source="a")
     state = GateState(commands=(Command("b", FAST, 0.2), Command("a", SLOW, 0.1)))
     assert decide(parameters, state, 0.3).source == "b"
 
