@@ -1,0 +1,95 @@
+"""A stop past the loop: the session's and the port's part of the watchdog's intervention, on a real pty."""
+
+import asyncio
+import os
+import threading
+import time
+
+from chefbotd.bus import Bus
+from chefbotd.clock import SystemClock
+from chefbotd.link.port import LinkParameters, open_port
+from chefbotd.link.session import BoardSession
+from chefbotd.testing.transport import FakeSerialDevice
+from firmware_protocol.codec import CLASSIC
+
+
+def new_session(setpoints_per_s: float = 200.0) -> BoardSession:
+    """A session without a port."""
+    return BoardSession(Bus(), SystemClock(), CLASSIC, device="pty", setpoints_per_s=setpoints_per_s)
+
+
+def drained(master: int) -> bytes:
+    """All that the board has been sent so far."""
+    os.set_blocking(master, False)
+    try:
+        return os.read(master, 65536)
+    except BlockingIOError:
+        return b""
+
+
+def test_a_thread_stops_the_motors_while_the_loop_stands_still():
+    """The loop is held up by a sleep; the zeros are on the wire all the same, and a duty that waited is withdrawn."""
+
+    async def run() -> None:
+        master, slave = os.openpty()
+        session = new_session(setpoints_per_s=10.0)
+        session.expect_connection()
+        transport = await open_port(LinkParameters(device=os.ttyname(slave)), session)
+        await asyncio.sleep(0.01)
+        session.send_duty((200, 200))
+        drained(master)
+        stopped: list[bool] = []
+        thread = threading.Thread(target=lambda: stopped.append(session.stop_from_thread()))
+        thread.start()
+        time.sleep(0.1)  # noqa: ASYNC251 - the loop that stands still
+        thread.join()
+        assert stopped == [True]
+        assert drained(master) == b"s 0 0\r"
+        await asyncio.sleep(0.15)
+        assert drained(master) == b""
+        transport.abort()
+        await session.wait_closed()
+        os.close(master)
+        os.close(slave)
+
+    asyncio.run(run())
+
+
+def test_a_board_that_takes_nothing_is_told():
+    """The kernel's buffer is full: the stop did not go; once it has room a line that was cut short is ended first."""
+
+    async def run() -> None:
+        master, slave = os.openpty()
+        session = new_session()
+        session.expect_connection()
+        transport = await open_port(LinkParameters(device=os.ttyname(slave)), session)
+        await asyncio.sleep(0.01)
+        while session.stop_from_thread():
+            pass
+        while not transport.get_write_buffer_size():
+            transport.write(b"s 200 200\r")
+        while drained(master):
+            time.sleep(0.01)  # noqa: ASYNC251 - the kernel moves what is left; the loop must not write meanwhile
+        assert session.stop_from_thread()
+        assert drained(master) == b"\rs 0 0\r"
+        transport.abort()
+        while drained(master):
+            pass
+        await session.wait_closed()
+        os.close(master)
+        os.close(slave)
+
+    asyncio.run(run())
+
+
+def test_without_a_serial_port_there_is_nothing_to_stop():
+    """No port, or one that has no descriptor of its own: the answer is no."""
+
+    async def run() -> None:
+        session = new_session()
+        assert not session.stop_from_thread()
+        await FakeSerialDevice().open(LinkParameters(), session)
+        await asyncio.sleep(0)
+        assert not session.stop_from_thread()
+
+    asyncio.run(run())
