@@ -135,6 +135,8 @@ class Daemon:
             clients=self.server.clients,
             clients_refused=dict(self.server.refused),
             handler_faults=dict(self.server.faults),
+            internal_errors=driving.internal_errors,
+            service_failures=dict(self._supervisor.failures),
             telemetry_dropped=self.server.drops.total(),
             loop_lag_s=loop_lag_s,
             board_clock_skew_ppm=session.clock_skew_ppm,

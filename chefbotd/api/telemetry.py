@@ -128,6 +128,8 @@ class StatsData(TopicData):
     clients: int
     clients_refused: dict[str, int]
     handler_faults: dict[str, int]
+    internal_errors: int
+    service_failures: dict[str, int]
     telemetry_dropped: int
     loop_lag_s: float
     board_clock_skew_ppm: float | None
