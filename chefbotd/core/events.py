@@ -296,8 +296,8 @@ class StatsSampled:
     ``frames`` counts accepted lines by message name, ``refused`` the malformed ones by reason, ``bus_dropped`` events
     given up by class, ``handler_faults`` requests that broke their handler by method, ``clients_refused`` connections
     that the socket refused or ended by the kind of error, ``internal_errors`` control steps that failed,
-    ``service_failures`` services that were started again, by name. ``loop_lag_s`` is the latest the event loop was to a timer
-    in the last second.
+    ``service_failures`` services that were started again, by name. ``loop_lag_s`` is the latest the event loop
+    was to a timer in the last second.
     """
 
     stamp_s: float
