@@ -59,7 +59,7 @@ class Connection(asyncio.Protocol):
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # The kernel would keep megabytes for a slow client, all of it stale before it is read.
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._house.parameters.write_buffer_bytes)
-        self._outbox = Outbox(self._transport, self._house.parameters, self._house.drops)
+        self._outbox = Outbox(self._transport, self._house.parameters, self._house.drops, self._give_up)
         self.reply, self.telemetry = self._outbox.reply, self._outbox.telemetry
         self.reply(self._house.welcome(self))
 
@@ -68,6 +68,12 @@ class Connection(asyncio.Protocol):
         self._house.ended(self.session, failure)
         self.reply(jsonrpc.error(failure))
         self.close()
+
+    def _give_up(self) -> None:
+        """The client reads nothing: it would not read an error either."""
+        stuck_s = self._house.parameters.stuck_s
+        self._house.ended(self.session, Failure(ErrorKind.TIMED_OUT, f"read nothing for {stuck_s:g} s"))
+        self.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Asyncio: the client is gone, in good order or not."""
@@ -90,6 +96,8 @@ class Connection(asyncio.Protocol):
                 break
             if line:
                 self._house.dispatcher.serve(self, line)
+            elif not self.session.forgive(self._house.clock.now_s()):
+                self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
         else:
             self._turn = asyncio.get_running_loop().call_soon(self._take_requests)
         self._read_if(self._turn is None and not self._outbox.blocked)

@@ -9,6 +9,7 @@ transport: no request is taken from a client that is behind, so at most one of t
 import asyncio
 import itertools
 from collections import Counter, OrderedDict
+from collections.abc import Callable
 
 from chefbotd.api import jsonrpc
 from chefbotd.api.models import Dropped
@@ -16,10 +17,20 @@ from chefbotd.api.parameters import ApiParameters
 
 
 class Outbox:
-    """The way out to one client; ``drops`` counts, by topic, what all clients together have lost."""
+    """The way out to one client; ``drops`` counts, by topic, what all clients together have lost.
 
-    def __init__(self, transport: asyncio.Transport, parameters: ApiParameters, drops: Counter[str]) -> None:
+    ``give_up`` is called when the client has read nothing for ``stuck_s``, and ends the connection.
+    """
+
+    def __init__(
+        self,
+        transport: asyncio.Transport,
+        parameters: ApiParameters,
+        drops: Counter[str],
+        give_up: Callable[[], None],
+    ) -> None:
         self._transport, self._parameters, self._all_drops = transport, parameters, drops
+        self._give_up = give_up
         self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._waiting_bytes = 0
         self._order = itertools.count(1)
@@ -95,7 +106,7 @@ class Outbox:
         if unread_bytes < unread_before:
             self._expect_progress(unread_bytes)
         else:
-            self._transport.abort()
+            self._give_up()
 
     def _stop_watching(self) -> None:
         if self._watch is not None:

@@ -66,6 +66,8 @@ def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
         await robot.arm()
         await robot.reset_odometry(1.0, 2.0, 0.5)
         await robot.reset_board()
+        assert await robot.take_control("safety") is None
+        await robot.release_control()
         assert served.robot.calls == [
             ("drive", "teleop", Twist2D(0.2, -0.1)),
             ("drive", "navigation", Twist2D(0.0, 1.0)),
@@ -75,6 +77,7 @@ def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
             ("arm",),
             ("set_odometry", Pose2D(1.0, 2.0, 0.5)),
             ("reset_board",),
+            *(("release", source) for source in ("teleop", "navigation", "safety")),
         ]
         assert (await robot.ping())["pong"] is True
         assert (await robot.get_state())["link"]["state"] == "down"

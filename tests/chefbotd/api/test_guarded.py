@@ -206,6 +206,22 @@ def test_who_does_not_authenticate_in_time_is_cut_off() -> None:
         run_virtual(main())
 
 
+@pytest.mark.parametrize(("host", "warned"), [("127.0.0.1", False), ("0.0.0.0", True)])
+def test_tokens_that_can_be_overheard_are_warned_of(host: str, warned: bool) -> None:
+    """Beyond loopback without TLS the log says so; it is allowed, for a network that is trusted."""
+
+    async def main() -> None:
+        async with (
+            serving(guard=GUARD, host=host, token_file="tokens") as served,
+            Client.connect("127.0.0.1", served.port, token=TOKENS["drive"]) as robot,
+        ):
+            await robot.ping()
+
+    with capture_logs() as logs:
+        run_virtual(main())
+    assert ("api_not_encrypted" in [entry["event"] for entry in logs]) is warned
+
+
 SECRET = "s3cret-s3cret-s3cret"
 
 

@@ -103,7 +103,7 @@ def test_one_clients_rate_is_not_anothers() -> None:
     with_client(scenario, requests_per_s=1.0, requests_burst=5)
 
 
-@pytest.mark.parametrize("line", [PING, b"[]\n", b'{"jsonrpc":"2.0","method":"fly"}\n', b"{}\n"])
+@pytest.mark.parametrize("line", [PING, b"[]\n", b"\r\n", b'{"jsonrpc":"2.0","method":"fly"}\n', b"{}\n"])
 def test_a_flood_ends_the_connection(line: bytes) -> None:
     """Requests or nonsense, answered or not: what goes on beyond the limit and as much again is cut off."""
 
@@ -114,6 +114,19 @@ def test_a_flood_ends_the_connection(line: bytes) -> None:
         assert served.server.refused == {"flooding": 1}
 
     assert with_client(scenario, requests_per_s=10.0, requests_burst=20) == ["flooding"]
+
+
+def test_a_client_that_reads_nothing_is_counted_when_it_is_cut_off() -> None:
+    """Five seconds after it has stopped reading its answers it is gone, and the log says why."""
+
+    async def scenario(served: Served, client: LineClient) -> None:
+        client.stop_reading()
+        client.send_raw(b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n' * 400)
+        for _ in range(60):
+            await asyncio.sleep(0.1)
+        assert (served.server.clients, served.server.refused) == (0, {"timed_out": 1})
+
+    assert with_client(scenario) == ["timed_out"]
 
 
 def test_a_flood_of_stops_is_no_flood() -> None:

@@ -123,6 +123,22 @@ def test_a_fault_is_answered_logged_and_counted() -> None:
     assert "result" in desk.ask("ping")
 
 
+def test_a_fault_after_the_answer_is_counted_and_not_answered_again() -> None:
+    """One request, one answer, even if what follows it breaks."""
+    desk = Desk()
+    desk.fanout.publish(TextReceived(99.5, "hi"))
+
+    def broken(topic: str, latest: bool, line: bytes) -> None:
+        raise BufferError(topic)
+
+    desk.telemetry = broken  # type: ignore[method-assign]
+    with capture_logs() as logs:
+        assert desk.ask("subscribe", topics=["text"])["result"] == {"topics": ["text"]}
+    assert len(desk.heard) == 1
+    assert desk.dispatcher.faults == {"subscribe": 1}
+    assert [entry["event"] for entry in logs] == ["handler_fault"]
+
+
 def test_unknown_methods_and_bad_params_are_told_apart() -> None:
     """Each has its kind, and neither reaches the robot."""
     desk = Desk()
