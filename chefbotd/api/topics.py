@@ -81,7 +81,7 @@ def _odometry(event: events.OdometryUpdated) -> OdometryData:
         heading_rad=event.odom_from_base.heading_rad,
         linear_m_s=event.twist.linear_m_s,
         angular_rad_s=event.twist.angular_rad_s,
-        covariance=tuple(event.covariance.ravel().tolist()),
+        covariance=event.covariance.row_by_row,
     )
 
 

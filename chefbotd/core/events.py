@@ -7,10 +7,7 @@ which it happened). ``board_s`` is the board's own time, unwrapped, in seconds; 
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-import numpy.typing as npt
-
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +192,12 @@ class WheelsDriven:
 
 @dataclass(frozen=True, slots=True)
 class OdometryUpdated:
-    """Dead reckoning: ``odom_from_base`` with its 3x3 covariance (x, y, heading), and the twist in the base frame."""
+    """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
 
     stamp_s: float
     odom_from_base: Pose2D
     twist: Twist2D
-    covariance: npt.NDArray[np.float64]
+    covariance: PoseCovariance
 
 
 class RangeStatus(StrEnum):

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -45,5 +46,25 @@ class Pose2D:
         )
 
 
+class PoseCovariance(NamedTuple):
+    """How uncertain a pose is: the upper triangle of the symmetric 3x3 matrix over (x, y, heading h), in m, rad.
+
+    Six numbers and no array: at the rate of the encoders, arithmetic on small arrays would cost more than all the rest.
+    """
+
+    xx: float = 0.0
+    xy: float = 0.0
+    xh: float = 0.0
+    yy: float = 0.0
+    yh: float = 0.0
+    hh: float = 0.0
+
+    @property
+    def row_by_row(self) -> tuple[float, ...]:
+        """All nine numbers of the matrix."""
+        return (self.xx, self.xy, self.xh, self.xy, self.yy, self.yh, self.xh, self.yh, self.hh)
+
+
 STANDING = Twist2D()
 ORIGIN = Pose2D()
+CERTAIN = PoseCovariance()

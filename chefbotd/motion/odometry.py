@@ -8,15 +8,15 @@ rotational noise of Thrun, Burgard and Fox, "Probabilistic Robotics", 5.4).
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D, Twist2D
+from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.parameters import Parameters
 
-Matrix = npt.NDArray[np.float64]
+Response: TypeAlias = tuple[float, float, float]
+"""How far x (m), y (m) and the heading (rad) move per unit of an error."""
 
 
 class OdometryParameters(Parameters):
@@ -29,21 +29,15 @@ class OdometryParameters(Parameters):
     turn_variance_rad2_per_rad: float = Field(default=3e-4, ge=0, le=1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class OdometryState:
-    """The pose, the twist in the base frame, and the read-only covariance of (x, y, heading) in ``odom``."""
+    """The pose, the twist in the base frame, and the covariance of (x, y, heading) in ``odom``."""
 
     odom_from_base: Pose2D
     twist: Twist2D
-    covariance: Matrix
+    covariance: PoseCovariance
 
 
-def _frozen(matrix: Matrix) -> Matrix:
-    matrix.setflags(write=False)
-    return matrix
-
-
-CERTAIN: Matrix = _frozen(np.zeros((3, 3)))
 START = OdometryState(ORIGIN, STANDING, CERTAIN)
 
 
@@ -66,10 +60,13 @@ def integrate(
     turned_rad = (right_m - left_m) / track_width_m
     travel_m = (left_m + right_m) / 2
     pose = state.odom_from_base.compose(_arc(travel_m, turned_rad))
-    noise = _noise(params, left_m, right_m, turned_rad)
-    inputs = _input_jacobian(travel_m, turned_rad, state.odom_from_base.heading_rad, track_width_m)
-    covariance = _carry(state.covariance, state.odom_from_base, pose) + (inputs * noise) @ inputs.T
-    return OdometryState(pose, twist, _frozen((covariance + covariance.T) / 2))
+    moved_x_m, moved_y_m = pose.x_m - state.odom_from_base.x_m, pose.y_m - state.odom_from_base.y_m
+    carried = _carry(state.covariance, moved_x_m, moved_y_m)
+    heading_rad = state.odom_from_base.heading_rad
+    left, right, scrub = _responses(travel_m, turned_rad, heading_rad, track_width_m)
+    grown = _add(carried, left, params.travel_variance_m2_per_m * abs(left_m))
+    grown = _add(grown, right, params.travel_variance_m2_per_m * abs(right_m))
+    return OdometryState(pose, twist, _add(grown, scrub, params.turn_variance_rad2_per_rad * abs(turned_rad)))
 
 
 def _arc(travel_m: float, turned_rad: float) -> Pose2D:
@@ -79,36 +76,52 @@ def _arc(travel_m: float, turned_rad: float) -> Pose2D:
     return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), turned_rad)
 
 
-def _carry(covariance: Matrix, start: Pose2D, end: Pose2D) -> Matrix:
-    """The covariance at the start as it stands at the end: an error of heading swings the way between."""
-    jacobian = np.eye(3)
-    jacobian[0, 2] = start.y_m - end.y_m
-    jacobian[1, 2] = end.x_m - start.x_m
-    carried: Matrix = jacobian @ covariance @ jacobian.T
-    return carried
+def _carry(before: PoseCovariance, moved_x_m: float, moved_y_m: float) -> PoseCovariance:
+    """The covariance at the start as it stands at the end: an error of heading swings the way between.
+
+    ``F P F^T`` with the motion's Jacobian F = [[1, 0, -moved_y], [0, 1, moved_x], [0, 0, 1]].
+    """
+    xx, xy, xh, yy, yh, hh = before
+    swung_xh, swung_yh = xh - moved_y_m * hh, yh + moved_x_m * hh
+    return PoseCovariance(
+        xx - moved_y_m * (xh + swung_xh),
+        xy - moved_y_m * yh + moved_x_m * swung_xh,
+        swung_xh,
+        yy + moved_x_m * (yh + swung_yh),
+        swung_yh,
+        hh,
+    )
 
 
-def _noise(params: OdometryParameters, left_m: float, right_m: float, turned_rad: float) -> Matrix:
-    """Variances of the left travel, the right travel and the scrubbing."""
-    per_m = params.travel_variance_m2_per_m
-    scrub_rad2 = params.turn_variance_rad2_per_rad * abs(turned_rad)
-    return np.array((per_m * abs(left_m), per_m * abs(right_m), scrub_rad2))
+def _add(covariance: PoseCovariance, response: Response, variance: float) -> PoseCovariance:
+    """The covariance with an independent error added, which moves the pose by ``response`` per unit."""
+    xx, xy, xh, yy, yh, hh = covariance
+    x, y, heading = response
+    return PoseCovariance(
+        xx + variance * x * x,
+        xy + variance * x * y,
+        xh + variance * x * heading,
+        yy + variance * y * y,
+        yh + variance * y * heading,
+        hh + variance * heading * heading,
+    )
 
 
-def _input_jacobian(travel_m: float, turned_rad: float, heading_rad: float, track_width_m: float) -> Matrix:
-    """How the end (rows x, y, heading) answers to left travel, right travel and an extra turn (columns)."""
+def _responses(
+    travel_m: float, turned_rad: float, heading_rad: float, track_width_m: float
+) -> tuple[Response, Response, Response]:
+    """How the end (x, y, heading) answers to a little more left travel, right travel, and turn by scrubbing."""
     half_rad = turned_rad / 2
     cos, sin = math.cos(heading_rad + half_rad), math.sin(heading_rad + half_rad)
     ratio, bend_m = _sinc(half_rad), travel_m * _sinc_slope(half_rad) / 2
     swing_m = travel_m * ratio / 2
-    forward_x, forward_y = ratio * cos, ratio * sin
+    forward_x, forward_y = ratio * cos / 2, ratio * sin / 2
     turn_x, turn_y = bend_m * cos - swing_m * sin, bend_m * sin + swing_m * cos
-    return np.array(
-        (
-            (forward_x / 2 - turn_x / track_width_m, forward_x / 2 + turn_x / track_width_m, turn_x),
-            (forward_y / 2 - turn_y / track_width_m, forward_y / 2 + turn_y / track_width_m, turn_y),
-            (-1 / track_width_m, 1 / track_width_m, 1.0),
-        )
+    per_m = 1 / track_width_m
+    return (
+        (forward_x - turn_x * per_m, forward_y - turn_y * per_m, -per_m),
+        (forward_x + turn_x * per_m, forward_y + turn_y * per_m, per_m),
+        (turn_x, turn_y, 1.0),
     )
 
 

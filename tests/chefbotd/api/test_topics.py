@@ -3,13 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from chefbotd.api.topics import link_data, safety_data, topics
 from chefbotd.core import events
 from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from tests.fakes.robot import STATS
 
 TABLE = topics(("left", "right"), simulated=True)
@@ -42,7 +41,7 @@ def test_topics_are_those_of_the_contract() -> None:
 
 def test_odometry() -> None:
     """Pose, twist, and the covariance row by row over x, y, heading."""
-    covariance = np.arange(9.0).reshape(3, 3)
+    covariance = PoseCovariance(xx=1.0, xy=2.0, xh=3.0, yy=4.0, yh=5.0, hh=6.0)
     event = events.OdometryUpdated(1.0, Pose2D(1.0, 2.0, 0.5), Twist2D(0.3, -0.1), covariance)
     assert data_of("odometry", event) == {
         "x_m": 1.0,
@@ -50,7 +49,7 @@ def test_odometry() -> None:
         "heading_rad": 0.5,
         "linear_m_s": 0.3,
         "angular_rad_s": -0.1,
-        "covariance": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
+        "covariance": [1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0],
         "frame_id": "odom",
         "child_frame_id": "base_footprint",
     }

@@ -8,7 +8,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events import OdometryUpdated, WheelsMeasured
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.services.odometry import OdometryService
@@ -66,4 +66,4 @@ def test_setting_the_pose_takes_effect_after_all_that_was_measured_before():
     last = updates[-1].odom_from_base
     assert (last.x_m, last.y_m) == pytest.approx((5.0, 6.0))
     assert updates[0].odom_from_base == Pose2D(5.0, 5.0, math.pi / 2)
-    assert not updates[0].covariance.any()
+    assert updates[0].covariance == CERTAIN
