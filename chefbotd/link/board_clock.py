@@ -14,7 +14,7 @@ MICROS_PER_TURN = 2**32
 CYCLE_ROUNDING_S = 0.011
 """The wire's two decimals, and the time between the board's two readings of its clock."""
 
-RESTART_SLACK_S = 0.5
+RESTART_SLACK_S = 0.05
 """A board that restarted counts from zero since then: it cannot show more than the host saw pass, and this much."""
 
 HOST_JITTER_S = 0.03

@@ -2,7 +2,7 @@
 
 A number that lost digits on the wire still parses, so every change is held against the time it took. If one
 wheel's change is impossible the whole reading is refused; the next good one catches up for all wheels, so
-nothing is lost.
+nothing is lost. One that is possible and far from where the wheels were heading waits for the next to agree with it.
 """
 
 import math
@@ -20,7 +20,8 @@ class EncoderParameters(Parameters):
 
     ``confirmations`` refused readings in a row that agree with each other mean that the counters themselves
     have moved. A velocity is the mean over the last ``velocity_window`` readings, and zero below
-    ``standstill_rad_s``.
+    ``standstill_rad_s``. A wheel that is more than ``surprise_rad`` from where that velocity would have taken it is
+    believed only when the next reading bears it out (None: at once).
     """
 
     counts_per_turn: float = Field(gt=0, le=1e9)
@@ -30,6 +31,7 @@ class EncoderParameters(Parameters):
     velocity_window: int = Field(default=5, ge=2, le=100)
     standstill_rad_s: float = Field(default=0.0, ge=0)
     confirmations: int = Field(default=3, ge=1, le=1000)
+    surprise_rad: float | None = Field(default=None, gt=0, le=100)
 
 
 class Sample(NamedTuple):
@@ -64,7 +66,8 @@ class Reading:
     """What one encoder frame says, per wheel, in the order of the configured wheels, forward positive.
 
     A refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of
-    the wheels to blame. ``rebased`` says that the counters were taken as a new reference, without travel.
+    the wheels to blame, none when it is merely ``unconfirmed``. ``rebased`` says that the counters were taken as a new
+    reference, without travel.
     """
 
     travel_rad: tuple[float, ...]
@@ -72,11 +75,12 @@ class Reading:
     velocity_rad_s: tuple[float, ...]
     jumped: tuple[int, ...] = ()
     rebased: bool = False
+    unconfirmed: bool = False
 
     @property
     def refused(self) -> bool:
-        """Whether a wheel jumped, so that nothing of this frame was believed."""
-        return bool(self.jumped)
+        """Whether a wheel jumped, or surprised, so that nothing of this frame was believed."""
+        return bool(self.jumped) or self.unconfirmed
 
 
 def rebase(state: EncodersState) -> EncodersState:
@@ -105,6 +109,9 @@ def decode(
     jumped = _impossible(params, deltas, board_s - state.base.board_s)
     if jumped:
         return _refuse(params, state, sample, jumped)
+    if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state.suspect, sample):
+        waiting = replace(state, suspect=sample, agreeing=0)
+        return waiting, replace(_no_travel(params, waiting), unconfirmed=True)
     turned, reading = _accept(params, signs, state, sample, deltas)
     if rate_counts_s is None:
         return turned, reading
@@ -172,6 +179,22 @@ def _impossible(params: EncoderParameters, deltas: tuple[int, ...], elapsed_s: f
     turns = params.max_speed_rad_s * max(elapsed_s, 0.0) / math.tau
     most = turns * params.counts_per_turn + params.slack_counts
     return tuple([i for i, delta in enumerate(deltas) if abs(delta) > most])
+
+
+def _surprises(
+    params: EncoderParameters,
+    signs: tuple[int, ...],
+    state: EncodersState,
+    deltas: tuple[int, ...],
+    board_s: float,
+) -> bool:
+    """Whether a wheel is far from where its velocity so far would have taken it."""
+    if params.surprise_rad is None:
+        return False
+    elapsed_s = board_s - state.window[-1].board_s
+    travelled = _radians(params, deltas)
+    expected = [sign * v * elapsed_s for sign, v in zip(signs, _velocity(params, state.window), strict=True)]
+    return any(abs(a - b) > params.surprise_rad for a, b in zip(travelled, expected, strict=True))
 
 
 def _fits(params: EncoderParameters, before: Sample | None, after: Sample) -> bool:

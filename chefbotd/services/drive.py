@@ -200,6 +200,8 @@ class DriveService:
 
     def _refuse_reading(self, event: EncodersCounted, reading: encoder.Reading) -> None:
         self.readings_refused += 1
+        if reading.unconfirmed:  # no fault of anyone's until the next reading has spoken
+            return
         self._keeper.note_jump(reading.jumped)
         names = [self._wheels[index].name for index in reading.jumped]
         self._jump_log.warning(

@@ -183,6 +183,43 @@ def test_one_confirmation_follows_every_jump() -> None:
     assert after.travel_rad == turns(0.01, 0.01)
 
 
+def surprised(*frames: Counts) -> list[Reading]:
+    """Readings after those of a steady turn a second (20 counts a frame), with a surprise at 0.01 turns (10 counts)."""
+    steady = ((0, 0), (20, 20), (40, 40), (60, 60))
+    _, readings = feed(parameters(surprise_rad=0.01 * math.tau), *steady, *frames)
+    return readings[len(steady) :]
+
+
+def test_a_possible_change_that_surprises_waits_for_the_next() -> None:
+    """80 arrives as 180, possible but 100 counts off: not believed; the next is, with the travel of both."""
+    wrong, good = surprised((80, 180), (100, 100))
+    assert (wrong.refused, wrong.unconfirmed, wrong.jumped) == (True, True, ())
+    assert wrong.travel_rad == (0.0, 0.0)
+    assert not good.refused
+    assert good.travel_rad == turns(0.04, 0.04)
+
+
+def test_a_surprise_that_the_next_reading_bears_out_is_believed() -> None:
+    """A wheel that was kicked to 120 counts a frame is a frame late and loses nothing."""
+    first, second = surprised((80, 180), (100, 300))
+    assert first.unconfirmed
+    assert not second.refused
+    assert second.travel_rad == turns(0.04, 0.24)
+
+
+def test_surprises_never_move_the_counters() -> None:
+    """However many in a row disagree with each other, none becomes a new reference."""
+    readings = surprised((80, 180), (100, -120), (120, 260), (140, -150), (160, 160))
+    assert [reading.rebased for reading in readings] == [False] * 5
+    assert readings[-1].position_rad == turns(0.16, 0.16)
+
+
+def test_a_small_change_of_course_is_no_surprise() -> None:
+    """Nine counts off are within the limit and eleven are not."""
+    (within,), (beyond,) = surprised((80, 89)), surprised((80, 91))
+    assert (within.refused, beyond.refused) == (False, True)
+
+
 def test_a_board_reset_does_not_move_the_robot() -> None:
     """After ``rebase`` the counters may start at zero again: positions go on from where they were."""
     state, _ = feed(parameters(), (400, 400), (500, 450))
