@@ -13,9 +13,9 @@ from chefbotd.api.session import Session
 from chefbotd.core.events import ControlChanged
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Lease:
-    """Whose a source is, and since when without a drive."""
+    """Whose a source is, and since when without a drive; one lasts for as long as its holder drives."""
 
     holder: Session
     stamp_s: float
@@ -48,8 +48,10 @@ class Control:
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""
         lease = self._leases.get(source)
-        self._leases[source] = Lease(session, now_s)
-        if lease is None or lease.holder is not session:
+        if lease is not None and lease.holder is session:
+            lease.stamp_s = now_s
+        else:
+            self._leases[source] = Lease(session, now_s)
             self._tell(now_s)
 
     def take(self, source: str, session: Session, now_s: float) -> Session | None:

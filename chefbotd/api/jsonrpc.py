@@ -231,7 +231,8 @@ def encode(message: Mapping[str, object]) -> bytes:
 
 def result(request_id: RequestId, body: bytes) -> bytes:
     """The answer to a call; ``body`` is the result, already JSON."""
-    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (json.dumps(request_id).encode(), body)
+    id_json = b"%d" % request_id if isinstance(request_id, int) else json.dumps(request_id).encode()
+    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (id_json, body)
 
 
 def notification(method: str, body: bytes) -> bytes:

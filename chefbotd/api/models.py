@@ -23,7 +23,9 @@ from chefbotd.motion.pid import PidParameters
 PROTOCOL: Final = "1.0"
 ALL_WHEELS = "all"
 
-_SOURCE = Field(None, min_length=1, max_length=64, description="the robot's own default source, if none is named")
+_SOURCE = Field(
+    None, min_length=1, max_length=64, description="the robot's own default source, if none is named"
+)
 
 
 class Params(BaseModel):
