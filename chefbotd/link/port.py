@@ -127,9 +127,10 @@ def _open(parameters: LinkParameters) -> Any:
     except (ValueError, termios.error) as error:  # the latter when the cable is pulled meanwhile
         raise OSError(f"{device}: {error}") from error
     except OSError as error:
-        if error.errno in IN_USE:
-            raise OSError(error.errno, f"{device} is in use by {owner_of(device)}") from error
-        raise
+        in_use = error.errno in IN_USE
+        raise OSError(
+            f"{device} is in use by {owner_of(device)}" if in_use else f"{device}: {error}"
+        ) from error
 
 
 def _open_tty(parameters: LinkParameters) -> "BriefSerial":

@@ -10,7 +10,9 @@ Duty = tuple[int, ...]
 
 
 class SetpointWriter:
-    """Writes duties at most every ``interval_s``; a stop goes out at once.
+    """Writes duties at most every ``interval_s`` on the whole, two of them close together; a stop goes out at once.
+
+    Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
 
     ``write`` puts one command on the wire and may only be called while the transport has nothing left to send;
     ``idle`` tells whether that is so. Call ``resume`` when the transport has drained.
@@ -26,7 +28,7 @@ class SetpointWriter:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
         self._written: Duty | None = None
-        self._written_s = float("-inf")
+        self._paid_s = float("-inf")
         self._timer: asyncio.TimerHandle | None = None
         self.replaced = 0
 
@@ -36,7 +38,7 @@ class SetpointWriter:
             self.replaced += 1
         self._pending = duty
         stops = not any(duty) and (self._written is None or any(self._written))
-        wait_s = 0.0 if stops else self._written_s + self._interval_s - self._now_s()
+        wait_s = 0.0 if stops else self._paid_s - self._interval_s - self._now_s()
         if wait_s > 0:
             self._wake_in(wait_s)
         else:
@@ -48,7 +50,8 @@ class SetpointWriter:
         if self._pending is None or not self._idle():
             return
         duty, self._pending = self._pending, None
-        self._written, self._written_s = duty, self._now_s()
+        self._written = duty
+        self._paid_s = max(self._paid_s, self._now_s()) + self._interval_s
         self._write(duty)
 
     def withdraw(self) -> None:
