@@ -28,7 +28,7 @@ class SetpointWriter:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
         self._written: Duty | None = None
-        self._paid_s = float("-inf")
+        self._paid_s = float("-inf")  # the lines written so far use up the time until then
         self._timer: asyncio.TimerHandle | None = None
         self.replaced = 0
 

@@ -31,7 +31,7 @@ def test_the_first_setpoint_goes_out_at_once():
 
 
 def test_setpoints_keep_their_distance_and_the_newest_wins():
-    """Ten in 4 ms with 5 ms between lines: the first, and after 5 ms the last; eight were replaced."""
+    """Ten in 4 ms at 5 ms each: two close together, then the last when the first has had its 5 ms."""
 
     async def scenario() -> tuple[list[tuple[float, tuple[int, ...]]], int]:
         wire = Wire()
@@ -41,7 +41,7 @@ def test_setpoints_keep_their_distance_and_the_newest_wins():
         await asyncio.sleep(0.1)
         return wire.written, wire.writer.replaced
 
-    assert run_virtual(scenario()) == ([(0.0, (1, 1)), (0.005, (10, 10))], 8)
+    assert run_virtual(scenario()) == ([(0.0, (1, 1)), (0.0004, (2, 2)), (0.005, (10, 10))], 7)
 
 
 def test_a_stop_does_not_wait():
@@ -56,7 +56,7 @@ def test_a_stop_does_not_wait():
         await asyncio.sleep(0.1)
         return wire.written
 
-    assert run_virtual(scenario()) == [(0.0, (10, 10)), (0.001, (0, 0)), (0.006, (0, 0))]
+    assert run_virtual(scenario()) == [(0.0, (10, 10)), (0.001, (0, 0)), (0.005, (0, 0))]
 
 
 def test_behind_a_slow_reader_only_the_newest_waits():
@@ -84,8 +84,22 @@ def test_a_lost_link_forgets_what_waited():
         wire = Wire()
         wire.writer.offer((1, 1))
         wire.writer.offer((2, 2))
+        wire.writer.offer((3, 3))
         wire.writer.forget()
         await asyncio.sleep(0.1)
         return wire.written
 
-    assert run_virtual(scenario()) == [(0.0, (1, 1))]
+    assert run_virtual(scenario()) == [(0.0, (1, 1)), (0.0, (2, 2))]
+
+
+def test_a_second_of_setpoints_is_two_hundred_lines():
+    """A setpoint every millisecond for a second, 5 ms apiece: 200 lines, and the one that was ahead."""
+
+    async def scenario() -> int:
+        wire = Wire()
+        for number in range(1, 1001):
+            wire.writer.offer((number, number))
+            await asyncio.sleep(0.001)
+        return len(wire.written)
+
+    assert run_virtual(scenario()) == 201
