@@ -36,14 +36,16 @@ class Inbox(Generic[E]):
 
     def put(self, event: E) -> None:
         """Add an event, making room by the inbox's policy."""
+        events, waiter = self._events, self._waiter
         if self._overflow is Overflow.LATEST:
             self._forget_older(type(event))
-        elif len(self._events) == self._size:
-            self.dropped[type(self._events.popleft())] += 1
-        self._events.append(event)
-        self.deepest = max(self.deepest, len(self._events))
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+        elif len(events) == self._size:
+            self.dropped[type(events.popleft())] += 1
+        events.append(event)
+        if len(events) > self.deepest:
+            self.deepest = len(events)
+        if waiter is not None and not waiter.done():
+            waiter.set_result(None)
 
     def _forget_older(self, topic: type[Any]) -> None:
         for index, waiting in enumerate(self._events):

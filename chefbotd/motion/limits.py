@@ -109,6 +109,8 @@ def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: floa
         return state
     linear, angular = params.linear.axis, params.angular.axis
     aim = _within_speeds(linear, angular, target, params.keep_curvature)
+    if state.twist == aim and state.acceleration == STANDING:
+        return state
     if params.keep_curvature and aim != STANDING:
         linear, angular = _in_step(linear, angular, state, aim)
     now, change = state.twist, state.acceleration

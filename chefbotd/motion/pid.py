@@ -68,12 +68,13 @@ def step(
 
     Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated.
     """
-    seen = _observe(params, state, acceleration_m_s2, measured_m_s, max(dt_s, 0.0))
-    demand = _unclamped(params, seen, setpoint_m_s, acceleration_m_s2)
-    growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * max(dt_s, 0.0)
-    integral_duty = _integrate(params, seen.integral_duty, growth, demand, max(dt_s, 0.0))
-    stepped = replace(seen, integral_duty=integral_duty)
-    return stepped, preview(params, stepped, setpoint_m_s, acceleration_m_s2)
+    dt_s = max(dt_s, 0.0)
+    seen = _observe(params, state, acceleration_m_s2, measured_m_s, dt_s)
+    other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2)
+    growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * dt_s
+    integral_duty = _integrate(params, seen.integral_duty, growth, other_duty + seen.integral_duty, dt_s)
+    stepped = PidState(integral_duty, measured_m_s, seen.measured_rate_m_s2, acceleration_m_s2)
+    return stepped, _clamp(other_duty + integral_duty, params.output_limit)
 
 
 def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float) -> float:
@@ -82,14 +83,15 @@ def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceler
     Feedforward and proportional part follow the setpoint at once; integral and derivative wait for the
     encoder.
     """
-    return _clamp(_unclamped(params, state, setpoint_m_s, acceleration_m_s2), params.output_limit)
+    other_duty = _without_integral(params, state, setpoint_m_s, acceleration_m_s2)
+    return _clamp(other_duty + state.integral_duty, params.output_limit)
 
 
 def retune(old: PidParameters, new: PidParameters, state: PidState, setpoint_m_s: float) -> PidState:
     """The state with which new gains put out what the old ones did, within the integral's clamp."""
     kept = preview(old, state, setpoint_m_s, state.acceleration_m_s2)
-    bump = kept - _unclamped(new, state, setpoint_m_s, state.acceleration_m_s2)
-    return replace(state, integral_duty=_clamp(state.integral_duty + bump, _integral_limit(new)))
+    other_duty = _without_integral(new, state, setpoint_m_s, state.acceleration_m_s2)
+    return replace(state, integral_duty=_clamp(kept - other_duty, _integral_limit(new)))
 
 
 def _observe(
@@ -113,10 +115,11 @@ def _integrate(params: PidParameters, integral: float, growth: float, demand: fl
     return _clamp(integral, _integral_limit(params))
 
 
-def _unclamped(
+def _without_integral(
     params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float
 ) -> float:
-    forward = feedforward(params, setpoint_m_s, acceleration_m_s2) + state.integral_duty
+    """Feedforward, proportional and derivative part; not clamped."""
+    forward = feedforward(params, setpoint_m_s, acceleration_m_s2)
     if state.measured_m_s is None:
         return forward
     error_m_s = _error(params, setpoint_m_s, state.measured_m_s)
