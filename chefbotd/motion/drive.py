@@ -101,6 +101,7 @@ class Drive:
         state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
+        dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
         accelerations = self._rim_accelerations(state)
         wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)

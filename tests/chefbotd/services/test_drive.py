@@ -24,6 +24,7 @@ from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Rearm, SafetyParameters
 from chefbotd.services.drive import ControlParameters, DriveService
 from chefbotd.services.safety import SafetyKeeper
@@ -422,6 +423,36 @@ def test_a_control_loop_that_is_cancelled_stops_the_motors():
         await rig.drive_for(0.3)
         rig.task.cancel()
         await asyncio.gather(rig.task, return_exceptions=True)
+        assert rig.duty == (0, 0)
+
+    on_rig(scenario)
+
+
+def test_an_error_while_a_command_is_carried_out_is_told_to_the_caller():
+    """A twist that is no number ends in zero, a latched fault, and an error for the one who asked."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        with pytest.raises(TypeError):
+            rig.service.command("teleop", Twist2D("fast", 0.0))
+        assert rig.duty == (0, 0)
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.DISARMED
+
+    on_rig(scenario)
+
+
+def test_a_fault_reported_from_a_thread_comes_before_the_next_command():
+    """The watchdog's word disarms even if a command is the first thing that the loop gets to see."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        assert rig.service.is_driving
+        rig.service.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "stood still"))
+        with pytest.raises(Refused, match="stood still"):
+            rig.service.command("teleop", AHEAD)
+        await rig.frames(0.01)
         assert rig.duty == (0, 0)
 
     on_rig(scenario)
