@@ -86,6 +86,7 @@ class Daemon:
                 self._stats,
                 Tuning(self.driving),
                 settings.safety.default_source,
+                tuple(settings.safety.sources),
             ),
             self.bus,
             clock,

@@ -19,6 +19,7 @@ from chefbotd.api.roles import Role
 from chefbotd.api.telemetry import StatsData
 from chefbotd.api.topics import link_data, safety_data
 from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D, Twist2D
 
 log = structlog.get_logger(__name__)
@@ -139,7 +140,11 @@ class Methods:
 
     def _take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
-        source = params.source or self._robot.default_source
+        source, known = params.source or self._robot.default_source, self._robot.sources
+        if source not in known:
+            raise Refused(
+                RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(known)}"
+            )
         before = self._control.take(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
         return models.Taken(source=source, taken_from=others)

@@ -19,6 +19,11 @@ class Robot(Protocol):
         """Whose a velocity command is that does not say."""
         ...
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The configured sources of velocity commands."""
+        ...
+
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command from one of the configured sources."""
         ...

@@ -135,6 +135,7 @@ class StatsData(TopicData):
     board_clock_skew_ppm: float | None
     board_clock_jitter_s: float | None
     board_clock_suspects: int
+    encoder_transitions_illegal: int
     bytes_in: int
 
 

@@ -3,12 +3,15 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
 
 import pytest
 from structlog.testing import capture_logs
 
+from chefbotd import app
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
+from chefbotd.settings import SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
@@ -196,3 +199,21 @@ def test_a_driver_is_not_disturbed_by_what_others_send(first: bytes, body: bytes
         assert (await robot.client.get_stats())["clients"] == 1
 
     on_robot(scenario)
+
+
+def test_a_daemon_that_cannot_be_guarded_does_not_start(tmp_path: Path):
+    """Tokens are configured and not there: exit code 78, the log says what to do, and no device was touched."""
+    absent = tmp_path / "tokens"
+    settings = load(overrides={"api.token_file": str(absent), "api.port": 0, "link.device": "/dev/null"})
+    with capture_logs() as logs:
+        assert app.run(settings, simulated=False) == 78
+    assert [entry["event"] for entry in logs] == ["cannot serve"]
+    assert f"{absent}: cannot be read" in logs[0]["error"]
+    assert "openssl rand" in logs[0]["error"]
+
+
+def test_listening_beyond_loopback_without_a_token_is_a_bad_configuration():
+    """``--listen 0.0.0.0:7333`` alone is refused before anything starts, with the keys to set."""
+    with pytest.raises(SettingsError, match=r"api\.host: .*api\.token_file") as caught:
+        load(overrides={"api.host": "0.0.0.0"})
+    assert "127.0.0.1" in str(caught.value)

@@ -94,6 +94,45 @@ def test_a_command_reaches_the_robot_before_it_is_answered(
     assert desk.robot.calls == [call]
 
 
+def test_a_lease_is_taken_and_given_back_by_name() -> None:
+    """The default source if none is named; what nobody had, or we had ourselves, was taken from nobody."""
+    desk = Desk()
+    assert desk.ask("take_control")["result"] == {"source": "teleop", "taken_from": None}
+    assert desk.ask("take_control", source="teleop")["result"]["taken_from"] is None
+    assert desk.ask("take_control", source="navigation")["result"]["source"] == "navigation"
+    assert desk.ask("get_state")["result"]["safety"]["control"] == {
+        "teleop": "127.0.0.1:50000",
+        "navigation": "127.0.0.1:50000",
+    }
+    assert desk.ask("release_control")["result"] == {"sources": ["teleop", "navigation"]}
+    assert desk.robot.calls == [("release", "teleop"), ("release", "navigation")]
+
+
+def test_control_of_a_source_that_there_is_not_is_refused() -> None:
+    """The known ones are listed, and no lease is made."""
+    desk = Desk()
+    error = desk.ask("take_control", source="wheel")["error"]
+    assert (error["data"]["kind"], "safety, teleop, navigation" in error["message"]) == (
+        "unknown_source",
+        True,
+    )
+    assert desk.ask("release_control")["result"] == {"sources": []}
+
+
+def test_a_drive_that_the_robot_refuses_takes_no_lease() -> None:
+    """Who could not drive does not keep others from it."""
+    desk = Desk()
+    desk.robot.answer = Refused(RefusalKind.DISARMED, "not now")
+    assert desk.kind("drive", linear_m_s=0.1, angular_rad_s=0.0) == "disarmed"
+    assert desk.ask("get_state")["result"]["safety"]["control"] == {}
+
+
+@pytest.mark.parametrize("client", ["", "x" * 65, "line\nend", "\x1b[2J", "\x7f"])
+def test_a_name_is_short_and_printable(client: str) -> None:
+    """It is shown on terminals and in logs of others."""
+    assert Desk().kind("introduce", client=client) == "invalid_params"
+
+
 def test_estop_needs_no_reason() -> None:
     """In a hurry, the word alone is enough."""
     desk = Desk()
