@@ -1,0 +1,224 @@
+"""The whole daemon on a bad link: what is damaged, lost, late or not a board at all never moves the robot wrongly."""
+
+import asyncio
+import math
+import random
+from collections.abc import Awaitable, Callable
+
+import pytest
+import structlog
+
+from chefbotd.clock import run_virtual
+from chefbotd.settings import Settings, load
+from chefbotd.sim.faults import BadCable, CableParameters
+from chefbotd.testing.board import ScriptedBoard
+from chefbotd.testing.daemon import SimulatedRobot, running_daemon, simulated_robot
+from chefbotd.testing.transport import FakeSerialDevice
+
+TURN_S = math.tau / 0.7
+
+
+def settings(**board: object) -> Settings:
+    """The packaged robot with a board that does not stop for echoes, or as told."""
+    configured = load()
+    values = {"blocking_ultrasonic": False} | board
+    sim = configured.sim.model_copy(update={"board": configured.sim.board.model_copy(update=values)})
+    return configured.model_copy(update={"sim": sim})
+
+
+def on_robot(scenario: Callable[[SimulatedRobot], Awaitable[None]], **board: object) -> None:
+    """Run a scenario with the board up and the encoders coming in."""
+
+    async def run() -> None:
+        async with simulated_robot(settings(**board)) as robot:
+            await asyncio.sleep(1.0)
+            await scenario(robot)
+
+    run_virtual(run())
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Repeat a command at 20 Hz."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+
+
+async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
+    """A topic's latest data."""
+    return (await robot.client.get_state())["topics"][name]["data"]
+
+
+async def odometry_error_m(robot: SimulatedRobot) -> float:
+    """How far odometry is from the truth."""
+    odometry, true = await topic(robot, "odometry"), robot.board.truth(0.0).world_from_base
+    return math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m))
+
+
+def damage(robot: SimulatedRobot, shares: dict[str, float], seed: int) -> None:
+    """Put a bad cable into both directions."""
+    transport, parameters = robot.device.transport, CableParameters(**shares)
+    heard, said = BadCable(parameters, seed), BadCable(parameters, seed + 1)
+    feed, write = transport.feed, robot.device.on_write
+    transport.feed = lambda data: feed(heard.carry(data))
+    robot.device.on_write = lambda data: write(said.carry(data))
+
+
+@pytest.mark.parametrize("fault", ["flip", "drop", "double"])
+def test_one_byte_in_a_hundred_damaged_moves_nothing_wrongly(fault: str):
+    """36 s of circles with 1 % of all bytes damaged, both ways: no false restart or disarm, odometry within 5 mm."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        damage(robot, {f"{fault}_share": 0.01}, seed=7)
+        worst_m = 0.0
+        for linear_m_s, angular_rad_s in ((0.1, 0.7), (-0.1, -0.7), (0.1, -0.7), (-0.1, 0.7)):
+            for _ in range(9):
+                await drive(robot, linear_m_s, angular_rad_s, TURN_S / 9)
+                worst_m = max(worst_m, await odometry_error_m(robot))
+        await robot.client.stop()
+        await asyncio.sleep(1.0)
+        assert worst_m < 0.02
+        assert await odometry_error_m(robot) < 0.005
+        stats = await robot.client.get_stats()
+        assert sum(stats["refused"].values()) > 100
+        assert stats["board_restarts"] == 0
+        assert (await topic(robot, "safety"))["mode"] == "armed"
+        assert (await topic(robot, "link"))["condition"] == "healthy"
+
+    on_robot(scenario)
+
+
+def test_noise_at_a_megabyte_a_second_moves_nothing():
+    """A second of it: no reading is made up, memory is bounded, the log has two lines and the link is told unhealthy."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        before = await robot.client.get_stats()
+        noise, transport = random.Random(3), robot.device.transport
+        feed, transport.feed = transport.feed, lambda data: None
+        for _ in range(100):
+            feed(noise.randbytes(10_000))
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(1.5)
+        stats = await robot.client.get_stats()
+        assert stats["bytes_in"] - before["bytes_in"] == 1_000_000
+        assert stats["frames"].get("EncoderCounts") == before["frames"]["EncoderCounts"]
+        assert (await topic(robot, "link"))["condition"] == "wrong_baud"
+        transport.feed = feed
+        await asyncio.sleep(1.0)
+        assert (await topic(robot, "link"))["healthy"] is True
+        assert await odometry_error_m(robot) < 1e-6
+
+    with structlog.testing.capture_logs() as written:
+        on_robot(scenario)
+    assert sum(line["event"] == "line refused" for line in written) <= 2
+
+
+@pytest.mark.parametrize(
+    ("said", "condition"),
+    [(b"", "silent"), (b"$GPGGA,123519,N*47\r\n", "wrong_device")],
+    ids=["nothing", "gps"],
+)
+def test_a_port_that_is_no_board_is_told_as_such(said: bytes, condition: str):
+    """Within three seconds the link's topic says what it is, and the log once what was heard."""
+
+    async def run() -> None:
+        device = FakeSerialDevice()
+        async with running_daemon(device) as client:
+            for _ in range(30):
+                device.feed(said)
+                await asyncio.sleep(0.1)
+            link = (await client.get_state())["topics"]["link"]["data"]
+            assert (link["state"], link["healthy"], link["condition"]) == ("up", False, condition)
+
+    with structlog.testing.capture_logs() as written:
+        run_virtual(run())
+    assert [line["condition"] for line in written if "condition" in line] == [condition]
+
+
+def test_a_board_that_does_not_read_gets_the_newest_when_it_does():
+    """Stalled in mid-drive for 2 s: one line was under way; the next one it reads is the newest, which is the stop."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.1, 0.0, 1.0)
+        robot.device.transport.stall()
+        await drive(robot, 0.1, 0.3, 2.0)
+        await robot.client.estop("test")
+        written: list[bytes] = []
+        write = robot.device.on_write
+        robot.device.on_write = lambda data: (written.append(data), write(data))
+        robot.device.transport.drain()
+        await asyncio.sleep(0.05)
+        assert [line.count(b"\r") for line in written[:2]] == [1, 1]
+        assert written[1] == b"s 0 0\r"
+        assert robot.board.duty == (0, 0)
+
+    on_robot(scenario)
+
+
+def test_a_reset_in_the_middle_of_a_line_is_a_restart():
+    """The line is cut, the banner follows at once: the piece is refused, the restart is told, the pose stays."""
+
+    async def run() -> None:
+        device = FakeSerialDevice()
+        board = ScriptedBoard(device)
+        async with running_daemon(device) as client:
+            for number in range(50):
+                board.cycle(number, number)
+                await asyncio.sleep(0.02)
+            before = (await client.get_state())["topics"]["odometry"]["data"]
+            board.say(b"e\t50\t4Initializing I2C devices...\r\n", b"Testing device connections...\r\n")
+            for number in range(50):
+                board.cycle(number, number)
+                await asyncio.sleep(0.02)
+            state, stats = await client.get_state(), await client.get_stats()
+            assert stats["board_restarts"] == 1
+            assert state["safety"]["mode"] == "disarmed"
+            moved_m = state["topics"]["odometry"]["data"]["x_m"] - before["x_m"]
+            assert moved_m == pytest.approx(49 / 4200 * math.pi * 0.09, abs=1e-6)
+
+    run_virtual(run())
+
+
+def test_the_boards_clock_wraps_in_mid_drive():
+    """Two seconds after the start the counter goes over 2^32: no restart, no jump, the speed as asked."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.1, 0.7, 4.0)
+        assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.1, abs=0.005)
+        assert await odometry_error_m(robot) < 0.005
+        stats = await robot.client.get_stats()
+        assert (stats["board_restarts"], stats["board_clock_suspects"]) == (0, 0)
+
+    on_robot(scenario, boot_micros=2**32 - 2_000_000)
+
+
+def test_a_second_of_silence_loses_no_count():
+    """Nothing is heard for a second, as when the ultrasonic hears no echo: every turn of the wheels is counted."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.1, 0.0, 2.0)
+        transport = robot.device.transport
+        feed, transport.feed = transport.feed, lambda data: None
+        await drive(robot, 0.1, 0.0, 1.0)
+        transport.feed = feed
+        await asyncio.sleep(2.0)
+        assert await odometry_error_m(robot) < 0.005
+        assert (await topic(robot, "safety"))["mode"] == "armed"
+
+    on_robot(scenario)
+
+
+def test_a_fault_leaves_the_last_lines_in_the_log():
+    """The cable is pulled: one entry has what was heard and said just before, and why."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.1, 0.0, 3.0)
+        robot.device.unplug()
+        await asyncio.sleep(1.0)
+
+    with structlog.testing.capture_logs() as written:
+        on_robot(scenario)
+    (dump,) = [line for line in written if line["event"] == "lines around a fault"]
+    assert len(dump["lines"]) > 300
+    assert any(" < e\\t" in line for line in dump["lines"])
+    assert any(" > s " in line for line in dump["lines"])
