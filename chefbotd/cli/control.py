@@ -68,6 +68,7 @@ COMMANDS: tuple[click.Command, ...] = (
     ask.describe,
     move.drive,
     move.teleop,
+    move.joystick,
     move.square,
     act.stop,
     act.estop,

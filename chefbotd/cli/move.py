@@ -11,6 +11,8 @@ from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.extras import extra
 from chefbotd.core.geometry import Twist2D
 
+SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
+
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
 @click.argument("linear_m_s", metavar="V", type=finite)
@@ -67,3 +69,41 @@ def teleop(chat: Conversation) -> None:
     with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
     chat.hold(lambda robot: run_screen(robot, str(chat.address)))
+
+
+@click.command()
+@click.option(
+    "--source", metavar="NAME", help="Whose commands these are; joystick, where the robot has that."
+)
+@click.option("--linear", "linear_m_s", metavar="M/S", type=SPEED, default=0.2, show_default=True)
+@click.option("--angular", "angular_rad_s", metavar="RAD/S", type=TURNING, default=0.8, show_default=True)
+@click.option("--turbo", metavar="FACTOR", type=click.FloatRange(1.0, 10.0), default=2.0, show_default=True)
+@click.option("--dead-zone", type=click.FloatRange(0.0, 0.9), default=0.12, show_default=True)
+@click.pass_obj
+def joystick(
+    chat: Conversation,
+    source: str | None,
+    linear_m_s: float,
+    angular_rad_s: float,
+    turbo: float,
+    dead_zone: float,
+) -> None:
+    """Drive by gamepad until interrupted; the robot moves only while the enable button is held.
+
+    The left shoulder button enables, the right one is turbo, the left stick drives, B is the emergency stop, Start arms.
+    """
+    with extra("joystick", "sdl2"):
+        from chefbotd.cli.sdl_pad import HELP, SdlPad
+    from chefbotd.cli.gamepad import PadParameters
+    from chefbotd.cli.joystick import JoystickPilot
+
+    parameters = PadParameters(
+        linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, turbo=turbo, dead_zone=dead_zone
+    )
+    with SdlPad() as pad:
+        click.echo(HELP, err=True)
+        chat.hold(lambda robot: JoystickPilot(robot, pad, _say, parameters, source).run())
+
+
+def _say(text: str) -> None:
+    click.echo(text, err=True)

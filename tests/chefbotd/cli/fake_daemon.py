@@ -38,6 +38,7 @@ class FakeDaemon:
         self.hang_up_on: str | None = None
         self.stuck = self.silent = self.coasts = False
         self.simulated = True
+        self.unknown_sources: set[str] = set()
         self.protocol = "1.0"
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.slip = self.drift_rad_s = 0.0
@@ -137,7 +138,8 @@ class FakeDaemon:
 
     def _answer(self, writer: asyncio.StreamWriter, now_s: float, request: dict[str, Any]) -> dict[str, Any]:
         method, params = request["method"], request["params"]
-        if kind := self.refuse.get(method):
+        known = params.get("source") not in self.unknown_sources
+        if kind := self.refuse.get(method, None if known else "unknown_source"):
             return {"error": {"code": -32000, "message": "it will not", "data": {"kind": kind}}}
         if method == "drive":
             self.twist, self._driven_s = Twist2D(params["linear_m_s"], params["angular_rad_s"]), now_s

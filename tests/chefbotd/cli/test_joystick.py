@@ -1,0 +1,176 @@
+"""A pad driving a robot over the socket, on a virtual clock."""
+
+import asyncio
+import sys
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.cli.gamepad import Button, PadParameters, Reading
+from chefbotd.cli.joystick import JoystickPilot
+from chefbotd.client import Client, ConnectionLost
+from tests.chefbotd.cli.conftest import Control
+from tests.chefbotd.cli.fake_daemon import FakeDaemon
+
+HELD = Reading(1.0, 0.0, frozenset({Button.ENABLE}))
+
+
+class FakePad:
+    """A pad that is as the test says."""
+
+    name = "Pad"
+
+    def __init__(self) -> None:
+        self.reading: Reading | None = Reading()
+
+    def read(self) -> Reading | None:
+        return self.reading
+
+
+Script = Callable[[FakePad], Awaitable[None]]
+
+
+def fly(
+    daemon: FakeDaemon, script: Script, said: list[str] | None = None, source: str | None = None
+) -> list[tuple[float, str, str | None]]:
+    """Drive while ``script`` handles the pad: when what was asked of the daemon, and as whom."""
+
+    async def main() -> float:
+        pad = FakePad()
+        async with Client.connect("127.0.0.1", daemon.port) as robot:
+            say = (said if said is not None else []).append
+            began_s = asyncio.get_running_loop().time()
+            running = asyncio.create_task(JoystickPilot(robot, pad, say, PadParameters(), source).run())
+            await asyncio.sleep(0.05)
+            await script(pad)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            return began_s
+
+    began_s = daemon.run(main())
+    return [(round(at_s - began_s, 2), name, given.get("source")) for at_s, name, given in daemon.calls]
+
+
+async def drive(pad: FakePad) -> None:
+    """The enable button held and the stick pushed for half a second."""
+    pad.reading = HELD
+    await asyncio.sleep(0.5)
+
+
+def test_it_drives_at_20_hz_and_stops(daemon: FakeDaemon) -> None:
+    """Some ten commands in half a second, as ``joystick``; the stop follows within a look of 10 ms."""
+
+    async def script(pad: FakePad) -> None:
+        await drive(pad)
+        pad.reading = Reading()
+        await asyncio.sleep(1.0)
+
+    asked = fly(daemon, script)
+    driven = [call for call in asked if call[1] == "drive"]
+    assert len(driven) == pytest.approx(10, abs=1)
+    assert {source for _, _, source in driven} == {"joystick"}
+    assert [(at_s, name) for at_s, name, _ in asked if name != "drive"] == [
+        (pytest.approx(0.56, abs=0.01), "stop")
+    ]
+
+
+def test_its_end_stops_the_robot(daemon: FakeDaemon) -> None:
+    """Ended while the button is held, its last word is a stop."""
+    assert fly(daemon, drive)[-1][1] == "stop"
+
+
+def test_a_robot_without_that_source(daemon: FakeDaemon) -> None:
+    """Where there is no source ``joystick`` the robot's default one speaks, from the first command on."""
+    daemon.unknown_sources = {"joystick"}
+    said: list[str] = []
+    asked = fly(daemon, drive, said)
+    assert [source for _, name, source in asked if name == "drive"][:3] == ["joystick", None, None]
+    assert said == []
+
+
+def test_a_source_that_was_asked_for(daemon: FakeDaemon) -> None:
+    """It is used, or its absence told: nobody is driven as someone else."""
+    daemon.unknown_sources = {"pilot"}
+    said: list[str] = []
+    asked = fly(daemon, drive, said, source="pilot")
+    assert [source for _, name, source in asked if name == "drive"] == ["pilot"]
+    assert said == ["unknown_source: it will not"]
+
+
+def test_estop_and_arm(daemon: FakeDaemon) -> None:
+    """Each is one call, and told."""
+    said: list[str] = []
+
+    async def script(pad: FakePad) -> None:
+        for button in (Button.ESTOP, Button.ARM):
+            pad.reading = Reading(down=frozenset({button}))
+            await asyncio.sleep(0.1)
+
+    assert [name for _, name, _ in fly(daemon, script, said)] == ["estop", "arm"]
+    assert said == ["Emergency stop; Start arms again.", "Armed."]
+
+
+def test_an_unplugged_pad(daemon: FakeDaemon) -> None:
+    """The robot is stopped, the driver told, and told again when the pad is back."""
+    said: list[str] = []
+
+    async def script(pad: FakePad) -> None:
+        await drive(pad)
+        pad.reading = None
+        await asyncio.sleep(0.1)
+        pad.reading = HELD
+        await asyncio.sleep(0.1)
+
+    assert [name for _, name, _ in fly(daemon, script, said)][-2:] == ["drive", "stop"]
+    assert said == ["Pad is gone: stopped", "Pad is back"]
+
+
+def test_a_refusal_is_told_once(daemon: FakeDaemon) -> None:
+    """One command, one message; the next press tries again."""
+    daemon.refuse["drive"] = "disarmed"
+    said: list[str] = []
+
+    async def script(pad: FakePad) -> None:
+        for one in (HELD, Reading(), HELD):
+            pad.reading = one
+            await asyncio.sleep(0.3)
+
+    assert [name for _, name, _ in fly(daemon, script, said)] == ["drive", "drive"]
+    assert said == ["disarmed: it will not"] * 2
+
+
+def test_no_pad(daemon: FakeDaemon) -> None:
+    """Without a pad to begin with it ends, and says what to look at."""
+
+    async def main() -> None:
+        pad = FakePad()
+        pad.reading = None
+        async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
+            await JoystickPilot(robot, pad, lambda _text: None, PadParameters()).run()
+
+    with pytest.raises(ProgramError, match="no gamepad found"):
+        daemon.run(main())
+
+
+def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
+    """When the daemon goes away the pilot says so."""
+    daemon.hang_up_on = "drive"
+
+    async def main() -> None:
+        pad = FakePad()
+        async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
+            asyncio.get_running_loop().call_later(0.1, setattr, pad, "reading", HELD)
+            await JoystickPilot(robot, pad, lambda _text: None, PadParameters()).run()
+
+    with pytest.raises(ConnectionLost):
+        daemon.run(main())
+
+
+def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SDL the command says what to install, and exits with 7."""
+    monkeypatch.setitem(sys.modules, "sdl2", None)
+    monkeypatch.delitem(sys.modules, "chefbotd.cli.sdl_pad", raising=False)
+    result = control("joystick")
+    assert result.exit_code == Exit.NOT_INSTALLED
+    assert "pip install 'chefbotd[joystick]'" in result.stderr
