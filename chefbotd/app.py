@@ -142,6 +142,7 @@ class Daemon:
             loop_lag_s=loop_lag_s,
             board_clock_skew_ppm=session.clock_skew_ppm,
             board_clock_jitter_s=session.clock_jitter_s,
+            encoder_transitions_illegal=self._quadrature.illegal_transitions,
         )
 
 

@@ -318,4 +318,5 @@ class StatsSampled:
     internal_errors: int = 0
     service_failures: dict[str, int] = field(default_factory=dict)
     board_clock_suspects: int = 0
+    encoder_transitions_illegal: int = 0
     bytes_in: int = 0
