@@ -23,7 +23,7 @@ def simulation_of(settings: Settings) -> SimulationParameters:
     }
     return sim.model_copy(update=parts).with_chassis(
         wheel_radius_m=chassis.wheels[0].radius_m,
-        track_width_m=chassis.track_width_m,
+        track_width_m=chassis.effective_track_m,
         counts_per_turn=settings.encoders.counts_per_turn,
         wheels_per_side=len(chassis.wheels) // 2,
     )

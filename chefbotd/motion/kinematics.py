@@ -33,11 +33,12 @@ class WheelParameters(Parameters):
 class ChassisParameters(Parameters):
     """The wheels, in the order in which the wire counts and commands them, and how far apart the sides are.
 
-    ``track_width_m`` is the effective one, wheel centre to wheel centre: what turning behaves like. The
-    multipliers correct a whole side's radii, as calibration finds them.
+    ``track_width_m`` is measured, wheel centre to wheel centre. The multipliers are what calibration finds: of a whole
+    side's radii, and of the track (a robot whose wheels skid when it turns behaves like a wider one).
     """
 
     track_width_m: float = Field(gt=0, le=5)
+    track_multiplier: float = Field(default=1.0, ge=0.5, le=4.0)
     wheels: tuple[WheelParameters, ...]
     left_radius_multiplier: RadiusMultiplier = 1.0
     right_radius_multiplier: RadiusMultiplier = 1.0
@@ -52,17 +53,22 @@ class ChassisParameters(Parameters):
                 raise ValueError(f"there must be at least one wheel on the {side} side, got {names}")
         return self
 
+    @property
+    def effective_track_m(self) -> float:
+        """How wide the robot is as turning goes."""
+        return self.track_width_m * self.track_multiplier
+
 
 class Kinematics:
     """A chassis' conversions, with what never changes computed once.
 
-    Tuples are per wheel, in the order of the configured wheels; ``radii_m`` are the effective radii.
+    Tuples are per wheel, in the order of the configured wheels; ``radii_m`` and ``track_width_m`` are the effective ones.
     """
 
     def __init__(self, chassis: ChassisParameters) -> None:
         multiplier = {Side.LEFT: chassis.left_radius_multiplier, Side.RIGHT: chassis.right_radius_multiplier}
-        half_track_m = chassis.track_width_m / 2
-        self.track_width_m = chassis.track_width_m
+        self.track_width_m = chassis.effective_track_m
+        half_track_m = self.track_width_m / 2
         self.radii_m = tuple(wheel.radius_m * multiplier[wheel.side] for wheel in chassis.wheels)
         self._levers_m = tuple(-half_track_m if w.side is Side.LEFT else half_track_m for w in chassis.wheels)
         self._left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)

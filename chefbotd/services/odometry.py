@@ -16,7 +16,7 @@ class OdometryService:
         self, bus: Bus, clock: Clock, chassis: ChassisParameters, parameters: OdometryParameters
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
-        self._kinematics, self._track_width_m = Kinematics(chassis), chassis.track_width_m
+        self._kinematics = Kinematics(chassis)
         self._state = odometry.START
         self._inbox: Inbox[WheelsMeasured] = bus.subscribe(WheelsMeasured, size=1024)
 
@@ -37,7 +37,7 @@ class OdometryService:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad)
         twist: Twist2D = self._kinematics.twist(event.velocity_rad_s)
         self._state = odometry.integrate(
-            self._parameters, self._track_width_m, self._state, left_m, right_m, twist
+            self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
 
     def _publish(self, stamp_s: float) -> None:

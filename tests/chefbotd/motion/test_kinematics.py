@@ -106,3 +106,12 @@ def test_the_number_of_angles_is_checked() -> None:
     """Three angles for two wheels are a bug, not a guess."""
     with pytest.raises(ValueError, match="argument"):
         Kinematics(CHEFBOT).side_travel_m((1.0, 2.0, 3.0))
+
+
+def test_a_skidding_robot_is_as_wide_as_it_turns() -> None:
+    """At a multiplier of 1.5 the rims of a 0.2 m track go 0.15 m/s for 1 rad/s, and the way back agrees."""
+    chassis = KHAN.model_copy(update={"track_width_m": 0.2, "track_multiplier": 1.5})
+    skidding = Kinematics(chassis)
+    turn = Twist2D(0.0, 1.0)
+    assert skidding.rim_speeds_m_s(turn) == pytest.approx((-0.15, 0.15, -0.15, 0.15))
+    assert skidding.twist(skidding.wheel_speeds_rad_s(turn)).angular_rad_s == pytest.approx(1.0)
