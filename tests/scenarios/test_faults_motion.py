@@ -235,7 +235,7 @@ def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: st
         assert beam["status"] in ("ok", "too_near")
         assert 0.14 <= (beam["range_m"] or beam["min_range_m"]) <= 0.20
         assert (await safety(robot))["limited_by"] == "obstacle:front"
-        await drive(robot, 0.0, 0.8, 0.5)
+        await drive(robot, 0.0, 0.8, 1.5)
         assert robot.board.truth(0.0).twist.angular_rad_s == pytest.approx(0.8, rel=0.1)
         await drive(robot, -0.2, 0.0, 1.0)
         assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(-0.2, rel=0.05)
