@@ -19,6 +19,7 @@ from chefbotd.clock import Clock, SystemClock
 from chefbotd.core.events import StatsSampled
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import BoardLink, Opener
+from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
@@ -57,7 +58,9 @@ class Daemon:
             variant,
             device=settings.link.device,
             setpoints_per_s=settings.link.setpoints_per_s,
+            judged_after_s=settings.link.judged_after_s,
         )
+        self._fault_log = FaultLog(self.bus, self.session.lines)
         self._link = BoardLink(settings.link, self.session, opener, clock, random.Random())
         self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
@@ -113,6 +116,7 @@ class Daemon:
                 group.create_task(kept("odometry", self._odometry.run))
                 group.create_task(kept("sensors", self._sensors.run))
                 group.create_task(kept("stats", self._stats.run))
+                group.create_task(kept("fault log", self._fault_log.run))
                 for loop in more:
                     group.create_task(loop())
                 group.create_task(insist("link", self._link.run))
@@ -142,7 +146,9 @@ class Daemon:
             loop_lag_s=loop_lag_s,
             board_clock_skew_ppm=session.clock_skew_ppm,
             board_clock_jitter_s=session.clock_jitter_s,
+            board_clock_suspects=session.clock_suspects,
             encoder_transitions_illegal=self._quadrature.illegal_transitions,
+            bytes_in=session.bytes_in,
         )
 
 

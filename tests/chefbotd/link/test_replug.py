@@ -5,6 +5,7 @@ import contextlib
 import os
 import random
 import sys
+import time
 import tty
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ import uvloop
 
 from chefbotd.bus import Bus
 from chefbotd.clock import SystemClock
-from chefbotd.link.port import BriefSerial, LinkParameters, open_port
+from chefbotd.link.port import FLUSH_S, BriefSerial, LinkParameters, open_port
 from chefbotd.link.reconnect import BoardLink
 from chefbotd.link.session import BoardSession
 from firmware_protocol.codec import CLASSIC
@@ -177,3 +178,18 @@ def test_flushing_a_lost_device_is_harmless(cable: Cable):
     port.flush()
     with contextlib.suppress(OSError):
         port.close()
+
+
+class FullPort(BriefSerial):
+    """A port whose kernel buffer a stalled board never empties; a pty has no such buffer."""
+
+    out_waiting = 6
+
+
+def test_a_board_that_never_reads_does_not_keep_us_from_closing(cable: Cable):
+    """Six bytes that do not go: after the twentieth of a second that a stop may take, they are dropped."""
+    port = FullPort(str(cable.path))
+    before_s = time.monotonic()
+    port.flush()
+    assert FLUSH_S <= time.monotonic() - before_s < 1.0
+    port.close()
