@@ -189,6 +189,7 @@ class Tune(RobotScreen):
         self.query_one("#gains", Static).update(self._side())
 
     def _side(self) -> Table:
+        """Gains, and the error of each wheel (its root mean square in rad/s) in the wheel's colour."""
         side = Table.grid(padding=(0, 1))
         excited = " excited" if self._exciter.on else ""
         side.add_row(Text("wheel"), Text(self._wheel + excited, style=Mood.NOTICE))
@@ -196,7 +197,7 @@ class Tune(RobotScreen):
             style = "reverse" if name == self._chosen else Mood.PLAIN
             side.add_row(Text(SHORT.get(name, name), style=style), Text(self._told(name), style=style))
         for wheel, colour in zip(self._trace.wheels, COLOURS, strict=False):
-            rms = f"{self._trace.of(wheel).rms_error_rad_s():.3f} rms error"
+            rms = f"{self._trace.of(wheel).rms_error_rad_s():.3f} rms"
             side.add_row(Text(wheel.removesuffix("_wheel"), style=colour), Text(rms))
         return side
 

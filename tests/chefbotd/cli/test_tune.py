@@ -42,7 +42,7 @@ def test_it_shows_wheels_and_gains(daemon: FakeDaemon) -> None:
     """Every gain with its value, every wheel with its error, and curves in all three plots, at 80x24."""
 
     async def script(screen: Tune, user: Pilot[None]) -> None:
-        await until(user, lambda: "left 0.500 rms error" in side(screen))  # 1.5 asked, 1.0 done, always
+        await until(user, lambda: "left 0.500 rms" in side(screen))  # 1.5 asked, 1.0 done, always
         told = side(screen)
         for words in ("wheel all", "kp 400", "ki 100", "back calc off", "cond int on", "right 0.000 rms"):
             assert words in told
