@@ -42,7 +42,7 @@ async def simulated_robot(settings: Settings | None = None) -> AsyncIterator[Sim
     """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between."""
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
-    board = BoardRunner(build_launchpad(simulation_of(settings)), device.feed, LoopClock())
+    board = BoardRunner(build_launchpad(simulation_of(settings)), lambda data: device.feed(data), LoopClock())
     device.on_write = board.receive
     living = asyncio.create_task(board.run())
     daemon = Daemon(settings, clock=LoopClock(), opener=device.open, simulated=True)
