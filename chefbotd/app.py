@@ -124,7 +124,7 @@ class Daemon:
             self.session.stop_motors()
 
     def _collect_stats(self, stamp_s: float, loop_lag_s: float) -> StatsSampled:
-        session, driving = self.session, self.driving
+        session, clock, driving = self.session, self.session.board_clock, self.driving
         return StatsSampled(
             stamp_s=stamp_s,
             uptime_s=stamp_s - self._started_s,
@@ -144,11 +144,11 @@ class Daemon:
             service_failures=dict(self._supervisor.failures),
             telemetry_dropped=self.server.drops.total(),
             loop_lag_s=loop_lag_s,
-            board_clock_skew_ppm=session.clock_skew_ppm,
-            board_clock_jitter_s=session.clock_jitter_s,
-            board_clock_suspects=session.clock_suspects,
+            board_clock_skew_ppm=clock.relation.skew_ppm,
+            board_clock_jitter_s=clock.relation.jitter_s,
+            board_clock_suspects=clock.suspects,
             encoder_transitions_illegal=self._quadrature.illegal_transitions,
-            bytes_in=session.bytes_in,
+            bytes_in=session.hearing.bytes_in,
         )
 
 

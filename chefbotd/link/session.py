@@ -22,7 +22,8 @@ from chefbotd.core.events import (
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.edges import EdgeBasket
-from chefbotd.link.health import Condition, HealthWatch, Heard, show
+from chefbotd.link.health import Condition, show
+from chefbotd.link.hearing import Hearing
 from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.readings import READINGS, refusal
 from chefbotd.link.ring import LineRing
@@ -33,8 +34,6 @@ from firmware_protocol.codec import Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
 
 log = structlog.get_logger(component="link")
-
-SAMPLE_BYTES = 128
 
 
 class BoardSession(asyncio.Protocol):
@@ -58,9 +57,9 @@ class BoardSession(asyncio.Protocol):
         self._decoder = Decoder(from_board(variant))
         self._encoder = to_board(variant)
         self._transport: asyncio.Transport | None = None
-        self._board_clock = BoardClock()
+        self.board_clock = BoardClock()
         self._cycle_has_time = False
-        self._edges = EdgeBasket(self._board_clock) if variant.speaks(wire.QuadratureEdges) else None
+        self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._setpoints = SetpointWriter(
             self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
         )
@@ -69,12 +68,9 @@ class BoardSession(asyncio.Protocol):
         self._closed = asyncio.Event()
         self._closed.set()
         self._log = RateLimitedLog(log)
-        self._sample = b""
         self.lines = LineRing()
-        self._health = HealthWatch(0.0, Heard(), judged_after_s=judged_after_s)
-        self._judged_after_s = judged_after_s
+        self.hearing = Hearing(self._decoder, judged_after_s=judged_after_s)
         self.opens = 0
-        self.bytes_in = 0
         self.lines_out = 0
         self.board_restarts = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
@@ -96,7 +92,7 @@ class BoardSession(asyncio.Protocol):
         self._cycle_has_time = False
         self.opens += 1
         now_s = self._clock.now_s()
-        self._health = HealthWatch(now_s, self._heard(), judged_after_s=self._judged_after_s)
+        self.hearing.begin(now_s)
         self._bus.publish(LinkOpened(now_s, self._device))
         self.stop_motors()
 
@@ -115,8 +111,7 @@ class BoardSession(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
-        self.bytes_in += len(data)
-        self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+        self.hearing.take(data)
         listened, keep = self._bus.wanted(LineSeen), self.lines.heard.append
         for line, message in self._decoder.feed(data):
             keep((now_s, line))
@@ -127,7 +122,7 @@ class BoardSession(asyncio.Protocol):
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
-        health = self._health.look(now_s, self._heard(), self._sample)
+        health = self.hearing.judge(now_s)
         if health is None or not self.is_open:
             return
         healthy = health.condition is Condition.HEALTHY
@@ -136,11 +131,6 @@ class BoardSession(asyncio.Protocol):
             log.warning(
                 "this does not sound like the board", condition=health.condition, reason=health.reason
             )
-
-    def _heard(self) -> Heard:
-        frames, refused = self._decoder.accepted, self._decoder.malformed.total()
-        lines = sum(frames.values())
-        return Heard(self.bytes_in, lines + refused, lines - frames.get("Text", 0))
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""
@@ -206,12 +196,12 @@ class BoardSession(asyncio.Protocol):
     # What the board says
 
     def _on_time(self, message: wire.BoardTime, now_s: float) -> None:
-        verdict = self._board_clock.observe(message.micros, message.cycle_s, now_s)
+        verdict = self.board_clock.observe(message.micros, message.cycle_s, now_s)
         self._cycle_has_time = verdict is not Verdict.SUSPECT
         if verdict is Verdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
-        if self._edges is not None and not self._board_clock.in_doubt:
-            self._bus.publish(EdgesSeen(now_s, self._board_clock.board_s(now_s), self._edges.empty()))
+        if self._edges is not None and not self.board_clock.in_doubt:
+            self._bus.publish(EdgesSeen(now_s, self.board_clock.board_s(now_s), self._edges.empty()))
 
     def _on_edges(self, message: wire.QuadratureEdges, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
@@ -220,18 +210,18 @@ class BoardSession(asyncio.Protocol):
 
     def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> None:
         """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
-        if self._board_clock.in_doubt:
+        if self.board_clock.in_doubt:
             return
-        board_s = self._board_clock.latest_s if self._cycle_has_time else None
+        board_s = self.board_clock.latest_s if self._cycle_has_time else None
         self._cycle_has_time = False
         if board_s is None:
-            board_s = self._board_clock.board_s(now_s)
+            board_s = self.board_clock.board_s(now_s)
         self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
 
     def _on_banner(self, message: wire.Banner, now_s: float) -> None:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
-        if self._board_clock.latest_s is not None:
-            self._board_clock.restart()
+        if self.board_clock.latest_s is not None:
+            self.board_clock.restart()
             self._restarted(now_s, f"it printed {message.text!r}")
         self._bus.publish(TextReceived(now_s, message.text))
 
@@ -266,21 +256,6 @@ class BoardSession(asyncio.Protocol):
         return {str(reason): n for reason, n in self._decoder.malformed.items()}
 
     @property
-    def clock_suspects(self) -> int:
-        """Readings of the board's clock that disagreed with those before them."""
-        return self._board_clock.suspects
-
-    @property
     def setpoints_replaced(self) -> int:
         """Motor commands that a newer one overtook before they were written."""
         return self._setpoints.replaced
-
-    @property
-    def clock_skew_ppm(self) -> float | None:
-        """How much faster the host's clock runs than the board's."""
-        return self._board_clock.relation.skew_ppm
-
-    @property
-    def clock_jitter_s(self) -> float | None:
-        """How unevenly the board's time arrives."""
-        return self._board_clock.relation.jitter_s
