@@ -9,9 +9,10 @@ ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
 FUZZ_S ?= 60
+SOAK_MINUTES ?= 60
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0
 
-.PHONY: run test check lint format wheel wheel-test bench fuzz clean
+.PHONY: run test check lint format wheel wheel-test bench fuzz soak clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
@@ -51,6 +52,10 @@ fuzz: $(VENV)/ready
 	mkdir -p build/fuzz/decode build/fuzz/request
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
+
+# An hour of simulated driving with seeded faults, on the virtual clock.
+soak: $(VENV)/ready
+	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES)
 
 bench: $(VENV)/ready
 	$(BIN)/python -m benchmarks
