@@ -6,6 +6,7 @@ import random
 import secrets
 import signal
 from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
 from typing import Any
 
 import structlog
@@ -89,6 +90,7 @@ class Daemon:
                 self._stats,
                 Tuning(self.driving),
                 settings.safety.default_source,
+                _description(settings.robot.description),
                 tuple(settings.safety.sources),
             ),
             self.bus,
@@ -150,6 +152,17 @@ class Daemon:
             encoder_transitions_illegal=self._quadrature.illegal_transitions,
             bytes_in=session.hearing.bytes_in,
         )
+
+
+def _description(path: Path | None) -> str | None:
+    """The robot's URDF; one that cannot be read keeps nobody from driving."""
+    if path is None:
+        return None
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        log.warning("the robot's description cannot be read", path=str(path), error=str(error))
+        return None
 
 
 def _drive_service(

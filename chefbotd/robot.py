@@ -25,6 +25,7 @@ class WiredRobot:
     statistics: StatsService
     tuning: Tuning
     default_source: str
+    description: str | None
     sources: tuple[str, ...]
 
     def drive(self, source: str, twist: Twist2D) -> None:

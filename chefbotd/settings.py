@@ -40,10 +40,14 @@ ENVIRONMENT_PREFIX = "CHEFBOTD_"
 
 
 class RobotParameters(Parameters):
-    """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``)."""
+    """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``).
+
+    ``description`` is its URDF: a path from the configuration's folder, or the name of one that comes with chefbotd.
+    """
 
     name: str = Field(default="chefbot", min_length=1)
     wire: str = "classic"
+    description: Path | None = None
 
     @field_validator("wire")
     @classmethod
@@ -164,6 +168,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     dotted = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     for keys, value in (_from_environment() | dotted).items():
         _place(values, keys, value)
+    _locate_description(values, path.parent)
     try:
         return Settings.model_validate(values)
     except ValidationError as error:
@@ -187,6 +192,13 @@ def _place(values: dict[str, Any], keys: tuple[str, ...], value: object) -> None
             raise SettingsError(f"{'.'.join(keys)}: {section} is a value, not a section")
         values = inner
     values[name] = value
+
+
+def _locate_description(values: dict[str, Any], folder: Path) -> None:
+    robot = values.get("robot")
+    if isinstance(robot, dict) and isinstance(named := robot.get("description"), str):
+        beside = folder / named
+        robot["description"] = beside if beside.is_file() else _packaged_folder() / named
 
 
 def _explain(error: ValidationError) -> str:

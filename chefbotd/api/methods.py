@@ -47,6 +47,7 @@ class Methods:
             "authenticate": Method(None, models.AuthenticateParams, models.Known, self._authenticate),
             "introduce": Method(observe, models.IntroduceParams, done, self._introduce),
             "describe": Method(observe, nothing, models.Description, self._describe),
+            "get_description": Method(observe, nothing, models.RobotDescription, self._get_description),
             "ping": Method(observe, nothing, models.Pong, self._ping),
             "get_state": Method(observe, nothing, models.State, self._get_state),
             "get_stats": Method(observe, nothing, StatsData, self._get_stats),
@@ -87,6 +88,10 @@ class Methods:
     def _describe(self, caller: Caller, params: models.NoParams) -> models.Description:
         """Methods, topics and errors, with the JSON Schemas of what they carry."""
         return self._description
+
+    def _get_description(self, caller: Caller, params: models.NoParams) -> models.RobotDescription:
+        """The robot's own description: its links and joints."""
+        return models.RobotDescription(urdf=self._robot.description)
 
     def _ping(self, caller: Caller, params: models.NoParams) -> models.Pong:
         """Answer at once, with the daemon's time."""

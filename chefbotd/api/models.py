@@ -167,6 +167,12 @@ class Released(Result):
     sources: list[str]
 
 
+class RobotDescription(Result):
+    """The robot's links and joints as a URDF document; null where the configuration names none."""
+
+    urdf: str | None
+
+
 class Pong(Result):
     """The daemon lives; ``stamp_s`` is its monotonic time."""
 

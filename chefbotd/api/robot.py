@@ -24,6 +24,11 @@ class Robot(Protocol):
         """The configured sources of velocity commands."""
         ...
 
+    @property
+    def description(self) -> str | None:
+        """The robot's URDF; None where it has none."""
+        ...
+
     def drive(self, source: str, twist: Twist2D) -> None:
         """Take a velocity command from one of the configured sources."""
         ...

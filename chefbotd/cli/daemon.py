@@ -94,8 +94,13 @@ def simulate(
 @click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def check_config(path: Path | None, as_json: bool) -> None:
-    """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to."""
-    values = _load(path, {}).model_dump(mode="json", by_alias=True)
+    """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to.
+
+    The robot's description, if it has one, is held against it: wheel names, radii and track.
+    """
+    settings = _load(path, {})
+    _check_description(settings)
+    values = settings.model_dump(mode="json", by_alias=True)
     if as_json:
         click.echo(json.dumps(values))
     else:
@@ -112,6 +117,20 @@ def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
         return load(path, overrides=overrides)
     except SettingsError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+
+
+def _check_description(settings: "Settings") -> None:
+    from chefbotd.description import Description, DescriptionError, differences
+
+    path = settings.robot.description
+    if path is None:
+        return
+    try:
+        found = differences(Description(path), settings.chassis)
+    except DescriptionError as error:
+        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+    if found:
+        raise ProgramError(Exit.BAD_CONFIGURATION, f"{path}: {'; '.join(found)}")
 
 
 def _assignments(key: str, value: object) -> Iterator[str]:

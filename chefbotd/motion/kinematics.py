@@ -62,7 +62,7 @@ class ChassisParameters(Parameters):
 class Kinematics:
     """A chassis' conversions, with what never changes computed once.
 
-    Tuples are per wheel, in the order of the configured wheels; ``radii_m`` and ``track_width_m`` are the effective ones.
+    Tuples are per wheel, in the order of the configured wheels; radii and track are the effective ones.
     """
 
     def __init__(self, chassis: ChassisParameters) -> None:

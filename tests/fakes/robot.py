@@ -36,6 +36,7 @@ class FakeRobot:
     """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
 
     default_source = "teleop"
+    description: str | None = "<robot name='fake'/>"
     sources = ("safety", "teleop", "navigation")
 
     def __init__(self) -> None:

@@ -44,6 +44,7 @@ def trusting() -> ssl.SSLContext:
 
 CALLS: dict[str, dict[str, Any]] = {
     "describe": {},
+    "get_description": {},
     "ping": {},
     "get_state": {},
     "get_stats": {},
@@ -63,7 +64,7 @@ CALLS: dict[str, dict[str, Any]] = {
     "reset_board": {},
 }
 LISTS = list(CALLS)
-OBSERVING, DRIVING = set(LISTS[:10]), set(LISTS[:15])
+OBSERVING, DRIVING = set(LISTS[:11]), set(LISTS[:16])
 
 
 @pytest.mark.parametrize(

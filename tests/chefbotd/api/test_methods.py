@@ -272,13 +272,30 @@ def test_an_unknown_topic_is_refused_as_a_whole(method: str) -> None:
     assert desk.ask("unsubscribe", topics=["stats"])["result"] == {"topics": []}
 
 
+def test_the_robots_description_is_served() -> None:
+    """The URDF as it stands, and null where there is none."""
+    desk = Desk()
+    assert desk.ask("get_description")["result"] == {"urdf": "<robot name='fake'/>"}
+    desk.robot.description = None
+    assert desk.ask("get_description")["result"] == {"urdf": None}
+
+
+def test_a_command_without_a_source_is_the_default_ones() -> None:
+    """A robot whose people drive by joystick has no teleop: the lease and the command are the joystick's."""
+    desk = Desk()
+    desk.robot.default_source, desk.robot.sources = "joystick", ("joystick",)
+    assert desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["result"] == {"ok": True}
+    assert desk.robot.calls == [("drive", "joystick", Twist2D(0.1, 0.0))]
+    assert desk.ask("take_control")["result"]["source"] == "joystick"
+
+
 def test_describe_covers_the_whole_interface() -> None:
     """Every method, topic, notification and error kind, with schemas that say types, ranges and needs."""
     desk = Desk()
     described = desk.ask("describe")["result"]
     contract = (
-        "authenticate introduce describe ping get_state get_stats subscribe unsubscribe drive take_control "
-        "release_control stop estop arm get_pid set_pid "
+        "authenticate introduce describe get_description ping get_state get_stats subscribe unsubscribe "
+        "drive take_control release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board"
     )
     assert set(described["methods"]) == set(contract.split())
