@@ -3,6 +3,7 @@
 import resource
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 import structlog
 
@@ -99,7 +100,7 @@ class Lobby:
         now_s = self.clock.now_s()
         self._control.expire(now_s)
         for connection in tuple(self._connections):
-            late = connection.session.overdue(now_s, subscribed=self._fanout.is_subscribed(connection))
+            late = connection.session.overdue(now_s, partial(self._fanout.is_subscribed, connection))
             if late is not None and not connection.closing:
                 connection.end(late)
 

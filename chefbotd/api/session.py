@@ -1,5 +1,7 @@
 """One client as the house rules see it: who it is, what it may do, and how long it may take."""
 
+from collections.abc import Callable
+
 from chefbotd.api.bucket import Bucket
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.parameters import ApiParameters
@@ -47,14 +49,14 @@ class Session:
         elif self._unfinished_s is None:
             self._unfinished_s = self._heard_s
 
-    def overdue(self, now_s: float, *, subscribed: bool) -> Failure | None:
-        """What the client has taken too long for, or None."""
+    def overdue(self, now_s: float, subscribed: Callable[[], bool]) -> Failure | None:
+        """What the client has taken too long for, or None; ``subscribed`` is asked only of a silent client."""
         limits = self._parameters
         if self.role is None and now_s - self._came_s > limits.authenticate_s:
             return _timed_out(f"not authenticated within {limits.authenticate_s:g} s")
         if self._unfinished_s is not None and now_s - self._unfinished_s > limits.request_s:
             return _timed_out(f"a request was not complete within {limits.request_s:g} s")
-        if not subscribed and now_s - self._heard_s > limits.idle_s:
+        if now_s - self._heard_s > limits.idle_s and not subscribed():
             return _timed_out(f"neither a request nor a subscription for {limits.idle_s:g} s")
         return None
 

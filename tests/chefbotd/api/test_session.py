@@ -17,7 +17,7 @@ def session(role: Role | None = Role.ADMIN, host: str = "10.0.0.7") -> Session:
 
 def overdue(client: Session, now_s: float, *, subscribed: bool = False) -> str | None:
     """What the client has taken too long for, in words."""
-    failure = client.overdue(now_s, subscribed=subscribed)
+    failure = client.overdue(now_s, lambda: subscribed)
     assert failure is None or failure.kind == ErrorKind.TIMED_OUT
     return None if failure is None else failure.message
 
