@@ -54,6 +54,7 @@ class SafetyKeeper:
         self._link_open = False
         self._reported: Fault | None = None
         self._announced: SafetyChanged | None = None
+        self._said: tuple[str | None, ...] = ()
         self._limited_log = RateLimitedLog(log)
         # Nobody waits for these: they are looked at whenever a decision is made.
         self._readings: Inbox[RangeMeasured | BatteryMeasured] = bus.subscribe(RangeMeasured, BatteryMeasured)
@@ -155,10 +156,11 @@ class SafetyKeeper:
     def announce(self, now_s: float) -> None:
         """Publish the gate's state if it has changed, and log a change of mode."""
         state, decision, told = self._gate, self._decision, self._announced
-        fault, limited_by = state.fault, decision.limited_by
-        event = SafetyChanged(now_s, state.mode, state.reason, decision.source, fault, limited_by)
-        if told is not None and replace(told, stamp_s=now_s) == event:
+        said = (state.mode, state.reason, decision.source, state.fault, decision.limited_by)
+        if said == self._said:
             return
+        self._said, limited_by, fault = said, decision.limited_by, state.fault
+        event = SafetyChanged(now_s, *said)
         self._announced = event
         self._bus.publish(event)
         if limited_by is not None and (told is None or told.limited_by != limited_by):
