@@ -178,7 +178,8 @@ class SafetyKeeper:
             if fault is not None:
                 self.fail(fault)
                 return HALT
-            return Decision(STANDING, decision.source, halted=True, limited_by=ENCODERS_STALE)
+            limited_by = None if decision.source is None else ENCODERS_STALE
+            return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
         if not self._parameters.guard.enabled or decision.twist == STANDING:
             return decision
         twist, sensor = guard.restrain(self._parameters.guard, self._beams, decision.twist, now_s)
