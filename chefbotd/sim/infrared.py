@@ -15,8 +15,8 @@ NEAR_M = np.array([0.00, 0.05, 0.10, 0.13, 0.15])
 NEAR_V = np.array([0.50, 1.30, 2.20, 2.65, 2.75])
 """Before the fold, read off the data sheet's figure."""
 
-FAR_M = np.array([0.15, 0.20, 0.30, 0.40, 0.50, 0.60, 0.80, 1.00, 1.20, 1.50, 2.50])
-FAR_V = np.array([2.75, 2.70, 2.00, 1.55, 1.25, 1.03, 0.78, 0.62, 0.51, 0.40, 0.25])
+FAR_M = np.array([0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.80, 1.00, 1.20, 1.50, 2.50])
+FAR_V = np.array([2.75, 2.70, 2.40, 2.00, 1.55, 1.25, 1.03, 0.78, 0.62, 0.51, 0.40, 0.25])
 """From the fold outwards; between two points the voltage is linear in one over the distance."""
 
 

@@ -144,3 +144,40 @@ def test_gains_of_a_wheel_that_is_not_there(chefbot: Path):
     chefbot.write_text(chefbot.read_text() + OWN_GAINS.format(wheel="third_wheel"))
     with pytest.raises(SettingsError, match=r"wheel_pid: .*the chassis has no wheel third_wheel"):
         load(chefbot)
+
+
+def test_the_packaged_khan_has_the_published_numbers():
+    """Radius 0.03 m, track 0.189 m, 1 m/s, 3 m/s2, 2 rad/s, 6 rad/s2, 0.25 s, and its four sources of 0.5 s each."""
+    settings = load(packaged("khan"))
+    assert {wheel.radius_m for wheel in settings.chassis.wheels} == {0.03}
+    assert [wheel.name for wheel in settings.chassis.wheels] == [
+        "front_left_wheel",
+        "front_right_wheel",
+        "rear_left_wheel",
+        "rear_right_wheel",
+    ]
+    linear, angular = settings.limits.linear, settings.limits.angular
+    assert (linear.max_forward_m_s, linear.acceleration_m_s2) == (1.0, 3.0)
+    assert (angular.max_left_rad_s, angular.acceleration_rad_s2) == (2.0, 6.0)
+    assert (settings.chassis.track_width_m, settings.safety.command_timeout_s) == (0.189, 0.25)
+    sources = {name: (s.priority, s.timeout_s) for name, s in settings.safety.sources.items()}
+    assert sources == {"joystick": (10, 0.5), "marker": (8, 0.5), "move_base": (2, 0.5), "external": (1, 0.5)}
+    assert (settings.ultrasonic, settings.imu, list(settings.range_mounts())) == (None, None, ["front"])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        ({"robot.wire": "morse"}, "robot.wire: .*should be one of classic, four_wheels, khan, khan_edges"),
+        ({"robot.wire": "classic"}, "the wire 'classic' has 2 wheels, the chassis names 4"),
+        ({"ultrasonic": {"name": "front"}}, "range sensors need names of their own, there are front"),
+        (
+            {"infrared": [{"name": "a"}, {"name": "b"}]},
+            r"need analogue inputs of their own, got channels \[0, 0\]",
+        ),
+    ],
+)
+def test_parts_that_do_not_go_together_are_refused(overrides: dict[str, object], told: str):
+    """A wire that is not this robot's, and sensors that could not be told apart."""
+    with pytest.raises(SettingsError, match=told):
+        load(packaged("khan"), overrides=overrides)

@@ -10,20 +10,29 @@ from chefbotd.clock import run_virtual
 from chefbotd.core import events
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.sensors import SensorService
 
 
-def interpreted(*raw: object) -> list[object]:
-    """What the service publishes for raw readings: a 3.3 V reference behind a divider by 5."""
+def interpreted(*raw: object, bare: bool = False) -> list[object]:
+    """What the service publishes for raw readings: a 3.3 V reference behind a divider by 5.
+
+    A ``bare`` robot has nothing but its battery; the other one has infrared sensors on inputs 0 and 3.
+    """
+    infrared = (
+        InfraredParameters(name="left", channel=0, median_window=1),
+        InfraredParameters(name="right", channel=3, median_window=1),
+    )
 
     async def scenario() -> list[object]:
         bus = Bus()
         inbox = bus.subscribe(events.RangeMeasured, events.ImuMeasured, events.BatteryMeasured)
         service = SensorService(
             bus,
-            ultrasonic_parameters=UltrasonicParameters(name="front"),
-            imu_parameters=ImuParameters(),
+            ultrasonic_parameters=None if bare else UltrasonicParameters(name="front"),
+            infrared_parameters=() if bare else infrared,
+            imu_parameters=None if bare else ImuParameters(),
             battery_parameters=BatteryParameters(
                 reference_v=3.3, divider_ratio=5.0, full_v=12.9, empty_v=11.4, hysteresis_v=0.1
             ),
@@ -60,3 +69,29 @@ def test_the_battery_remembers_how_bad_it_was():
     counts = [volts / 16.5 * 4095 for volts in (12.3, 11.94, 12.05, 12.15)]
     levels = interpreted(*(events.BatteryCounted(0.0, adc) for adc in counts))
     assert [str(event.status) for event in levels] == ["ok", "low", "low", "ok"]
+
+
+def test_each_infrared_sensor_has_its_input_and_its_past():
+    """1.25 V are 0.5 m, on whichever input; what was too near on one makes nothing ambiguous on the other."""
+    near, far = 2.74 / 3.3 * 4095, 1.25 / 3.3 * 4095
+    events_ = [events.AnalogueCounted(1.0, 0, near), events.AnalogueCounted(1.1, 3, far)]
+    left, right = interpreted(*events_)
+    assert (left.sensor, str(left.status), left.range_m) == ("left", "too_near", None)
+    assert (right.sensor, right.stamp_s, right.range_m) == ("right", 1.1, pytest.approx(0.5))
+
+
+def test_an_input_without_a_sensor_is_left_alone():
+    """Nothing is configured on input 7."""
+    assert interpreted(events.AnalogueCounted(1.0, 7, 2000.0)) == []
+
+
+def test_a_robot_without_sensors_interprets_its_battery():
+    """What its board sends of others has no meaning for it."""
+    raw = (
+        events.UltrasonicEchoed(1.0, 150),
+        events.AnalogueCounted(1.0, 0, 2000.0),
+        events.OrientationReported(2.0, 0.0, 0.0, 0.71, 0.71),
+        events.BatteryCounted(4.0, 3000.0),
+    )
+    (battery,) = interpreted(*raw, bare=True)
+    assert battery.stamp_s == 4.0

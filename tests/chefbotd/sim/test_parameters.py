@@ -36,6 +36,16 @@ def test_a_chassis_out_of_range_is_refused() -> None:
         SimulationParameters().with_chassis(wheel_radius_m=0, track_width_m=0.3, counts_per_turn=4200)
 
 
+@pytest.mark.parametrize(("wire", "wheels_per_side"), [("classic", 2), ("khan", 1), ("sled", 1)])
+def test_a_wire_that_is_not_the_robots_is_refused(wire: str, wheels_per_side: int) -> None:
+    """Four wheels on the classic wire, two on KHAN's, or no such wire: told with those that there are."""
+    parameters = SimulationParameters.model_validate(
+        {"wire": wire, "body": {"wheels_per_side": wheels_per_side}}
+    )
+    with pytest.raises(ValueError, match=rf"no wire '{wire}' for a robot with .*khan \(4 wheels\)"):
+        build_launchpad(parameters)
+
+
 def test_unknown_keys_are_refused() -> None:
     """A misspelt key in a nested table is named."""
     with pytest.raises(ValidationError, match=r"board\.cycles"):

@@ -205,3 +205,24 @@ def test_a_motor_without_any_damping_coasts_for_ever() -> None:
     motor = MotorParameters(dry_friction_share=1, no_load_current_a=1e-9)
     plant = Plant(motor, HANGING, 0.005)
     assert spin(plant, spinning(3.0, 3.0), None, 1.0).velocity_rad_s == pytest.approx([3.0, 3.0])
+
+
+def test_skid_steer_pays_for_turning_and_not_for_driving() -> None:
+    """Turning on the spot a wheelbase of 0.1 m costs each axle 0.6 * 29.42 N * 0.1 / 0.3 * 0.045 m = 0.2648 N m.
+
+    Against a damping of 0.353 * 1.34645 / 2.4 + 0.0025 = 0.2006 N m s that is 1.320 rad/s; straight on it is nothing.
+    """
+    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005)
+    plain = Plant(MotorParameters(), BodyParameters(), 0.005)
+    turning = (-1023, 1023)
+    slower = spin(plain, plain.standing, turning, 4.0).velocity_rad_s[1]
+    slower -= spin(skidding, skidding.standing, turning, 4.0).velocity_rad_s[1]
+    assert slower == pytest.approx(1.320, abs=0.003)
+    straight = [spin(plant, plant.standing, FULL, 1.0).velocity_rad_s for plant in (skidding, plain)]
+    assert straight[0] == pytest.approx(straight[1])
+
+
+def test_skidding_wheels_come_to_rest() -> None:
+    """Braked out of a turn on the spot they stand, and what drags them sideways does not push them back."""
+    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005)
+    assert not spin(skidding, spinning(3.0, -3.0), (0, 0), 2.0).velocity_rad_s.any()

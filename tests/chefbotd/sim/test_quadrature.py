@@ -1,0 +1,119 @@
+"""The simulated encoders' edges, and the lines that carry them."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chefbotd.motion import quadrature
+from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.quadrature import Edge, EdgeRecorder
+from firmware_protocol.codec import KHAN_EDGES, from_board
+from firmware_protocol.decoder import Decoder
+from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges
+
+TURN_RAD = np.array([math.tau])
+
+
+def recorder() -> EdgeRecorder:
+    """One wheel with eight edges a turn."""
+    return EdgeRecorder(8, 1)
+
+
+def test_a_turn_forward_has_its_edges_in_time_and_order() -> None:
+    """3.5 edges of 8 in 7 ms from half an edge: at 1, 3, 5 and 7 ms, A before B."""
+    watched = recorder()
+    watched.watch(1.0, 1.007, TURN_RAD * 0.5 / 8, TURN_RAD * 4 / 8)
+    (edges,) = watched.take(2.0)
+    assert [edge.levels for edge in edges] == [0b10, 0b11, 0b01, 0b00]
+    assert [edge.at_s for edge in edges] == pytest.approx([1.001, 1.003, 1.005, 1.007])
+
+
+def test_the_way_back_has_the_levels_of_the_way_there() -> None:
+    """From 1.5 edges back to -0.5: over 1 to level 00, over 0 to 01."""
+    watched = recorder()
+    watched.watch(0.0, 0.002, TURN_RAD * 1.5 / 8, TURN_RAD * -0.5 / 8)
+    (edges,) = watched.take(1.0)
+    assert [edge.levels for edge in edges] == [0b00, 0b01]
+    assert [edge.at_s for edge in edges] == pytest.approx([0.0005, 0.0015])
+
+
+def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
+    """What is later stays; a wheel that stands has none."""
+    watched = EdgeRecorder(8, 2)
+    watched.watch(0.0, 0.004, np.array([0.0, 1.0]), np.array([math.tau * 2 / 8, 1.0]))
+    assert watched.take(0.003) == [[Edge(pytest.approx(0.002), 0b10)], []]
+    assert watched.take(0.003) == [[], []]
+    assert [len(edges) for edges in watched.take(0.004)] == [1, 0]
+
+
+@settings(max_examples=50)
+@given(st.lists(st.floats(-3, 3), min_size=1, max_size=20))
+def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) -> None:
+    """However it goes to and fro, the counts are the whole edges between where it began and where it is."""
+    watched, angle = EdgeRecorder(16, 1), 0.001
+    for step, turn in enumerate(turns):
+        watched.watch(step, step + 1, np.array([angle]), np.array([angle + turn]))
+        angle += turn
+    (edges,) = watched.take(len(turns))
+    parameters = quadrature.QuadratureParameters()
+    start = quadrature.decode(parameters, quadrature.START, [quadrature.Edge(-1.0, 0)])
+    state = quadrature.decode(parameters, start, [quadrature.Edge(*edge) for edge in edges])
+    assert (state.counts, state.illegal) == (math.floor(angle * 16 / math.tau), 0)
+
+
+def heard(to_s: float, **board: float) -> list[object]:
+    """What a board of KHAN's says that passes its encoders' edges on, and is told to drive after 1 s."""
+    launchpad = build_launchpad(
+        SimulationParameters.model_validate(
+            {
+                "wire": "khan_edges",
+                "ultrasonic": None,
+                "imu": None,
+                "infrared": [{"channel": 2}],
+                "body": {"wheels_per_side": 2, "counts_per_turn": 800},
+                "board": board,
+            }
+        )
+    )
+    launchpad.receive(b"s 300 300 300 -300\r", 1.0)
+    decoder = Decoder(from_board(KHAN_EDGES))
+    lines = b"".join(line for _, line in launchpad.advance(to_s))
+    messages = [message for _, message in decoder.feed(lines)]
+    assert not decoder.malformed
+    return messages
+
+
+def test_a_cycle_is_its_edges_and_then_its_time() -> None:
+    """Every edge lies between the ``t`` before its line and the ``t`` after it; counts are not sent."""
+    messages = heard(3.0)
+    assert not any(isinstance(message, EncoderCounts) for message in messages)
+    micros, edges = [], 0
+    for message in messages:
+        if isinstance(message, BoardTime):
+            assert all(before <= each <= message.micros for before, each in pairwise(sorted(micros)))
+            assert all(each <= message.micros for each in micros)
+            micros = [message.micros]
+        elif isinstance(message, QuadratureEdges):
+            assert message.micros >= micros[0]
+            micros.append(message.micros + sum(message.gaps_us))
+            edges += len(message.states)
+    assert edges > 100
+
+
+def test_a_fast_wheel_fills_its_lines() -> None:
+    """With a cycle of 0.1 s some bursts need more than one line of 16 edges, whose times go on from one to the next."""
+    bursts = [message for message in heard(4.0, cycle_s=0.1) if isinstance(message, QuadratureEdges)]
+    assert max(len(burst.states) for burst in bursts) == 16
+    left = [burst for burst in bursts if burst.wheel == 0]
+    ends = [(burst.micros, burst.micros + sum(burst.gaps_us)) for burst in left]
+    assert all(end <= start for (_, end), (start, _) in pairwise(ends))
+
+
+def test_a_board_says_nothing_of_what_is_not_wired_to_it() -> None:
+    """Without ultrasonic and IMU a cycle is edges, t, s, a, b."""
+    names = {type(message).__name__ for message in heard(2.0)}
+    assert names == {"Banner", "QuadratureEdges", "BoardTime", "DutyEcho", "AnalogueLevel", "BatteryLevel"}
