@@ -4,6 +4,7 @@ Two occasions step it. An encoder frame runs everything (``regulate``). A new co
 needs no measurement: limiter, feedforward and the proportional term (``retarget``); integral and derivative wait.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from pydantic import Field
@@ -85,7 +86,7 @@ class Drive:
             return self.halt(state)
         accelerations = self._rim_accelerations(state)
         wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, strict=True)
-        return self._command(state, tuple(pid.preview(*wheel) for wheel in wheels))
+        return replace(state, duty=self._duty([pid.preview(*wheel) for wheel in wheels]))
 
     def regulate(
         self,
@@ -106,9 +107,16 @@ class Drive:
         accelerations = self._rim_accelerations(state)
         wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
         steps = [pid.step(*wheel, dt_s) for wheel in wheels]
-        state = replace(state, pids=tuple(step[0] for step in steps))
-        outputs = tuple(step[1] for step in steps)
-        return self._command(self._share_out(state, outputs, speeds_m_s, dt_s), outputs)
+        outputs = tuple([step[1] for step in steps])
+        share = self._share_left(state, outputs, speeds_m_s, dt_s)
+        return DriveState(
+            tuple([step[0] for step in steps]),
+            self._duty(outputs),
+            state.limiter,
+            state.stepped_s,
+            share,
+            state.setpoint_m_s,
+        )
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""
@@ -119,11 +127,11 @@ class Drive:
 
     def rim_speeds_m_s(self, velocity_rad_s: tuple[float, ...]) -> tuple[float, ...]:
         """Wheel speeds at the rim."""
-        return tuple(w * r for w, r in zip(velocity_rad_s, self._kinematics.radii_m, strict=True))
+        return tuple([w * r for w, r in zip(velocity_rad_s, self._kinematics.radii_m, strict=True)])
 
     def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
         """What each wheel is asked to turn at."""
-        return tuple(v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True))
+        return tuple([v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True)])
 
     def effort(self, state: DriveState) -> tuple[float, ...]:
         """The duty in force per wheel as a share of its range, positive where it pushes forward."""
@@ -133,11 +141,12 @@ class Drive:
     def _ramp(self, state: DriveState, target: Twist2D, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
-        target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
+        if state.share < 1.0:
+            target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
         limits = self._limits_apart if apart else self._limits
         limiter = limit(limits, state.limiter, target, min(elapsed_s, self._parameters.longest_step_s))
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
-        return replace(state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint)
+        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint)
 
     @staticmethod
     def _rests(state: DriveState, target: Twist2D) -> bool:
@@ -146,19 +155,18 @@ class Drive:
     def _rim_accelerations(self, state: DriveState) -> tuple[float, ...]:
         return self._kinematics.rim_speeds_m_s(state.limiter.acceleration)
 
-    def _command(self, state: DriveState, outputs: tuple[float, ...]) -> DriveState:
-        duty = tuple(round(u) * sign for u, sign in zip(outputs, self._motor_signs, strict=True))
-        return replace(state, duty=duty)
+    def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
+        wheels = zip(outputs, self._motor_signs, strict=True)
+        return tuple([round(output) * sign for output, sign in wheels])
 
-    def _share_out(
-        self, state: DriveState, outputs: tuple[float, ...], speeds_m_s: tuple[float, ...], dt_s: float
-    ) -> DriveState:
+    def _share_left(
+        self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float
+    ) -> float:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
-        wheels = zip(self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True)
-        lags = any(
-            abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S
-            for gains, output, setpoint, speed in wheels
-        )
-        change = -self._parameters.yield_per_s if lags else self._parameters.regain_per_s
-        share = min(1.0, max(LEAST_SHARE, state.share + change * dt_s))
-        return state if share == state.share else replace(state, share=share)
+        change = self._parameters.regain_per_s
+        for gains, output, setpoint, speed in zip(
+            self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
+        ):
+            if abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S:
+                change = -self._parameters.yield_per_s
+        return min(1.0, max(LEAST_SHARE, state.share + change * dt_s))

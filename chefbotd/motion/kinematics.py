@@ -77,7 +77,7 @@ class Kinematics:
     def rim_speeds_m_s(self, twist: Twist2D) -> tuple[float, ...]:
         """How fast each wheel's rim must roll over the ground for the robot to move so."""
         linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
-        return tuple(linear_m_s + angular_rad_s * lever_m for lever_m in self._levers_m)
+        return tuple([linear_m_s + angular_rad_s * lever_m for lever_m in self._levers_m])
 
     def wheel_speeds_rad_s(self, twist: Twist2D) -> tuple[float, ...]:
         """How fast each wheel must turn for the robot to move so."""
