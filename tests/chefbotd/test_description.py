@@ -7,8 +7,11 @@ from click.testing import CliRunner
 
 from chefbotd.cli.daemon import main
 from chefbotd.cli.exits import Exit
+from chefbotd.clock import run_virtual
 from chefbotd.description import Description, DescriptionError, differences
-from chefbotd.settings import load, packaged
+from chefbotd.settings import Settings, load, packaged
+from chefbotd.testing.daemon import running_daemon
+from chefbotd.testing.transport import FakeSerialDevice
 
 KHAN = load(packaged("khan")).chassis
 
@@ -151,3 +154,27 @@ def test_check_config_takes_the_description_beside_the_file_first(tmp_path: Path
 def test_a_robot_need_not_be_described(tmp_path: Path) -> None:
     """Without the key there is nothing to hold against it."""
     assert checked(tmp_path, change=('description = "khan.urdf"', ""))[0] == Exit.OK
+
+
+def served(settings: Settings) -> str | None:
+    """What a daemon with this configuration answers to ``get_description``."""
+
+    async def scenario() -> str | None:
+        async with running_daemon(FakeSerialDevice(), settings) as client:
+            urdf: str | None = (await client.call("get_description"))["urdf"]
+            return urdf
+
+    return run_virtual(scenario())
+
+
+def test_the_daemon_serves_the_description_as_it_stands() -> None:
+    """ChefBot's own, byte for byte."""
+    assert served(load()) == urdf_of("chefbot").read_text()
+
+
+@pytest.mark.parametrize("named", [None, Path("absent.urdf")])
+def test_a_daemon_without_a_description_runs_and_says_so(named: Path | None) -> None:
+    """Whether none is named or it cannot be read: null."""
+    settings = load()
+    robot = settings.robot.model_copy(update={"description": named})
+    assert served(settings.model_copy(update={"robot": robot})) is None
