@@ -20,8 +20,8 @@ class EncoderParameters(Parameters):
 
     ``confirmations`` refused readings in a row that agree with each other mean that the counters themselves
     have moved. A velocity is the mean over the last ``velocity_window`` readings, and zero below
-    ``standstill_rad_s``. A wheel that is more than ``surprise_rad`` from where that velocity would have taken it is
-    believed only when the next reading bears it out (None: at once).
+    ``standstill_rad_s``. A wheel that would have had to accelerate by more than ``max_acceleration_rad_s2`` to be where
+    it is read is believed only when the next reading bears it out (None: at once).
     """
 
     counts_per_turn: float = Field(gt=0, le=1e9)
@@ -31,7 +31,7 @@ class EncoderParameters(Parameters):
     velocity_window: int = Field(default=5, ge=2, le=100)
     standstill_rad_s: float = Field(default=0.0, ge=0)
     confirmations: int = Field(default=3, ge=1, le=1000)
-    surprise_rad: float | None = Field(default=None, gt=0, le=100)
+    max_acceleration_rad_s2: float | None = Field(default=None, gt=0, le=1e5)
 
 
 class Sample(NamedTuple):
@@ -188,13 +188,21 @@ def _surprises(
     deltas: tuple[int, ...],
     board_s: float,
 ) -> bool:
-    """Whether a wheel is far from where its velocity so far would have taken it."""
-    if params.surprise_rad is None:
+    """Whether a wheel is farther from where its velocity would have taken it than its acceleration allows.
+
+    The velocity is the window's mean, so half of the window's age: it may have changed by ``a (span + elapsed) / 2``.
+    """
+    if params.max_acceleration_rad_s2 is None:
         return False
     elapsed_s = board_s - state.window[-1].board_s
-    travelled = _radians(params, deltas)
-    expected = [sign * v * elapsed_s for sign, v in zip(signs, _velocity(params, state.window), strict=True)]
-    return any(abs(a - b) > params.surprise_rad for a, b in zip(travelled, expected, strict=True))
+    span_s = board_s - state.window[0].board_s
+    radians_per_count = math.tau / params.counts_per_turn
+    tolerance_rad = params.max_acceleration_rad_s2 * elapsed_s * span_s / 2
+    tolerance = tolerance_rad / radians_per_count + params.slack_counts
+    for sign, delta, velocity_rad_s in zip(signs, deltas, _velocity(params, state.window), strict=True):
+        if abs(sign * delta - velocity_rad_s * elapsed_s / radians_per_count) > tolerance:
+            return True
+    return False
 
 
 def _fits(params: EncoderParameters, before: Sample | None, after: Sample) -> bool:

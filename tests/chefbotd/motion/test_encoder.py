@@ -184,9 +184,12 @@ def test_one_confirmation_follows_every_jump() -> None:
 
 
 def surprised(*frames: Counts) -> list[Reading]:
-    """Readings after those of a steady turn a second (20 counts a frame), with a surprise at 0.01 turns (10 counts)."""
+    """Readings after those of a steady turn a second (20 counts a frame).
+
+    12.5 turns/s² over a window of 60 ms and a frame of 20 ms are 12.5 * 0.02 * 0.08 / 2 = 0.01 turns, or 10 counts.
+    """
     steady = ((0, 0), (20, 20), (40, 40), (60, 60))
-    _, readings = feed(parameters(surprise_rad=0.01 * math.tau), *steady, *frames)
+    _, readings = feed(parameters(max_acceleration_rad_s2=12.5 * math.tau), *steady, *frames)
     return readings[len(steady) :]
 
 
