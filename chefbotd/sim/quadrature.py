@@ -28,10 +28,7 @@ class EdgeRecorder:
         """The wheels turned so in this time, each evenly."""
         angles = zip(before_rad.tolist(), after_rad.tolist(), self._edges, strict=True)
         for before, after, edges in angles:
-            if before != after:
-                edges.extend(
-                    _edges(from_s, to_s, before * self._counts_per_rad, after * self._counts_per_rad)
-                )
+            edges.extend(_edges(from_s, to_s, before * self._counts_per_rad, after * self._counts_per_rad))
 
     def take(self, to_s: float) -> list[list[Edge]]:
         """Each wheel's edges up to this time, and not again."""
@@ -40,8 +37,10 @@ class EdgeRecorder:
 
 def _edges(from_s: float, to_s: float, before: float, after: float) -> list[Edge]:
     """Where an angle in counts crosses whole numbers, in the order in which it does."""
-    per_count_s = (to_s - from_s) / (after - before)
     first, last = math.floor(before), math.floor(after)
+    if first == last:
+        return []
+    per_count_s = (to_s - from_s) / (after - before)
     if last > first:
         crossed = [(n, n) for n in range(first + 1, last + 1)]
     else:
