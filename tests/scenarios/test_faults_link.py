@@ -10,10 +10,10 @@ import structlog
 
 from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load
-from chefbotd.sim.faults import BadCable, CableParameters
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import SimulatedRobot, running_daemon, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.scenarios.wires import damage
 
 TURN_S = math.tau / 0.7
 
@@ -53,15 +53,6 @@ async def odometry_error_m(robot: SimulatedRobot) -> float:
     """How far odometry is from the truth."""
     odometry, true = await topic(robot, "odometry"), robot.board.truth(0.0).world_from_base
     return math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m))
-
-
-def damage(robot: SimulatedRobot, shares: dict[str, float], seed: int) -> None:
-    """Put a bad cable into both directions."""
-    transport, parameters = robot.device.transport, CableParameters(**shares)
-    heard, said = BadCable(parameters, seed), BadCable(parameters, seed + 1)
-    feed, write = transport.feed, robot.device.on_write
-    transport.feed = lambda data: feed(heard.carry(data))
-    robot.device.on_write = lambda data: write(said.carry(data))
 
 
 @pytest.mark.parametrize("fault", ["flip", "drop", "double"])

@@ -11,12 +11,12 @@ from chefbotd.core.events import BatteryCounted, EncodersCounted
 from chefbotd.services.supervisor import ServiceLost
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.scenarios.wires import Rewrite, frozen, jumping, reversed_from_now, rewire
 
 ROBOTS = ["chefbot", "khan"]
 STILL_M_S = 0.005
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
-Rewrite = Callable[[list[bytes]], list[bytes] | None]
 
 
 def on_robot(name: str, scenario: Scenario, **overrides: object) -> None:
@@ -29,20 +29,6 @@ def on_robot(name: str, scenario: Scenario, **overrides: object) -> None:
             await scenario(robot)
 
     run_virtual(run())
-
-
-def rewire(robot: SimulatedRobot, kind: bytes, rewrite: Rewrite) -> None:
-    """From now on the fields of these lines pass through ``rewrite``; None is a line that never comes."""
-    feed = robot.device.transport.feed
-
-    def line(text: bytes) -> bytes:
-        fields = text.split(b"\t")
-        if fields[0] != kind:
-            return text + b"\n"
-        changed = rewrite(fields[1:])
-        return b"" if changed is None else b"\t".join([kind, *changed]) + b"\n"
-
-    robot.device.transport.feed = lambda data: feed(b"".join(line(t) for t in data.splitlines()))
 
 
 async def drive(
@@ -84,41 +70,6 @@ async def left_by_arm(robot: SimulatedRobot, fault: str) -> str:
     assert await drive(robot, 0.2, 0.0, 1.0) is None
     assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
     return told["reason"]
-
-
-def frozen(index: int) -> Rewrite:
-    """An encoder that was unplugged: its counts stand still."""
-    kept: list[bytes] = []
-
-    def rewrite(counts: list[bytes]) -> list[bytes]:
-        kept[:] = kept or [counts[index]]
-        return [*counts[:index], kept[0], *counts[index + 1 :]]
-
-    return rewrite
-
-
-def reversed_from_now(index: int) -> Rewrite:
-    """An encoder whose two channels were exchanged: it counts backwards from where it is."""
-    start: list[int] = []
-
-    def rewrite(counts: list[bytes]) -> list[bytes]:
-        start[:] = start or [int(counts[index])]
-        backwards = b"%d" % (2 * start[0] - int(counts[index]))
-        return [*counts[:index], backwards, *counts[index + 1 :]]
-
-    return rewrite
-
-
-def jumping(index: int) -> Rewrite:
-    """An encoder whose every reading is somewhere else."""
-    seen: list[bytes] = []
-
-    def rewrite(counts: list[bytes]) -> list[bytes]:
-        seen.append(counts[index])
-        elsewhere = b"%d" % (int(counts[index]) + 100_000 * (-1) ** len(seen) * len(seen))
-        return [*counts[:index], elsewhere, *counts[index + 1 :]]
-
-    return rewrite
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
