@@ -70,11 +70,14 @@ def see(beams: Beams, measured: RangeMeasured) -> Beams:
     )
 
 
+MAYBE_NEAR = frozenset({RangeStatus.TOO_NEAR, RangeStatus.AMBIGUOUS})
+
+
 def _distance_m(measured: RangeMeasured) -> float:
-    """Too near is no distance at all; too far and no echo are a free way."""
+    """What may be near is no distance at all; too far and no echo are a free way."""
     if measured.range_m is not None:
         return measured.range_m
-    return 0.0 if measured.status is RangeStatus.TOO_NEAR else math.inf
+    return 0.0 if measured.status in MAYBE_NEAR else math.inf
 
 
 def restrain(
