@@ -1,0 +1,154 @@
+"""The real program in a process of its own, on a real pty with the simulated robot behind it, as users start it."""
+
+import asyncio
+import socket
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from chefbotd.client import CallError, Client
+from chefbotd.clock import SystemClock
+from chefbotd.settings import load, packaged
+from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.parameters import build_launchpad
+from chefbotd.sim.pty import PtyBoard
+from chefbotd.simulation import simulation_of
+
+PATIENCE_S = 15.0
+SPEED_M_S = 0.2
+PERIOD_S = 0.02
+
+# A fault of the program itself is a few lines of Python before its start.
+BLOCKED = "import time; robot.WiredRobot.stats = lambda self: time.sleep(1.0)"
+OUT_OF_MEMORY = "robot.WiredRobot.stats = lambda self: bytearray(1 << 60)"
+BROKEN_SERVICE = """
+from chefbotd.services import odometry
+async def broken(self): raise RuntimeError("broken")
+odometry.OdometryService.run = broken
+"""
+
+
+class Board:
+    """The simulated board on a pty; keeps every line that it hears, with the time."""
+
+    def __init__(self, robot: str, device: Path) -> None:
+        self.device = device
+        self.heard: list[tuple[float, bytes]] = []
+        self._rest = b""
+        self._pty = PtyBoard(self._hear, device)
+        parameters = simulation_of(load(packaged(robot)))
+        self._stop = b"s" + b" 0" * parameters.body.wheel_count
+        self._runner = BoardRunner(build_launchpad(parameters), self._pty.send, SystemClock())
+
+    @property
+    def told_to_move(self) -> bool:
+        """Whether the command now in force is none and no stop."""
+        return bool(self.heard) and not self.is_stop(self.heard[-1][1])
+
+    @property
+    def speed_m_s(self) -> float:
+        """How fast the robot really goes."""
+        return abs(self._runner.truth(0.0).twist.linear_m_s)
+
+    def is_stop(self, line: bytes) -> bool:
+        """Whether this is zero for every wheel."""
+        return line == self._stop
+
+    @asynccontextmanager
+    async def plugged(self) -> AsyncIterator[None]:
+        """Powered and plugged in while the context lasts."""
+        self._pty.plug()
+        living = asyncio.create_task(self._runner.run())
+        try:
+            yield
+        finally:
+            living.cancel()
+            await asyncio.gather(living, return_exceptions=True)
+            self._pty.unplug()
+
+    def _hear(self, data: bytes) -> None:
+        *lines, self._rest = (self._rest + data).split(b"\r")
+        self.heard += [(time.monotonic(), line) for line in lines]
+        self._runner.receive(data)
+
+
+@dataclass
+class Program:
+    """The daemon's process, its board, where it listens, and its log."""
+
+    process: asyncio.subprocess.Process
+    board: Board
+    port: int
+    log: Path
+
+    async def ended(self) -> int:
+        """Its exit code, once the board has heard the last of it."""
+        async with asyncio.timeout(PATIENCE_S):
+            code = await self.process.wait()
+        await asyncio.sleep(2 * PERIOD_S)
+        return code
+
+    @asynccontextmanager
+    async def client(self) -> AsyncIterator[Client]:
+        """A client, once the daemon listens."""
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", self.port)).close()
+                break
+            except ConnectionRefusedError:
+                await asyncio.sleep(PERIOD_S)
+        async with Client.connect("127.0.0.1", self.port) as client:
+            yield client
+
+
+@asynccontextmanager
+async def started(folder: Path, fault: str = "", robot: str = "chefbot") -> AsyncIterator[Program]:
+    """Start the daemon with a fault in it; at the end it is killed if it has not ended."""
+    board, log, port = Board(robot, folder / "board"), folder / "log", _free_port()
+    program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.daemon import main\nmain()"
+    where = ("--port", str(board.device), "--listen", f"127.0.0.1:{port}")
+    async with board.plugged():
+        with log.open("wb") as sink:
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", program, "run", "--config", str(packaged(robot)), *where, stderr=sink
+            )
+        try:
+            yield Program(process, board, port, log)
+        finally:
+            if process.returncode is None:
+                process.kill()
+                await process.wait()
+
+
+@asynccontextmanager
+async def driving(
+    folder: Path, fault: str = "", robot: str = "chefbot"
+) -> AsyncIterator[tuple[Program, Client]]:
+    """Start the daemon, and drive until it moves."""
+    async with (
+        asyncio.timeout(PATIENCE_S),
+        started(folder, fault, robot) as program,
+        program.client() as client,
+    ):
+        while not program.board.told_to_move:
+            await _drive_once(client)
+            await asyncio.sleep(PERIOD_S)
+        yield program, client
+
+
+async def _drive_once(client: Client) -> None:
+    """Nobody drives a robot whose board is not heard yet."""
+    try:
+        await client.drive(SPEED_M_S, 0.0)
+    except CallError as refusal:
+        if refusal.kind != "link_down":
+            raise
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
