@@ -1,5 +1,6 @@
 """From a request's line to its answer: parse, admit, check, carry out; every way to fail has an answer."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 
@@ -16,6 +17,9 @@ from chefbotd.core.commands import Refused
 
 log = structlog.get_logger(__name__)
 
+FOREIGN = re.compile(rb"HTTP/[0-9]|\ASSH-|[\x00-\x08\x0e-\x1f]")
+"""What no line of JSON that was merely mistyped has in it."""
+
 NOT_JSON = {kind for kind, error in ERRORS.items() if error.code == ERRORS[ErrorKind.PARSE_ERROR].code}
 WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 
@@ -31,22 +35,19 @@ class Dispatcher:
         """Carry out one line, and answer it unless it is a notification."""
         request = jsonrpc.parse(line)
         if isinstance(request, Failure):
-            self._refuse(caller, request, wants_answer=True)
+            self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
         caller.session.proven = True
         failure = self._carry_out(caller, request)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
 
-    def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool) -> None:
-        """Say what is wrong, and end a connection that is hopeless.
-
-        Whose first line is not JSON speaks another protocol: a browser that was made to post commands here, TLS, noise.
-        """
+    def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool, foreign: bool = False) -> None:
+        """Say what is wrong, and end a connection that is hopeless: one that has only ever spoken another protocol."""
         session = caller.session
         if failure.kind in WASTED and not session.forgive(self._clock.now_s()):
             failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this went on for too long", failure.id)
-        if ERRORS[failure.kind].closes or (failure.kind in NOT_JSON and not session.proven):
+        if ERRORS[failure.kind].closes or (foreign and not session.proven):
             caller.end(failure)
         elif wants_answer:
             caller.reply(jsonrpc.error(failure))
@@ -90,6 +91,13 @@ class Dispatcher:
                 ErrorKind.FORBIDDEN, f"{request.method} needs the role {method.role}, not {session.role}"
             )
         return method
+
+
+def _is_foreign(line: bytes | bytearray, failure: Failure) -> bool:
+    """Whether a refused line is of another protocol: of a browser made to post commands here, of TLS, of noise."""
+    if failure.kind is ErrorKind.NOT_UTF8:
+        return True
+    return failure.kind is ErrorKind.PARSE_ERROR and FOREIGN.search(line) is not None
 
 
 def _checked(method: Method, request: Request) -> Params:

@@ -30,9 +30,9 @@ class ApiParameters(Parameters):
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
     requests_per_turn: int = Field(32, ge=1, le=1024, description="then others have a turn")
     requests_per_s: float = Field(
-        250.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
+        2000.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
     )
-    requests_burst: int = Field(500, ge=1, le=1_000_000, description="how many may come at once")
+    requests_burst: int = Field(2000, ge=1, le=1_000_000, description="how many may come at once")
     write_buffer_bytes: int = Field(
         32_768, ge=4096, le=1 << 24, description="unread output before telemetry waits"
     )

@@ -46,7 +46,6 @@ OTHER_PROTOCOLS = {
     "HTTP": b"POST / HTTP/1.1\r\nHost: 127.0.0.1:7333\r\nContent-Type: text/plain\r\n\r\n" + STOP,
     "TLS": bytes.fromhex("16030100c8010000c40303") + bytes(range(190)) + b"\n" + STOP,
     "SSH": b"SSH-2.0-OpenSSH_9.6\r\n" + STOP,
-    "words": b"go forward\n" + STOP,
     "bytes": bytes(range(255, 0, -1)) + b"\n" + STOP,
     "NULs": b"\0" * 500 + b"\n" + STOP,
 }
@@ -64,13 +63,21 @@ def test_whoever_speaks_another_protocol_is_cut_off_at_once(said: bytes) -> None
     with_client(scenario)
 
 
-def test_a_slip_is_forgiven_to_whoever_has_spoken_json() -> None:
-    """After one good request a line that is no JSON costs an error, not the connection."""
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        (b"oops", "parse_error"),
+        (b'{"a":', "parse_error"),
+        (b'{"a":NaN}', "non_finite_number"),
+        (b"[1]", "invalid_request"),
+    ],
+)
+def test_a_slip_is_forgiven_also_in_the_first_line(said: bytes, kind: str) -> None:
+    """Mistyped JSON, or words, cost an error and not the connection."""
 
     async def scenario(_: Served, client: LineClient) -> None:
-        await client.ask("ping")
-        client.send(b"oops")
-        assert (await client.read())["error"]["data"]["kind"] == "parse_error"
+        client.send(said)
+        assert (await client.read())["error"]["data"]["kind"] == kind
         assert "result" in await client.ask("ping")
 
     with_client(scenario)
