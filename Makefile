@@ -1,6 +1,7 @@
 # make run    drive the simulated robot through a 2 m square          make test   run the tests
 #             (ROBOT=name: another packaged robot than ChefBot)
 # make check  format, lint, types, import rules, tests, the wheel    make bench  measure (see docs/benchmarks.md)
+# make faults every fault of docs/safety.md, on both robots          make soak, make fuzz: long runs of chance
 # Each sets up all it needs in .venv: Python 3.11 or newer and make are enough.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -10,9 +11,9 @@ BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
-FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0
+FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
-.PHONY: run test check lint format wheel wheel-test bench fuzz soak clean
+.PHONY: run test check lint format wheel wheel-test bench fuzz soak faults clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
@@ -56,6 +57,10 @@ fuzz: $(VENV)/ready
 # An hour of simulated driving with seeded faults, on the virtual clock.
 soak: $(VENV)/ready
 	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES)
+
+# Every fault of docs/safety.md that the simulated robot can have, on both robots, and what it does.
+faults: $(VENV)/ready
+	$(BIN)/python -m tests.scenarios.matrix --json build/faults.json
 
 bench: $(VENV)/ready
 	$(BIN)/python -m benchmarks
