@@ -12,11 +12,19 @@ from typing import Any, Literal
 import structlog
 from structlog.typing import FilteringBoundLogger, Processor
 
+from chefbotd.log_writer import LogWriter
+
+STDERR = 2
+
 Level = Literal["debug", "info", "warning", "error"]
 
 
-def configure(level: Level) -> None:
-    """Set up structlog for the whole process."""
+def configure(level: Level) -> LogWriter:
+    """Set up structlog for the whole process; what the standard library logs (asyncio's complaints) joins it.
+
+    The lines are written by a thread: closing what is returned waits for the last of them.
+    """
+    writer = LogWriter(STDERR)
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
@@ -24,9 +32,20 @@ def configure(level: Level) -> None:
             *_renderers(on_terminal=sys.stderr.isatty()),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(getattr(logging, level.upper())),
-        logger_factory=structlog.WriteLoggerFactory(sys.stderr),
+        logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
         cache_logger_on_first_use=True,
     )
+    logging.basicConfig(handlers=[_Forwarder()], level=logging.WARNING, force=True)
+    return writer
+
+
+class _Forwarder(logging.Handler):
+    """Hands records of the standard library's logging to structlog."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log the record at its own level."""
+        log = structlog.get_logger(component=record.name)
+        log.log(record.levelno, record.getMessage(), exc_info=record.exc_info)
 
 
 def _renderers(*, on_terminal: bool) -> list[Processor]:

@@ -3,15 +3,23 @@
 import os
 import socket
 
+import structlog
+
+log = structlog.get_logger(component="systemd")
+
 
 def notify(state: str) -> bool:
-    """Send ``READY=1``, ``STOPPING=1``, ... ; returns False when systemd is not listening."""
+    """Send ``READY=1``, ``STOPPING=1``, ... ; returns False when nobody is listening at ``NOTIFY_SOCKET``."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return False
     if address.startswith("@"):
         address = "\0" + address[1:]
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
-        sender.connect(address)
-        sender.sendall(state.encode())
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
+            sender.connect(address)
+            sender.sendall(state.encode())
+    except OSError as error:
+        log.warning("systemd cannot be told", state=state, error=str(error))
+        return False
     return True

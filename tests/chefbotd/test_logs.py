@@ -3,6 +3,7 @@
 import asyncio
 import io
 import json
+import logging
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 
@@ -23,22 +24,23 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def _undo() -> Iterator[None]:
+    before = logging.root.handlers, logging.root.level
     yield
     structlog.reset_defaults()
+    logging.root.handlers, logging.root.level = before
 
 
-def test_off_a_terminal_every_line_is_a_json_object(monkeypatch: pytest.MonkeyPatch):
+def test_off_a_terminal_every_line_is_a_json_object(capfd: pytest.CaptureFixture[str]):
     """Event, level, time and what was bound; an exception is told inside its line."""
-    stream = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    logs.configure("info")
+    writer = logs.configure("info")
     log = structlog.get_logger(component="test")
     log.info("hello", number=7, odd={1})
     try:
         raise OSError("gone")
     except OSError:
         log.exception("failed")
-    hello, failed = map(json.loads, stream.getvalue().splitlines())
+    writer.close()
+    hello, failed = map(json.loads, capfd.readouterr().err.splitlines())
     assert (hello["event"], hello["level"], hello["component"], hello["number"]) == (
         "hello",
         "info",
@@ -49,26 +51,36 @@ def test_off_a_terminal_every_line_is_a_json_object(monkeypatch: pytest.MonkeyPa
     assert "OSError: gone" in failed["exception"]
 
 
-def test_on_a_terminal_lines_are_coloured(monkeypatch: pytest.MonkeyPatch):
+def test_on_a_terminal_lines_are_coloured(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
     """People get the console renderer with its escape sequences."""
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    logs.configure("info")
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    writer = logs.configure("info")
     structlog.get_logger().info("hello")
-    assert "\x1b[" in stream.getvalue()
-    assert "hello" in stream.getvalue()
+    writer.close()
+    told = capfd.readouterr().err
+    assert "\x1b[" in told
+    assert "hello" in told
 
 
-def test_below_the_level_nothing_is_written(monkeypatch: pytest.MonkeyPatch):
+def test_below_the_level_nothing_is_written(capfd: pytest.CaptureFixture[str]):
     """At 'warning' an info line vanishes and a warning stays."""
-    stream = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    logs.configure("warning")
+    writer = logs.configure("warning")
     log = structlog.get_logger()
     log.info("small")
     log.warning("big")
-    assert "small" not in stream.getvalue()
-    assert "big" in stream.getvalue()
+    writer.close()
+    told = capfd.readouterr().err
+    assert "small" not in told
+    assert "big" in told
+
+
+def test_the_standard_library_speaks_through_the_same_log(capfd: pytest.CaptureFixture[str]):
+    """What asyncio complains about is a JSON line like any other, with its origin as the component."""
+    writer = logs.configure("info")
+    logging.getLogger("asyncio").error("a task was %s", "destroyed")
+    writer.close()
+    told = json.loads(capfd.readouterr().err)
+    assert (told["event"], told["component"], told["level"]) == ("a task was destroyed", "asyncio", "error")
 
 
 def limited(story: Callable[[logs.RateLimitedLog], Awaitable[None]]) -> list[EventDict]:

@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import pytest
+import structlog
 
 from chefbotd import systemd
 
@@ -23,3 +24,11 @@ def test_the_state_arrives_as_one_datagram(monkeypatch: pytest.MonkeyPatch, tmp_
         monkeypatch.setenv("NOTIFY_SOCKET", name)
         assert systemd.notify("READY=1\nSTATUS=listening") is True
         assert listener.recv(100) == b"READY=1\nSTATUS=listening"
+
+
+def test_a_socket_that_is_not_there_is_no_disaster(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """The daemon runs on, and says in its log what it could not tell."""
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "absent"))
+    with structlog.testing.capture_logs() as logged:
+        assert systemd.notify("READY=1") is False
+    assert logged[0]["event"] == "systemd cannot be told"
