@@ -33,6 +33,7 @@ from chefbotd.services.stats import StatsService
 from chefbotd.services.supervisor import Supervisor
 from chefbotd.services.tuning import Tuning
 from chefbotd.services.watchdog import Watchdog
+from chefbotd.services.wheel_reader import WheelReader
 from chefbotd.settings import Settings
 from chefbotd.simulation import simulation_of
 from firmware_protocol.codec import VARIANTS
@@ -168,13 +169,13 @@ def _description(path: Path | None) -> str | None:
 def _drive_service(
     settings: Settings, bus: Bus, clock: Clock, send_duty: Callable[[tuple[int, ...]], None]
 ) -> DriveService:
-    wheels = settings.chassis.wheels
+    names = tuple(wheel.name for wheel in settings.chassis.wheels)
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
     keeper = SafetyKeeper(
         bus,
         clock,
         settings.safety,
-        wheel_names=tuple(wheel.name for wheel in wheels),
+        wheel_names=names,
         mounts=settings.range_mounts(),
     )
     return DriveService(
@@ -183,8 +184,8 @@ def _drive_service(
         send_duty,
         drive,
         keeper,
-        wheels=wheels,
-        encoders=settings.encoders,
+        reader=WheelReader(settings.chassis, settings.encoders, settings.mates),
+        wheel_names=names,
         control=settings.control,
     )
 

@@ -1,12 +1,11 @@
 """The robot as the command socket knows it: one face for the parts that carry its requests out."""
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.link.session import BoardSession
 from chefbotd.motion.pid import PidParameters
 from chefbotd.services.drive import DriveService
@@ -32,10 +31,13 @@ class WiredRobot:
         """Take a velocity command."""
         self.driving.command(source, twist)
 
+    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
+        """Take a command for each wheel."""
+        self.driving.command(source, self.driving.wheel_velocities(velocity_rad_s))
+
     def release(self, source: str) -> None:
-        """Replace a source's command by standing; once that is too old, lower sources go on."""
-        with contextlib.suppress(Refused):  # not armed, or no link: it stands already
-            self.driving.command(source, STANDING)
+        """Forget a source's command."""
+        self.driving.release(source)
 
     def stop(self) -> None:
         """Come to rest."""
@@ -66,14 +68,14 @@ class WiredRobot:
         self.odometry.set_pose(pose)
 
     def reset_board(self) -> None:
-        """Stop and restart the board.
+        """Brake, forget every command, and restart the board.
 
         Raises:
             Refused: it is not connected.
         """
         if not self.session.is_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
-        self.driving.stop()
+        self.driving.brake()
         self.session.reset_board()
 
     def stats(self) -> StatsSampled:

@@ -22,6 +22,7 @@ from chefbotd.motion.drive import DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.quadrature import QuadratureParameters
@@ -75,6 +76,7 @@ class Settings(Parameters):
     chassis: ChassisParameters
     encoders: EncoderParameters
     quadrature: QuadratureParameters = QuadratureParameters()
+    mates: MatesParameters = MatesParameters()
     drive: DriveParameters
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}

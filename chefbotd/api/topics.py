@@ -92,6 +92,7 @@ def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
         velocity_rad_s=event.velocity_rad_s,
         target_rad_s=event.target_rad_s,
         duty=event.duty,
+        left_out=tuple([names[index] for index in event.left_out]),
     )
 
 

@@ -169,7 +169,8 @@ class WheelsMeasured:
     """Where the wheels are and how fast they turn, in the order of the configured wheels.
 
     ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
-    them, and a refused reading adds nothing.
+    them, and a refused reading adds nothing. ``left_out`` are the indices of wheels that are not to be believed, because
+    they disagree with their mates on the same side.
     """
 
     stamp_s: float
@@ -177,17 +178,22 @@ class WheelsMeasured:
     position_rad: tuple[float, ...]
     travel_rad: tuple[float, ...]
     velocity_rad_s: tuple[float, ...]
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class WheelsDriven:
-    """A control step: what the wheels did, what they should do, and the duty that was commanded."""
+    """A control step: what the wheels did, what they should do, and the duty that was commanded.
+
+    ``left_out`` as in ``WheelsMeasured``.
+    """
 
     stamp_s: float
     position_rad: tuple[float, ...]
     velocity_rad_s: tuple[float, ...]
     target_rad_s: tuple[float, ...]
     duty: tuple[int, ...]
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -17,6 +17,26 @@ class Twist2D:
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WheelVelocities:
+    """How fast each wheel is to turn, in the order of the configured wheels (rad/s, forward positive).
+
+    ``twist`` is how they move the robot as a whole, if none of them slips.
+    """
+
+    rad_s: tuple[float, ...]
+    twist: Twist2D
+
+    def slowed(self, share: float) -> "WheelVelocities":
+        """All wheels at this share of their speeds: the same way, more slowly."""
+        twist = Twist2D(self.twist.linear_m_s * share, self.twist.angular_rad_s * share)
+        return WheelVelocities(tuple([velocity * share for velocity in self.rad_s]), twist)
+
+
+Motion: TypeAlias = Twist2D | WheelVelocities
+"""What may be asked of the robot: a motion as a whole, or of each wheel its own."""
 
 
 @dataclass(frozen=True, slots=True)

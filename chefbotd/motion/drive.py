@@ -1,24 +1,28 @@
-"""From the twist that is asked for to the duty of every wheel: limiter, kinematics and the wheels' PIDs in one step.
+"""From the motion that is asked for to the duty of every wheel: limiter, kinematics and the wheels' PIDs in one step.
 
 Two occasions step it. An encoder frame runs everything (``regulate``). A new command between two frames runs what
 needs no measurement: limiter, feedforward and the proportional term (``retarget``); integral and derivative wait.
+
+A twist is limited as a twist. Wheels that are each asked for a speed go there each on a ramp of its own, and so they
+come back to a twist, until the wheels of a side turn alike again: no setpoint ever jumps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pydantic import Field
 
-from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters
-from chefbotd.motion import pid
+from chefbotd.motion import pid, rims
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import AT_REST, LimiterState, MotionLimits, limit
 from chefbotd.motion.pid import PidParameters, PidState
 
 
 class DriveParameters(Parameters):
-    """``max_rim_speed_m_s`` is what a wheel reaches under load: a twist that needs more is slowed as a whole.
+    """``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
 
     ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
     slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
@@ -40,7 +44,10 @@ LAGGING_M_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class DriveState:
-    """Everything that one step hands to the next; ``stepped_s`` is None until the first."""
+    """Everything that one step hands to the next; ``stepped_s`` is None until the first.
+
+    ``loose``: the wheels of a side are not set to the same speed, so that ``limiter`` does not say it all.
+    """
 
     pids: tuple[PidState, ...]
     duty: tuple[int, ...]
@@ -48,6 +55,8 @@ class DriveState:
     stepped_s: float | None = None
     share: float = 1.0
     setpoint_m_s: tuple[float, ...] = field(default=())
+    acceleration_m_s2: tuple[float, ...] = field(default=())
+    loose: bool = False
 
 
 class Drive:
@@ -65,18 +74,22 @@ class Drive:
         self._parameters, self._limits = parameters, limits
         self._limits_apart = limits.model_copy(update={"keep_curvature": False})
         self._kinematics = Kinematics(chassis)
+        self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
         self._still = (0.0,) * len(gains)
         self.gains = gains
-        self.at_rest = DriveState((pid.RESET,) * len(gains), (0,) * len(gains), setpoint_m_s=self._still)
+        self.at_rest = DriveState(
+            (pid.RESET,) * len(gains),
+            (0,) * len(gains),
+            setpoint_m_s=self._still,
+            acceleration_m_s2=self._still,
+        )
 
     def halt(self, state: DriveState) -> DriveState:
         """Brake now: zero duty, integrators and limiter at zero, so that nothing jumps afterwards."""
         return replace(self.at_rest, stepped_s=state.stepped_s)
 
-    def retarget(
-        self, state: DriveState, target: Twist2D, now_s: float, *, apart: bool = False
-    ) -> DriveState:
+    def retarget(self, state: DriveState, target: Motion, now_s: float, *, apart: bool = False) -> DriveState:
         """The command changed, or time passed without an encoder frame: step what needs no measurement.
 
         ``apart``: the path has no curvature to keep, so neither axis waits for the other.
@@ -84,14 +97,13 @@ class Drive:
         state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
-        accelerations = self._rim_accelerations(state)
-        wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, strict=True)
+        wheels = zip(self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         return replace(state, duty=self._duty([pid.preview(*wheel) for wheel in wheels]))
 
     def regulate(
         self,
         state: DriveState,
-        target: Twist2D,
+        target: Motion,
         now_s: float,
         velocity_rad_s: tuple[float, ...],
         dt_s: float,
@@ -104,8 +116,9 @@ class Drive:
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
-        accelerations = self._rim_accelerations(state)
-        wheels = zip(self.gains, state.pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
+        wheels = zip(
+            self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True
+        )
         steps = [pid.step(*wheel, dt_s) for wheel in wheels]
         outputs = tuple([step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
@@ -116,6 +129,8 @@ class Drive:
             state.stepped_s,
             share,
             state.setpoint_m_s,
+            state.acceleration_m_s2,
+            state.loose,
         )
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
@@ -124,6 +139,19 @@ class Drive:
         pids = tuple(pid.retune(*wheel) for wheel in wheels)
         self.gains = gains
         return replace(state, pids=pids)
+
+    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
+        """A speed for each named wheel as a motion that can be asked for; the others stand.
+
+        Raises:
+            Refused: there is no wheel of such a name.
+        """
+        strangers = [name for name in velocity_rad_s if name not in self._names]
+        if strangers:
+            told = f"no wheel named {', '.join(map(ascii, strangers))}; there are {', '.join(self._names)}"
+            raise Refused(RefusalKind.UNKNOWN_WHEEL, told)
+        wanted = tuple([velocity_rad_s.get(name, 0.0) for name in self._names])
+        return WheelVelocities(wanted, self._kinematics.twist(wanted))
 
     def rim_speeds_m_s(self, velocity_rad_s: tuple[float, ...]) -> tuple[float, ...]:
         """Wheel speeds at the rim."""
@@ -138,22 +166,41 @@ class Drive:
         wheels = zip(state.duty, self._motor_signs, self.gains, strict=True)
         return tuple([duty * sign / gains.output_limit for duty, sign, gains in wheels])
 
-    def _ramp(self, state: DriveState, target: Twist2D, now_s: float, apart: bool) -> DriveState:
+    def _ramp(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
+        dt_s = min(elapsed_s, self._parameters.longest_step_s)
+        if state.loose or isinstance(target, WheelVelocities):
+            return self._ramp_wheels(state, target, now_s, dt_s)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
         if state.share < 1.0:
             target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
         limits = self._limits_apart if apart else self._limits
-        limiter = limit(limits, state.limiter, target, min(elapsed_s, self._parameters.longest_step_s))
+        limiter = limit(limits, state.limiter, target, dt_s)
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
-        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint)
+        acceleration = self._kinematics.rim_speeds_m_s(limiter.acceleration)
+        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint, acceleration)
+
+    def _ramp_wheels(self, state: DriveState, target: Motion, now_s: float, dt_s: float) -> DriveState:
+        """Each wheel on its own; the limiter follows, so that a twist can take over where the wheels are."""
+        kinematics = self._kinematics
+        if isinstance(target, WheelVelocities):
+            aims_m_s, twist = self.rim_speeds_m_s(target.rad_s), target.twist
+        else:
+            aims_m_s, twist = kinematics.rim_speeds_m_s(target), target
+        share = state.share * rims.share_of(self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist)
+        aims_m_s = tuple([aim_m_s * share for aim_m_s in aims_m_s])
+        setpoint, acceleration = rims.ramp(
+            self._limits.linear.axis, state.setpoint_m_s, state.acceleration_m_s2, aims_m_s, dt_s
+        )
+        limiter = LimiterState(kinematics.twist_of_rims(setpoint), kinematics.twist_of_rims(acceleration))
+        loose = not rims.alike(setpoint, kinematics.rim_speeds_m_s(limiter.twist))
+        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint, acceleration, loose)
 
     @staticmethod
-    def _rests(state: DriveState, target: Twist2D) -> bool:
-        return target == STANDING and state.limiter.twist == STANDING
-
-    def _rim_accelerations(self, state: DriveState) -> tuple[float, ...]:
-        return self._kinematics.rim_speeds_m_s(state.limiter.acceleration)
+    def _rests(state: DriveState, target: Motion) -> bool:
+        if any(state.setpoint_m_s):
+            return False
+        return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
 
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
         wheels = zip(outputs, self._motor_signs, strict=True)

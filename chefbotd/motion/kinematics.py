@@ -62,7 +62,8 @@ class ChassisParameters(Parameters):
 class Kinematics:
     """A chassis' conversions, with what never changes computed once.
 
-    Tuples are per wheel, in the order of the configured wheels; radii and track are the effective ones.
+    Tuples are per wheel, in the order of the configured wheels; radii and track are the effective ones. ``left`` and
+    ``right`` are the indices of each side's wheels.
     """
 
     def __init__(self, chassis: ChassisParameters) -> None:
@@ -71,8 +72,8 @@ class Kinematics:
         half_track_m = self.track_width_m / 2
         self.radii_m = tuple(wheel.radius_m * multiplier[wheel.side] for wheel in chassis.wheels)
         self._levers_m = tuple(-half_track_m if w.side is Side.LEFT else half_track_m for w in chassis.wheels)
-        self._left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)
-        self._right = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.RIGHT)
+        self.left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)
+        self.right = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.RIGHT)
 
     def rim_speeds_m_s(self, twist: Twist2D) -> tuple[float, ...]:
         """How fast each wheel's rim must roll over the ground for the robot to move so."""
@@ -84,18 +85,29 @@ class Kinematics:
         rims = self.rim_speeds_m_s(twist)
         return tuple(rim_m_s / radius_m for rim_m_s, radius_m in zip(rims, self.radii_m, strict=True))
 
-    def side_travel_m(self, travel_rad: Sequence[float]) -> tuple[float, float]:
-        """How far the left and the right side rolled: the mean over each side's wheels.
+    def side_travel_m(
+        self, travel_rad: Sequence[float], left_out: tuple[int, ...] = ()
+    ) -> tuple[float, float]:
+        """How far the left and the right side rolled: the mean over each side's wheels, but for those left out.
 
         Works on speeds as well: rad/s in, m/s out. Raises ``ValueError`` unless there is one number per
-        wheel.
+        wheel, and a wheel left on each side.
         """
         rolled_m = [angle * radius_m for angle, radius_m in zip(travel_rad, self.radii_m, strict=True)]
-        return fmean([rolled_m[i] for i in self._left]), fmean([rolled_m[i] for i in self._right])
+        left, right = self.left, self.right
+        if left_out:
+            left, right = without(left, left_out), without(right, left_out)
+        return fmean([rolled_m[i] for i in left]), fmean([rolled_m[i] for i in right])
 
-    def twist(self, velocity_rad_s: Sequence[float]) -> Twist2D:
-        """How the robot moves when its wheels turn so and none of them slips."""
-        left_m_s, right_m_s = self.side_travel_m(velocity_rad_s)
+    def twist(self, velocity_rad_s: Sequence[float], left_out: tuple[int, ...] = ()) -> Twist2D:
+        """How the robot moves when its wheels turn so and none of them slips, but for those left out."""
+        return self._twist(*self.side_travel_m(velocity_rad_s, left_out))
+
+    def twist_of_rims(self, rim_m_s: Sequence[float]) -> Twist2D:
+        """The same of the speeds of the wheels' rims."""
+        return self._twist(fmean([rim_m_s[i] for i in self.left]), fmean([rim_m_s[i] for i in self.right]))
+
+    def _twist(self, left_m_s: float, right_m_s: float) -> Twist2D:
         return Twist2D((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / self.track_width_m)
 
     def saturate(self, twist: Twist2D, max_rim_speed_m_s: float) -> Twist2D:
@@ -105,3 +117,8 @@ class Kinematics:
             return twist
         scale = max_rim_speed_m_s / fastest_m_s
         return Twist2D(twist.linear_m_s * scale, twist.angular_rad_s * scale)
+
+
+def without(wheels: tuple[int, ...], left_out: tuple[int, ...]) -> tuple[int, ...]:
+    """The wheels that are not left out."""
+    return tuple([i for i in wheels if i not in left_out])

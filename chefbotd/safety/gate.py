@@ -13,7 +13,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters
 from chefbotd.safety.charge import ChargeParameters
 from chefbotd.safety.faults import PASSING, FaultKind
@@ -102,10 +102,10 @@ NEXT: Mapping[tuple[Mode, Trigger], Mode] = {
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A velocity asked for by a source, and when it was."""
+    """A motion asked for by a source, and when it was."""
 
     source: str
-    twist: Twist2D
+    motion: Motion
     stamp_s: float
 
 
@@ -121,12 +121,12 @@ class GateState:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The twist to follow and whose it is; ``halted`` means brake now, whatever the twist.
+    """The motion to follow and whose it is; ``halted`` means brake now, whatever the motion.
 
     ``limited_by`` says what keeps a live command from being followed as it was given.
     """
 
-    twist: Twist2D
+    motion: Motion
     source: str | None
     halted: bool
     limited_by: str | None = None
@@ -149,8 +149,12 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
         raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {known}")
     if state.mode is not Mode.ARMED:
         raise Refused(_REFUSALS[state.mode], f"the robot is {state.mode} ({state.reason}); 'arm' comes first")
-    others = tuple(c for c in state.commands if c.source != command.source)
-    return replace(state, commands=(*others, command))
+    return replace(state, commands=(*release(state, command.source).commands, command))
+
+
+def release(state: GateState, source: str) -> GateState:
+    """Forget a source's command, as if it had never spoken: lower sources go on at once."""
+    return replace(state, commands=tuple(c for c in state.commands if c.source != source))
 
 
 def stop(state: GateState) -> GateState:
@@ -184,4 +188,4 @@ def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Deci
             continue
         if (source.priority, command.stamp_s) > rank:
             winner, rank = command, (source.priority, command.stamp_s)
-    return COME_TO_REST if winner is None else Decision(winner.twist, winner.source, halted=False)
+    return COME_TO_REST if winner is None else Decision(winner.motion, winner.source, halted=False)

@@ -1,7 +1,8 @@
 """The obstacle guard: not closer to what a range sensor sees than the robot can brake for.
 
 Only the part of the motion that shortens a beam is limited. Backing off, turning on the spot and turning away stay
-allowed, so the robot is never trapped by what it has stopped for.
+allowed, so the robot is never trapped by what it has stopped for. Wheels that are each asked for a speed of their own
+keep its proportions: they are slowed together.
 """
 
 import math
@@ -11,7 +12,7 @@ from typing import NamedTuple
 from pydantic import Field
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters
 
 
@@ -81,9 +82,30 @@ def _distance_m(measured: RangeMeasured) -> float:
 
 
 def restrain(
+    params: GuardParameters, beams: Beams, wanted: Motion, now_s: float
+) -> tuple[Motion, str | None]:
+    """The motion that may be driven, and the sensor that it was limited for (None: it is ``wanted``)."""
+    if isinstance(wanted, WheelVelocities):
+        return _restrain_wheels(params, beams, wanted, now_s)
+    return _restrain_twist(params, beams, wanted, now_s)
+
+
+def _restrain_wheels(
+    params: GuardParameters, beams: Beams, wanted: WheelVelocities, now_s: float
+) -> tuple[WheelVelocities, str | None]:
+    share, limiting = 1.0, None
+    for beam in beams:
+        closing_m_s = _closing_m_s(beam, wanted.twist)
+        allowed_m_s = _allowed_m_s(params, beam, now_s)
+        if closing_m_s * share > allowed_m_s:
+            share, limiting = allowed_m_s / closing_m_s, beam.sensor
+    return (wanted, None) if limiting is None else (wanted.slowed(share), limiting)
+
+
+def _restrain_twist(
     params: GuardParameters, beams: Beams, wanted: Twist2D, now_s: float
 ) -> tuple[Twist2D, str | None]:
-    """The twist that may be driven, and the sensor that it was limited for (None: it is ``wanted``).
+    """Limit each axis by what it adds to a beam's shortening.
 
     What shortens one beam less may shorten another more, so there is a second round; if a beam is still too fast after
     it, the robot stands.

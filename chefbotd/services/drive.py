@@ -7,11 +7,10 @@ goes out as events.
 from collections.abc import Callable, Mapping
 
 import structlog
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
-from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
     BoardRestarted,
     EncodersCounted,
@@ -20,23 +19,18 @@ from chefbotd.core.events import (
     WheelsDriven,
     WheelsMeasured,
 )
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters
-from chefbotd.logs import RateLimitedLog
-from chefbotd.motion import encoder
 from chefbotd.motion.drive import Drive
-from chefbotd.motion.encoder import EncoderParameters
-from chefbotd.motion.kinematics import WheelParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision
 from chefbotd.services.safety import SafetyKeeper
+from chefbotd.services.wheel_reader import WheelReader, WheelsRead
 
 log = structlog.get_logger(component="drive")
 
 Heard = EncodersCounted | LinkOpened | LinkClosed | BoardRestarted
-
-ALL_WHEELS = "all"
 
 
 class ControlParameters(Parameters):
@@ -46,7 +40,10 @@ class ControlParameters(Parameters):
 
 
 class DriveService:
-    """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once."""
+    """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
+
+    ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels.
+    """
 
     def __init__(
         self,
@@ -56,34 +53,44 @@ class DriveService:
         drive: Drive,
         keeper: SafetyKeeper,
         *,
-        wheels: tuple[WheelParameters, ...],
-        encoders: EncoderParameters,
+        reader: WheelReader,
+        wheel_names: tuple[str, ...],
         control: ControlParameters,
     ) -> None:
         self._bus, self._clock, self._send_duty = bus, clock, send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
-        self._wheels, self._signs = wheels, tuple(wheel.encoder_sign for wheel in wheels)
-        self._encoder_parameters, self._encoders = encoders, encoder.START
+        self._reader, self._wheel_names = reader, wheel_names
         self._watch_period_s = control.watch_period_s
-        self._board_s: float | None = None
         self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, LinkOpened, LinkClosed, BoardRestarted)
-        self._jump_log = RateLimitedLog(log)
         self.steps = 0
-        self.readings_refused = 0
         self.internal_errors = 0
         self.acted_s = float("-inf")
 
     # Commands
 
-    def command(self, source: str, twist: Twist2D) -> None:
-        """Follow ``twist`` from now until the command is too old, a higher source speaks, or a stop.
+    def command(self, source: str, motion: Motion) -> None:
+        """Move so from now until the command is too old, a higher source speaks, or a stop.
 
         Raises:
             Refused: the link is down, the robot is not armed, or there is no such source.
         """
         now_s = self._clock.now_s()
-        self._keeper.accept(Command(source, twist, now_s))
+        self._keeper.accept(Command(source, motion, now_s))
         self._obey(now_s)
+
+    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
+        """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
+        return self._drive.wheel_velocities(velocity_rad_s)
+
+    def release(self, source: str) -> None:
+        """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
+        self._keeper.release(source)
+        self._obey(self._clock.now_s())
+
+    def brake(self) -> None:
+        """Zero on the wire now, every source's command forgotten, and no motion before the next one."""
+        self._keeper.stop()
+        self._halt()
 
     def stop(self) -> None:
         """Come to rest within the deceleration limit; every source's command is forgotten."""
@@ -120,23 +127,16 @@ class DriveService:
 
     def gains(self) -> dict[str, PidParameters]:
         """The present gains by wheel name."""
-        return {wheel.name: gains for wheel, gains in zip(self._wheels, self._drive.gains, strict=True)}
+        return dict(zip(self._wheel_names, self._drive.gains, strict=True))
 
-    def set_gains(self, wheel: str, changes: Mapping[str, object]) -> dict[str, PidParameters]:
-        """Change gains of one wheel, or of ``all``, without a bump; returns the gains of every wheel.
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Exchange the gains of every wheel without a bump."""
+        self._state = self._drive.retune(self._state, tuple([gains[name] for name in self._wheel_names]))
 
-        Raises:
-            Refused: no such wheel, or a value out of range; nothing changes.
-        """
-        if wheel != ALL_WHEELS and wheel not in self.gains():
-            known = ", ".join([ALL_WHEELS, *self.gains()])
-            raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel named {wheel!r}; there are {known}")
-        gains = tuple(
-            _changed(old, changes) if wheel in (ALL_WHEELS, name) else old
-            for name, old in self.gains().items()
-        )
-        self._state = self._drive.retune(self._state, gains)
-        return self.gains()
+    @property
+    def readings_refused(self) -> int:
+        """Encoder readings that were not believed."""
+        return self._reader.refused
 
     # The loop
 
@@ -166,63 +166,43 @@ class DriveService:
 
     def _on_encoders(self, event: EncodersCounted) -> None:
         """The story of one tick: decode, ask the keeper, regulate, put it on the wire, tell the others."""
-        self._encoders, reading = encoder.decode(
-            self._encoder_parameters,
-            self._signs,
-            self._encoders,
-            event.counts,
-            event.board_s,
-            event.rate_counts_s,
-        )
-        now_s = self._clock.now_s()
+        seen = self._reader.read(event, self._state.setpoint_m_s)
+        reading, now_s = seen.reading, self._clock.now_s()
         if reading.refused:
-            self._refuse_reading(event, reading)
+            if reading.jumped:
+                self._keeper.note_jump(reading.jumped)
             self._act(now_s)
             return
-        dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
-        self._board_s = event.board_s
-        self._keeper.watch_wheels(now_s, self._drive.effort(self._state), reading.travel_rad, dt_s)
-        self._regulate(now_s, reading, dt_s)
+        effort = self._reader.effort(seen, self._drive.effort(self._state))
+        self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
+        self._regulate(now_s, seen)
         self._send_duty(self._state.duty)
         self.steps += 1
         self._keeper.announce(now_s)
-        self._publish(event, reading)
+        self._publish(event, seen)
 
-    def _regulate(self, now_s: float, reading: encoder.Reading, dt_s: float) -> None:
+    def _regulate(self, now_s: float, seen: WheelsRead) -> None:
         decision = self._decide(now_s)
         if decision.halted:
             self._state = self._drive.halt(self._state)
             return
         apart = decision.limited_by is not None
+        speeds_rad_s = self._reader.speeds_to_control(seen)
         self._state = self._drive.regulate(
-            self._state, decision.twist, now_s, reading.velocity_rad_s, dt_s, apart=apart
+            self._state, decision.motion, now_s, speeds_rad_s, seen.dt_s, apart=apart
         )
 
-    def _refuse_reading(self, event: EncodersCounted, reading: encoder.Reading) -> None:
-        self.readings_refused += 1
-        if reading.unconfirmed:  # no fault of anyone's until the next reading has spoken
-            return
-        self._keeper.note_jump(reading.jumped)
-        names = [self._wheels[index].name for index in reading.jumped]
-        self._jump_log.warning(
-            "impossible encoder jump refused", wheels=names, counts=event.counts, rebased=reading.rebased
-        )
-
-    def _publish(self, event: EncodersCounted, reading: encoder.Reading) -> None:
+    def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
+        stamp_s, left_out = event.stamp_s, seen.mates.left_out
+        position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
         self._bus.publish(
             WheelsMeasured(
-                event.stamp_s,
-                event.board_s,
-                reading.position_rad,
-                reading.travel_rad,
-                reading.velocity_rad_s,
+                stamp_s, event.board_s, position_rad, seen.reading.travel_rad, velocity_rad_s, left_out
             )
         )
         targets = self._drive.targets_rad_s(self._state)
         self._bus.publish(
-            WheelsDriven(
-                event.stamp_s, reading.position_rad, reading.velocity_rad_s, targets, self._state.duty
-            )
+            WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, self._state.duty, left_out)
         )
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
@@ -232,7 +212,7 @@ class DriveService:
             self._state = self._drive.halt(self._state)
         else:
             apart = decision.limited_by is not None
-            self._state = self._drive.retarget(self._state, decision.twist, now_s, apart=apart)
+            self._state = self._drive.retarget(self._state, decision.motion, now_s, apart=apart)
         if repeat or self._state.duty != before:
             self._send_duty(self._state.duty)
         self._keeper.announce(now_s)
@@ -253,8 +233,7 @@ class DriveService:
 
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
         if isinstance(event, BoardRestarted):
-            self._encoders = encoder.rebase(self._encoders)
-            self._board_s = None
+            self._reader.rebase()
         if not isinstance(event, LinkOpened):
             self._halt()
         self._keeper.on_link(event)
@@ -270,11 +249,3 @@ class DriveService:
     def _halt(self) -> None:
         self._state = self._drive.halt(self._state)
         self._send_duty(self._state.duty)
-
-
-def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:
-    try:
-        return PidParameters.model_validate(old.model_dump() | dict(changes))
-    except ValidationError as error:
-        told = "; ".join(f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg']}" for e in error.errors())
-        raise Refused(RefusalKind.OUT_OF_RANGE, told) from error

@@ -3,7 +3,7 @@
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryUpdated, WheelsMeasured
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D
 from chefbotd.motion import odometry
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.odometry import OdometryParameters
@@ -34,8 +34,8 @@ class OdometryService:
             self._publish(event.stamp_s)
 
     def _integrate(self, event: WheelsMeasured) -> None:
-        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad)
-        twist: Twist2D = self._kinematics.twist(event.velocity_rad_s)
+        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.left_out)
+        twist = self._kinematics.twist(event.velocity_rad_s, event.left_out)
         self._state = odometry.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )

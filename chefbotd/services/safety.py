@@ -82,6 +82,10 @@ class SafetyKeeper:
         """Forget every command."""
         self._gate = gate.stop(self._gate)
 
+    def release(self, source: str) -> None:
+        """Forget a source's command."""
+        self._gate = gate.release(self._gate, source)
+
     def estop(self, reason: str) -> None:
         """Latch, until ``arm``."""
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
@@ -180,12 +184,12 @@ class SafetyKeeper:
                 return HALT
             limited_by = None if decision.source is None else ENCODERS_STALE
             return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
-        if not self._parameters.guard.enabled or decision.twist == STANDING:
+        if not self._parameters.guard.enabled or decision.motion == STANDING:
             return decision
-        twist, sensor = guard.restrain(self._parameters.guard, self._beams, decision.twist, now_s)
+        motion, sensor = guard.restrain(self._parameters.guard, self._beams, decision.motion, now_s)
         if sensor is None:
             return decision
-        return Decision(twist, decision.source, halted=False, limited_by=OBSTACLE + sensor)
+        return Decision(motion, decision.source, halted=False, limited_by=OBSTACLE + sensor)
 
     def _take_report(self) -> None:
         if self._reported is not None:

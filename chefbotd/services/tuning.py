@@ -4,11 +4,15 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Protocol
 
+from pydantic import ValidationError
+
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.motion.pid import PidParameters
 
 HISTORY_DEPTH = 100
 """So many changes can be taken back: a key held down on a tuning screen makes some ten a second."""
+
+ALL_WHEELS = "all"
 
 
 class Tunable(Protocol):
@@ -18,8 +22,8 @@ class Tunable(Protocol):
         """The gains by wheel name."""
         ...
 
-    def set_gains(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
-        """Change gains of one wheel or of all without a bump; raises ``Refused``, and then nothing changes."""
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Exchange the gains of every wheel without a bump."""
         ...
 
 
@@ -35,14 +39,21 @@ class Tuning:
         return self._wheels.gains()
 
     def change(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
-        """Change gains of one wheel or of all; what every wheel now has. What changes nothing is not remembered.
+        """Change gains of one wheel, or of ``all``; what every wheel now has. What changes nothing is not remembered.
 
         Raises:
             Refused: no such wheel, or a value out of range; nothing changes.
         """
         before = self._wheels.gains()
-        after = self._wheels.set_gains(wheel, changes)
+        if wheel != ALL_WHEELS and wheel not in before:
+            known = ", ".join([ALL_WHEELS, *before])
+            raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel named {wheel!r}; there are {known}")
+        after = {
+            name: _changed(gains, changes) if wheel in (ALL_WHEELS, name) else gains
+            for name, gains in before.items()
+        }
         if after != before:
+            self._wheels.retune(after)
             self._before.append(before)
         return after
 
@@ -54,6 +65,13 @@ class Tuning:
         """
         if not self._before:
             raise Refused(RefusalKind.NOTHING_TO_UNDO, "no change of gains is left to take back")
-        for wheel, gains in self._before.pop().items():
-            self._wheels.set_gains(wheel, gains.model_dump())
+        self._wheels.retune(self._before.pop())
         return self._wheels.gains()
+
+
+def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:
+    try:
+        return PidParameters.model_validate(old.model_dump() | dict(changes))
+    except ValidationError as error:
+        told = "; ".join(f"{'.'.join(map(str, e['loc']))}={e['input']!r}: {e['msg']}" for e in error.errors())
+        raise Refused(RefusalKind.OUT_OF_RANGE, told) from error

@@ -56,14 +56,15 @@ def test_odometry() -> None:
 
 
 def test_wheels() -> None:
-    """A joint state: names and values in the same order."""
-    event = events.WheelsDriven(1.0, (1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (100, -100))
+    """A joint state: names and values in the same order; a wheel that is left out is named."""
+    event = events.WheelsDriven(1.0, (1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (100, -100), left_out=(1,))
     assert data_of("wheels", event) == {
         "name": ["left", "right"],
         "position_rad": [1.0, 2.0],
         "velocity_rad_s": [3.0, 4.0],
         "target_rad_s": [5.0, 6.0],
         "duty": [100, -100],
+        "left_out": ["right"],
     }
 
 

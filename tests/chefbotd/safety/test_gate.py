@@ -117,7 +117,7 @@ def test_the_highest_live_source_wins():
         Command("teleop", SLOW, 0.0),
     ]
     assert decide(PARAMETERS, given_commands(*commands), 0.1).source == "safety"
-    assert decide(PARAMETERS, given_commands(*commands[1:]), 0.1).twist == SLOW
+    assert decide(PARAMETERS, given_commands(*commands[1:]), 0.1).motion == SLOW
 
 
 def test_a_source_that_falls_silent_gives_way():
@@ -146,7 +146,7 @@ def test_of_two_equals_the_newer_wins():
 def test_the_dead_man_outlasts_no_command():
     """Teleop's own timeout is 1.0 s, but the dead-man ends its command after 0.5 s, measured from the command."""
     state = given_commands(Command("teleop", FAST, 10.0))
-    assert decide(PARAMETERS, state, 10.5).twist == FAST
+    assert decide(PARAMETERS, state, 10.5).motion == FAST
     assert decide(PARAMETERS, state, 10.501) == COME_TO_REST
 
 
@@ -161,7 +161,7 @@ def test_stop_forgets_every_source_and_latches_nothing():
     state = stop(given_commands(Command("teleop", FAST, 0.0), Command("navigation", FAST, 0.0)))
     assert decide(PARAMETERS, state, 0.0) == COME_TO_REST
     again = accept(PARAMETERS, state, Command("teleop", SLOW, 0.1))
-    assert decide(PARAMETERS, again, 0.1).twist == SLOW
+    assert decide(PARAMETERS, again, 0.1).motion == SLOW
 
 
 @pytest.mark.parametrize(
@@ -208,6 +208,6 @@ def test_the_robot_is_never_driven_unless_armed(story: list[tuple[object, ...]])
                 assert state.mode is not Mode.ARMED
         decision = decide(PARAMETERS, state, now_s)
         assert decision.halted == (state.mode is not Mode.ARMED)
-        if decision.twist != STANDING:
-            assert decision.twist in asked
+        if decision.motion != STANDING:
+            assert decision.motion in asked
             assert not decision.halted

@@ -23,11 +23,13 @@ from chefbotd.motion.drive import Drive, DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Rearm, SafetyParameters
 from chefbotd.services.drive import ControlParameters, DriveService
 from chefbotd.services.safety import SafetyKeeper
+from chefbotd.services.wheel_reader import WheelReader
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -68,8 +70,12 @@ class Rig:
                 wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
                 mounts={"front": Pose2D(0.15)},
             ),
-            wheels=CHASSIS.wheels,
-            encoders=EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
+            reader=WheelReader(
+                CHASSIS,
+                EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
+                MatesParameters(),
+            ),
+            wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
             control=ControlParameters(watch_period_s=0.02),
         )
         self.safety = self.bus.subscribe(SafetyChanged)
@@ -354,40 +360,17 @@ def test_a_board_restart_rebases_the_encoders():
     on_rig(scenario)
 
 
-def test_gains_change_per_wheel_or_for_all():
-    """One wheel's gain changes alone, 'all' changes both; the answer has every wheel."""
+def test_gains_change_while_it_drives():
+    """The gains that are exchanged are the ones that it has, and the duty goes on as it was."""
 
     async def scenario(rig: Rig) -> None:
-        changed = rig.service.set_gains("left_wheel", {"kp": 5.0})
-        assert (changed["left_wheel"].kp, changed["right_wheel"].kp) == (5.0, 0.0)
-        changed = rig.service.set_gains("all", {"ki": 7.0})
-        assert {name: (g.kp, g.ki) for name, g in changed.items()} == {
-            "left_wheel": (5.0, 7.0),
-            "right_wheel": (0.0, 7.0),
-        }
-
-    on_rig(scenario)
-
-
-@pytest.mark.parametrize(
-    ("wheel", "changes", "kind", "told"),
-    [
-        ("middle", {"kp": 1.0}, RefusalKind.UNKNOWN_WHEEL, "all, left_wheel, right_wheel"),
-        ("all", {"kp": -1.0}, RefusalKind.OUT_OF_RANGE, "-1.0"),
-        ("all", {"kq": 1.0}, RefusalKind.OUT_OF_RANGE, "kq"),
-    ],
-)
-def test_bad_gains_are_refused_and_change_nothing(
-    wheel: str, changes: dict[str, object], kind: RefusalKind, told: str
-):
-    """The refusal names the value or the wheels there are."""
-
-    async def scenario(rig: Rig) -> None:
-        before = rig.service.gains()
-        with pytest.raises(Refused, match=told) as refusal:
-            rig.service.set_gains(wheel, changes)
-        assert refusal.value.kind is kind
-        assert rig.service.gains() == before
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        changed = {name: gains.model_copy(update={"kp": 5.0}) for name, gains in rig.service.gains().items()}
+        rig.service.retune(changed)
+        assert rig.service.gains() == changed
+        rig.service.command("teleop", AHEAD)
+        assert rig.duty == FULL_DUTY
 
     on_rig(scenario)
 

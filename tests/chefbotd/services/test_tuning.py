@@ -15,20 +15,45 @@ START = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0, back_calculation_
 
 
 class Loop:
-    """Two wheels' gains; ``all`` changes both, and a negative ``kp`` is refused."""
+    """Two wheels' gains."""
 
     def __init__(self) -> None:
-        self._gains = {"left": START, "right": START}
+        self._gains: Mapping[str, PidParameters] = {"left": START, "right": START}
 
     def gains(self) -> Mapping[str, PidParameters]:
         return dict(self._gains)
 
-    def set_gains(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
-        if changes.get("kp") == -1:
-            raise Refused(RefusalKind.OUT_OF_RANGE, "kp")
-        for name in self._gains if wheel == "all" else [wheel]:
-            self._gains[name] = self._gains[name].model_copy(update=changes)
-        return self.gains()
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        self._gains = dict(gains)
+
+
+def test_gains_change_per_wheel_or_for_all() -> None:
+    """One wheel's gain changes alone, 'all' changes both; the answer has every wheel, and the loop has it."""
+    loop = Loop()
+    tuning = Tuning(loop)
+    tuning.change("left", {"kp": 5.0})
+    changed = tuning.change("all", {"ki": 7.0})
+    assert {name: (g.kp, g.ki) for name, g in changed.items()} == {"left": (5.0, 7.0), "right": (400.0, 7.0)}
+    assert loop.gains() == changed
+
+
+@pytest.mark.parametrize(
+    ("wheel", "changes", "kind", "told"),
+    [
+        ("middle", {"kp": 1.0}, RefusalKind.UNKNOWN_WHEEL, "all, left, right"),
+        ("all", {"kp": -1.0}, RefusalKind.OUT_OF_RANGE, "-1.0"),
+        ("all", {"kq": 1.0}, RefusalKind.OUT_OF_RANGE, "kq"),
+    ],
+)
+def test_bad_gains_are_refused_and_change_nothing(
+    wheel: str, changes: dict[str, object], kind: RefusalKind, told: str
+) -> None:
+    """The refusal names the value or the wheels there are."""
+    tuning = Tuning(Loop())
+    with pytest.raises(Refused, match=told) as refusal:
+        tuning.change(wheel, changes)
+    assert refusal.value.kind is kind
+    assert tuning.gains() == {"left": START, "right": START}
 
 
 def test_a_change_is_taken_back() -> None:
