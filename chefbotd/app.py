@@ -12,7 +12,7 @@ from typing import Any
 import structlog
 import uvloop
 
-from chefbotd import systemd
+from chefbotd import signals, systemd
 from chefbotd.api.access import AccessError, load_guard
 from chefbotd.api.server import Server
 from chefbotd.bus import Bus
@@ -40,7 +40,6 @@ from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 
@@ -191,7 +190,7 @@ def _drive_service(
 
 
 def run(settings: Settings, *, simulated: bool) -> int:
-    """Run the daemon until SIGINT, SIGTERM, SIGHUP or SIGQUIT; returns the exit code.
+    """Run the daemon until a signal ends it; returns the exit code.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
     """
@@ -217,24 +216,23 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 
 
 async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
-    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
-    signals: list[str] = []
+    received: list[str] = []
 
     def end(number: signal.Signals) -> None:
-        signals.append(number.name)
+        received.append(number.name)
         task.cancel()
 
-    for number in STOP_SIGNALS:
-        loop.add_signal_handler(number, end, number)
+    signals.handle(end)
     try:
         await (_serve_simulated(settings) if simulated else _serve(Daemon(settings, clock=SystemClock())))
     except asyncio.CancelledError:
-        if not signals:
+        if not received:
             raise
     finally:
         systemd.notify("STOPPING=1")
-    log.info("stopped", signal=signals[0])
+    log.info("stopped", signal=received[0])
 
 
 async def _serve(daemon: Daemon, *more: Loop) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.client import CallError
+from chefbotd.signals import ENDING, SUSPENDING
 from tests.scenarios.process import (
     BLOCKED,
     BROKEN_SERVICE,
@@ -20,7 +21,7 @@ from tests.scenarios.process import (
 )
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize("number", ENDING, ids=lambda number: number.name)
 def test_a_signal_ends_with_a_stop(tmp_path: Path, number: signal.Signals):
     """In mid-drive: zeros are the last line, and the exit code is 0."""
 
@@ -28,6 +29,19 @@ def test_a_signal_ends_with_a_stop(tmp_path: Path, number: signal.Signals):
         async with driving(tmp_path) as (program, _):
             os.kill(program.process.pid, number)
             assert await program.ended() == 0
+            assert not program.board.told_to_move
+
+    asyncio.run(scenario())
+
+
+def test_nothing_puts_the_daemon_to_sleep_while_the_robot_moves(tmp_path: Path):
+    """Ctrl-Z and its like are ignored: the dead-man still stops the robot when its driver says no more."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, _):
+            for number in SUSPENDING:
+                os.kill(program.process.pid, number)
+            await asyncio.sleep(1.2)
             assert not program.board.told_to_move
 
     asyncio.run(scenario())
