@@ -1,0 +1,80 @@
+"""docs/safety.md says of every fault what the code does, and names tests that there are."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.gate import Mode, SafetyParameters
+from chefbotd.services.safety import ENCODERS_STALE, OBSTACLE
+from chefbotd.services.watchdog import WatchdogParameters
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "safety.md"
+pytestmark = pytest.mark.skipif(
+    not PAGE.exists(), reason="the documentation is not part of an installed package"
+)
+COLUMNS = 7
+
+
+def rows() -> list[list[str]]:
+    """The table of faults, cell by cell, without its headings and its groups."""
+    section = PAGE.read_text(encoding="utf-8").split("\n## The table\n")[1].split("\n## ")[0]
+    lines = [line for line in section.splitlines() if line.startswith("|")][2:]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return [row for row in cells if not row[0].startswith("**")]
+
+
+def names_in(path: Path) -> set[str]:
+    """The names of its tests."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+def test_every_fault_has_a_test_that_there_is() -> None:
+    """Each row is complete, and each test that it names can be found."""
+    assert len(rows()) > 40
+    for row in rows():
+        assert len(row) == COLUMNS, row
+        assert all(row), row
+        named = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", row[-1])
+        assert len(named) == row[-1].count("::"), row
+        for path, name in named:
+            assert name in names_in(ROOT / path), (path, name)
+
+
+def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
+    """Every fault and every limit is in a row, as a client sees it; every mode is explained."""
+    seen = " ".join(row[3] for row in rows())
+    for kind in FaultKind:
+        assert f"`safety.fault` `{kind}`" in seen, kind
+    for limit in (ENCODERS_STALE, OBSTACLE):
+        assert f"`safety.limited_by` `{limit}`" in seen, limit
+    text = PAGE.read_text(encoding="utf-8")
+    for mode in Mode:
+        assert f"\n- `{mode}`: " in text, mode
+    for kind in PASSING:
+        assert f"`{kind}`" in text.split("\n## The table")[0], kind
+
+
+def test_times_are_those_in_force() -> None:
+    """Where a row names a configured time, the number beside it is the default."""
+    text, safety = PAGE.read_text(encoding="utf-8"), SafetyParameters()
+    for told in (
+        f"`command_timeout_s` ({safety.command_timeout_s:g} s",
+        f"`max_age_s` ({safety.encoders.max_age_s:g} s)",
+        f"`latch_after_s` ({safety.encoders.latch_after_s:.1f} s)",
+        f"`critical_s` ({safety.battery.critical_s:g} s)",
+        f"`guard.max_age_s` ({safety.guard.max_age_s:g} s)",
+        f"`patience_s` ({WatchdogParameters().patience_s:g} s)",
+    ):
+        assert told in text, told
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_links_between_documents_lead_somewhere(page: Path) -> None:
+    """Every relative link names a file that there is."""
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
