@@ -56,6 +56,9 @@ class Methods:
             ),
             "unsubscribe": Method(observe, models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
             "drive": Method(drive, models.DriveParams, done, self._drive),
+            "set_wheel_velocities": Method(
+                drive, models.SetWheelVelocitiesParams, done, self._set_wheel_velocities
+            ),
             "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
             "release_control": Method(drive, nothing, models.Released, self._release_control),
             "stop": Method(observe, nothing, done, self._stop, urgent=True),
@@ -140,6 +143,14 @@ class Methods:
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
         self._control.require(source, caller.session, now_s)
         self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
+        self._control.renew(source, caller.session, now_s)
+        return DONE
+
+    def _set_wheel_velocities(self, caller: Caller, params: models.SetWheelVelocitiesParams) -> models.Done:
+        """Turn each wheel so, as ``drive`` moves the whole robot; wheels that are not named stand."""
+        now_s, source = self._clock.now_s(), params.source or self._robot.default_source
+        self._control.require(source, caller.session, now_s)
+        self._robot.set_wheel_velocities(source, params.by_name())
         self._control.renew(source, caller.session, now_s)
         return DONE
 

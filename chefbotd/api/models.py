@@ -22,6 +22,8 @@ from chefbotd.motion.pid import PidParameters
 
 PROTOCOL: Final = "1.0"
 ALL_WHEELS = "all"
+MOST_WHEELS: Final = 64
+WheelName = Annotated[str, Field(min_length=1, max_length=64)]
 
 _SOURCE = Field(
     None, min_length=1, max_length=64, description="the robot's own default source, if none is named"
@@ -65,6 +67,26 @@ class DriveParams(Params):
     linear_m_s: float
     angular_rad_s: float
     source: str | None = _SOURCE
+
+
+class SetWheelVelocitiesParams(Params):
+    """Wheels by name, and how fast each of them is to turn (forward positive); the others stand."""
+
+    name: list[WheelName] = Field(min_length=1, max_length=MOST_WHEELS)
+    velocity_rad_s: list[float] = Field(min_length=1, max_length=MOST_WHEELS)
+    source: str | None = _SOURCE
+
+    @model_validator(mode="after")
+    def _one_for_each(self) -> "SetWheelVelocitiesParams":
+        if len(self.name) != len(self.velocity_rad_s):
+            raise ValueError(f"{len(self.name)} names for {len(self.velocity_rad_s)} velocities")
+        if repeated := sorted({name for name in self.name if self.name.count(name) > 1}):
+            raise ValueError(f"each wheel once, repeated: {', '.join(map(ascii, repeated))}")
+        return self
+
+    def by_name(self) -> dict[str, float]:
+        """The velocity of each wheel."""
+        return dict(zip(self.name, self.velocity_rad_s, strict=True))
 
 
 class EstopParams(Params):

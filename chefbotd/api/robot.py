@@ -33,8 +33,12 @@ class Robot(Protocol):
         """Take a velocity command from one of the configured sources."""
         ...
 
+    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
+        """Take a command for each wheel by name; wheels that are not named stand."""
+        ...
+
     def release(self, source: str) -> None:
-        """Nobody answers for this source's last command any more; never refused."""
+        """Nobody answers for this source's last command any more: lower sources go on; never refused."""
         ...
 
     def stop(self) -> None:

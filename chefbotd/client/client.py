@@ -12,7 +12,7 @@ Every method raises ``CallError``, ``CallTimeout`` or ``ConnectionLost``.
 import asyncio
 import ssl
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Self
@@ -110,6 +110,13 @@ class Client:
         Without a source it is the robot's default one that asks.
         """
         await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, **_named(source))
+
+    async def set_wheel_velocities(
+        self, velocity_rad_s: Mapping[str, float], source: str | None = None
+    ) -> None:
+        """Ask for a speed of each wheel by name; the others stand. It holds for as long as a ``drive`` does."""
+        names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
+        await self.call("set_wheel_velocities", name=names, velocity_rad_s=velocities, **_named(source))
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""

@@ -60,6 +60,7 @@ def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
     async def scenario(served: Served, robot: Client) -> None:
         await robot.drive(0.2, -0.1)
         await robot.drive(linear_m_s=0.0, angular_rad_s=1.0, source="navigation")
+        await robot.set_wheel_velocities({"left": 1.0, "right": -2.0})
         await robot.stop()
         await robot.estop("smoke")
         await robot.estop()
@@ -71,6 +72,7 @@ def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
         assert served.robot.calls == [
             ("drive", "teleop", Twist2D(0.2, -0.1)),
             ("drive", "navigation", Twist2D(0.0, 1.0)),
+            ("set_wheel_velocities", "teleop", {"left": 1.0, "right": -2.0}),
             ("stop",),
             ("estop", "smoke"),
             ("estop", "asked by a client"),

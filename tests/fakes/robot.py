@@ -53,6 +53,13 @@ class FakeRobot:
         """Remember it."""
         self._record("drive", source, twist)
 
+    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
+        """Remember it; only the two wheels of ``WHEELS`` are known."""
+        self._record("set_wheel_velocities", source, dict(velocity_rad_s))
+        for wheel in velocity_rad_s:
+            if wheel not in WHEELS:
+                raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
+
     def release(self, source: str) -> None:
         """Remember it."""
         self._record("release", source)

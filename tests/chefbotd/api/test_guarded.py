@@ -55,6 +55,7 @@ CALLS: dict[str, dict[str, Any]] = {
     "estop": {},
     "get_pid": {},
     "drive": {"linear_m_s": 0.1, "angular_rad_s": 0.0},
+    "set_wheel_velocities": {"name": ["left"], "velocity_rad_s": [0.1]},
     "take_control": {},
     "release_control": {},
     "arm": {},
@@ -64,7 +65,7 @@ CALLS: dict[str, dict[str, Any]] = {
     "reset_board": {},
 }
 LISTS = list(CALLS)
-OBSERVING, DRIVING = set(LISTS[:11]), set(LISTS[:16])
+OBSERVING, DRIVING = set(LISTS[:11]), set(LISTS[:17])
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,11 @@ COMMANDS = [
         {"linear_m_s": 0, "angular_rad_s": 0, "source": "navigation"},
         ("drive", "navigation", Twist2D()),
     ),
+    (
+        "set_wheel_velocities",
+        {"name": ["right", "left"], "velocity_rad_s": [3, -1.5], "source": "safety"},
+        ("set_wheel_velocities", "safety", {"right": 3.0, "left": -1.5}),
+    ),
     ("stop", {}, ("stop",)),
     ("estop", {"reason": "smoke"}, ("estop", "smoke")),
     ("arm", {}, ("arm",)),
@@ -92,6 +97,45 @@ def test_a_command_reaches_the_robot_before_it_is_answered(
     desk = Desk()
     assert desk.ask(method, **params) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
     assert desk.robot.calls == [call]
+
+
+@pytest.mark.parametrize(
+    ("name", "velocity_rad_s", "told"),
+    [
+        (["left", "left"], [1.0, 2.0], "repeated: 'left'"),
+        (["left", "right"], [1.0], "2 names for 1 velocities"),
+        ([], [], "name"),
+        ([""], [1.0], "name.0"),
+        ([3], [1.0], "name.0"),
+        (["left"], ["1"], "velocity_rad_s.0"),
+        (["left"], [True], "velocity_rad_s.0"),
+    ],
+)
+def test_wheels_are_named_once_with_a_velocity_each(
+    name: list[Any], velocity_rad_s: list[Any], told: str
+) -> None:
+    """What is wrong is refused by name, and the robot is asked for nothing."""
+    desk = Desk()
+    error = desk.ask("set_wheel_velocities", name=name, velocity_rad_s=velocity_rad_s)["error"]
+    assert error["data"]["kind"] == "invalid_params"
+    assert told in error["message"]
+    assert desk.robot.calls == []
+
+
+def test_a_wheel_that_is_not_there_gives_no_lease() -> None:
+    """The robot refuses the name; the source stays free for others."""
+    desk = Desk()
+    assert desk.kind("set_wheel_velocities", name=["middle"], velocity_rad_s=[1.0]) == "unknown_wheel"
+    assert desk.ask("release_control")["result"] == {"sources": []}
+
+
+def test_wheel_commands_need_and_renew_the_lease() -> None:
+    """Who commands wheels has control of the source, as who drives has; another client's are refused."""
+    desk, other = Desk(), Desk()
+    other.dispatcher = desk.dispatcher
+    assert desk.ask("set_wheel_velocities", name=["left"], velocity_rad_s=[1.0])["result"] == {"ok": True}
+    assert other.kind("set_wheel_velocities", name=["left"], velocity_rad_s=[1.0]) == "lease_held"
+    assert desk.ask("release_control")["result"] == {"sources": ["teleop"]}
 
 
 def test_a_lease_is_taken_and_given_back_by_name() -> None:
@@ -295,7 +339,7 @@ def test_describe_covers_the_whole_interface() -> None:
     described = desk.ask("describe")["result"]
     contract = (
         "authenticate introduce describe get_description ping get_state get_stats subscribe unsubscribe "
-        "drive take_control release_control stop estop arm get_pid set_pid "
+        "drive set_wheel_velocities take_control release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board"
     )
     assert set(described["methods"]) == set(contract.split())
