@@ -88,7 +88,7 @@ class Daemon:
                 self._odometry,
                 self.session,
                 self._stats,
-                Tuning(self.driving),
+                Tuning(self.driving, settings.drive.max_duty),
                 settings.safety.default_source,
                 _description(settings.robot.description),
                 tuple(settings.safety.sources),

@@ -112,6 +112,15 @@ class Settings(Parameters):
         return self
 
     @model_validator(mode="after")
+    def _stays_in_the_duty_range(self) -> Self:
+        for name, gains in self.gains().items():
+            if gains.output_limit > self.drive.max_duty:
+                raise ValueError(
+                    f"output_limit_duty {gains.output_limit} of {name} is beyond drive.max_duty {self.drive.max_duty}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _tells_sensors_apart(self) -> Self:
         names = list(self.range_mounts())
         if len(names) < len(self.infrared) + (self.ultrasonic is not None):

@@ -24,12 +24,15 @@ from chefbotd.motion.pid import PidParameters, PidState
 class DriveParameters(Parameters):
     """``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
 
+    ``max_duty`` is the bridge's range: no duty beyond it is ever sent, whatever the gains.
+
     ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
     slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
     ``regain_per_s`` gives it back.
     """
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
+    max_duty: int = Field(default=1023, ge=1, le=32_767)
     longest_step_s: float = Field(default=0.1, gt=0, le=1)
     yield_per_s: float = Field(default=2.0, ge=0, le=100)
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
@@ -203,8 +206,9 @@ class Drive:
         return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
 
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
+        most = self._parameters.max_duty
         wheels = zip(outputs, self._motor_signs, strict=True)
-        return tuple([round(output) * sign for output, sign in wheels])
+        return tuple([min(most, max(-most, round(output))) * sign for output, sign in wheels])
 
     def _share_left(
         self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float

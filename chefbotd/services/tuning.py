@@ -28,10 +28,10 @@ class Tunable(Protocol):
 
 
 class Tuning:
-    """The gains of a running loop and what they were: one history for all clients."""
+    """The gains of a running loop and what they were: one history for all clients. No output goes past ``max_duty``."""
 
-    def __init__(self, wheels: Tunable, depth: int = HISTORY_DEPTH) -> None:
-        self._wheels = wheels
+    def __init__(self, wheels: Tunable, max_duty: int, depth: int = HISTORY_DEPTH) -> None:
+        self._wheels, self._max_duty = wheels, max_duty
         self._before: deque[Mapping[str, PidParameters]] = deque(maxlen=depth)
 
     def gains(self) -> Mapping[str, PidParameters]:
@@ -52,6 +52,9 @@ class Tuning:
             name: _changed(gains, changes) if wheel in (ALL_WHEELS, name) else gains
             for name, gains in before.items()
         }
+        if any(gains.output_limit > self._max_duty for gains in after.values()):
+            message = f"output_limit={changes['output_limit']!r}: expected at most {self._max_duty}, the duty's range"
+            raise Refused(RefusalKind.OUT_OF_RANGE, message)
         if after != before:
             self._wheels.retune(after)
             self._before.append(before)

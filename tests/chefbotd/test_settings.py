@@ -181,3 +181,11 @@ def test_parts_that_do_not_go_together_are_refused(overrides: dict[str, object],
     """A wire that is not this robot's, and sensors that could not be told apart."""
     with pytest.raises(SettingsError, match=told):
         load(packaged("khan"), overrides=overrides)
+
+
+def test_gains_beyond_the_duty_range_are_refused(chefbot: Path):
+    """An output limit above drive.max_duty: both numbers and the wheel are named."""
+    with pytest.raises(
+        SettingsError, match=r"output_limit_duty 5000.0 of left_wheel is beyond drive.max_duty 1023"
+    ):
+        load(spoil(chefbot, "output_limit_duty = 1023.0", "output_limit_duty = 5000.0"))

@@ -161,3 +161,11 @@ def test_one_set_of_gains_per_wheel():
     """Too few gains are refused with both numbers."""
     with pytest.raises(ValueError, match="gains for 2 wheels, got 1"):
         Drive(DriveParameters(), CHASSIS, LIMITS, (GAINS,))
+
+
+def test_no_duty_leaves_the_bridges_range():
+    """Gains that ask for 30000: the duty is the 1023 there are, in both directions."""
+    wild = GAINS.model_copy(update={"output_limit": 30000.0, "kv": 80000.0})
+    controller = drive(wild)
+    ahead = regulated(controller, controller.at_rest, Twist2D(0.4, 0.0), 1.0, rim_m_s=0.0)
+    assert ahead.duty == (1023, -1023)
