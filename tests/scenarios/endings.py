@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from chefbotd.client import Client, ClientError
+from chefbotd.signals import ENDING
 from tests.scenarios.process import BLOCKED, OUT_OF_MEMORY, PERIOD_S, SPEED_M_S, Board, Program, driving
 from tests.scenarios.trial import MOVING_M_S, Result, motion
 
-RUN_UP_S, WATCHED_S = 1.0, 2.0
+RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005
 
 Act = Callable[[Program, Client], Coroutine[Any, Any, None]]
@@ -54,10 +55,8 @@ async def _asked(program: Program, client: Client) -> None:
 
 
 ENDINGS = (
-    *(
-        Ending(number.name, partial(_signalled, number), 0.25, 0)
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
-    ),
+    *(Ending(number.name, partial(_signalled, number), 0.25, 0) for number in ENDING),
+    Ending("SIGTSTP (Ctrl-Z)", partial(_signalled, signal.SIGTSTP), None, None),
     Ending("event loop blocked for 1 s", _asked, 0.5, None, BLOCKED),
     Ending("out of memory in a request", _asked, None, None, OUT_OF_MEMORY),
     Ending("SIGKILL (kill -9)", partial(_signalled, signal.SIGKILL), None, -signal.SIGKILL),
