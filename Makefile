@@ -42,9 +42,9 @@ wheel: $(VENV)/ready
 wheel-test: wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil trustme
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil pytest-timeout trustme
 	mkdir -p build/wheel-test
-	cp -r tests fuzz pyproject.toml build/wheel-test/
+	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
 	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.

@@ -98,12 +98,12 @@ def decode(
 ) -> tuple[EncodersState, Reading]:
     """The next state and what the frame says; ``signs`` is +1 or -1 per wheel.
 
-    Where the edges' own timing is known, ``rate_counts_s`` is the velocity, instead of the window's mean. Between two
-    good readings a wheel must turn less than half of the counter's range, or its way round is ambiguous. Raises
-    ``ValueError`` unless there is one count per sign.
+    Where the edges' own timing is known, ``rate_counts_s`` is the velocity, instead of the window's mean. After so long
+    without a good reading that a wheel may have gone half round the counter, its way is ambiguous: the reading is a new
+    reference. Raises ``ValueError`` unless there is one count per sign.
     """
     sample = Sample(board_s, counts)
-    if state.base is None:
+    if state.base is None or _may_have_gone_round(params, board_s - state.base.board_s):
         return _take_reference(params, signs, state, sample)
     deltas = _deltas(params, state.base, sample)
     jumped = _impossible(params, deltas, board_s - state.base.board_s)
@@ -174,10 +174,19 @@ def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[i
     return tuple([((new - old + half) & mask) - half for old, new in pairs])
 
 
-def _impossible(params: EncoderParameters, deltas: tuple[int, ...], elapsed_s: float) -> tuple[int, ...]:
-    """The wheels that cannot have turned that far; time that went back is no time at all."""
+def _most_counts(params: EncoderParameters, elapsed_s: float) -> float:
+    """How far a wheel can have turned; time that went back is no time at all."""
     turns = params.max_speed_rad_s * max(elapsed_s, 0.0) / math.tau
-    most = turns * params.counts_per_turn + params.slack_counts
+    return turns * params.counts_per_turn + params.slack_counts
+
+
+def _may_have_gone_round(params: EncoderParameters, elapsed_s: float) -> bool:
+    return _most_counts(params, elapsed_s) >= 1 << (params.width_bits - 1)
+
+
+def _impossible(params: EncoderParameters, deltas: tuple[int, ...], elapsed_s: float) -> tuple[int, ...]:
+    """The wheels that cannot have turned that far."""
+    most = _most_counts(params, elapsed_s)
     return tuple([i for i, delta in enumerate(deltas) if abs(delta) > most])
 
 

@@ -289,3 +289,13 @@ def test_parameters_out_of_range_are_refused(changes: dict[str, float]) -> None:
     """The bad value is named."""
     with pytest.raises(ValidationError, match=next(iter(changes))):
         parameters(**changes)
+
+
+def test_after_too_long_a_gap_a_narrow_counter_is_a_new_reference() -> None:
+    """10 turns/s of 1000 counts go half round 16 bits in 3.28 s: 42,000 counts after 5 s are not read as -23,536."""
+    params = parameters(width_bits=16)
+    state, _ = feed(params, (0, 0), (20, 20))
+    state, after_gap = encoder.decode(params, FORWARD, state, (42_020 - 65_536, 20), 5.02)
+    assert (after_gap.rebased, after_gap.refused) == (True, False)
+    assert after_gap.travel_rad == (0.0, 0.0)
+    assert after_gap.position_rad == turns(0.02, 0.02)
