@@ -18,8 +18,9 @@ from typing import Any
 
 from chefbotd.client import Client, ClientError
 from chefbotd.signals import ENDING
+from tests.scenarios.instruments import MOVING_M_S
 from tests.scenarios.process import BLOCKED, OUT_OF_MEMORY, PERIOD_S, SPEED_M_S, Board, Program, driving
-from tests.scenarios.trial import MOVING_M_S, Result, motion
+from tests.scenarios.trial import Result, motion
 
 RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005

@@ -15,10 +15,10 @@ from chefbotd.clock import run_virtual
 from chefbotd.services.supervisor import ServiceLost
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.scenarios.instruments import FrameCount, Stopwatch, is_moving
 
-PERIOD_S, SAMPLE_S = 0.05, 0.002
+PERIOD_S = 0.05
 RUN_UP_S, LEAVING_S = 1.5, 1.5
-MOVING_M_S, MOVING_RAD_S = 0.005, 0.02
 AHEAD = (0.2, 0.0)
 """Metres and radians per second."""
 
@@ -90,50 +90,6 @@ class Driver:
                 await asyncio.sleep(PERIOD_S)
 
 
-class Stopwatch:
-    """From when it is made: when the board last had a duty, and when the robot last moved."""
-
-    def __init__(self, robot: SimulatedRobot) -> None:
-        self._robot, self._start_s = robot, asyncio.get_running_loop().time()
-        self.zero_s = self.rest_s = 0.0
-        self._task = asyncio.create_task(self._run())
-
-    async def stop(self) -> None:
-        """Look no more."""
-        self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
-
-    async def _run(self) -> None:
-        while True:
-            await asyncio.sleep(SAMPLE_S)
-            elapsed_s = asyncio.get_running_loop().time() - self._start_s
-            if any(self._robot.board.duty):
-                self.zero_s = elapsed_s
-            if is_moving(self._robot):
-                self.rest_s = elapsed_s
-
-
-class FrameCount:
-    """Lines that the board sends from now on and the daemon never took, whoever lost them."""
-
-    def __init__(self, robot: SimulatedRobot) -> None:
-        self._session, self._feed = robot.daemon.session, robot.device.feed
-        self._sent, self._taken = 0, self._frames()
-        robot.device.feed = self._count
-
-    @property
-    def lost(self) -> int:
-        """So many."""
-        return max(self._sent - (self._frames() - self._taken), 0)
-
-    def _count(self, data: bytes) -> None:
-        self._sent += sum(1 for line in data.splitlines() if line)
-        self._feed(data)
-
-    def _frames(self) -> int:
-        return sum(self._session.frames.values())
-
-
 @dataclass(slots=True)
 class Trial:
     """What a fault may lay hands on."""
@@ -174,12 +130,6 @@ class Fault:
     leave: tuple[float, float] = AHEAD
     on_wire: bool = False
     overrides: Mapping[str, object] = field(default_factory=dict)
-
-
-def is_moving(robot: SimulatedRobot) -> bool:
-    """Whether it really moves."""
-    twist = robot.board.truth(0.0).twist
-    return abs(twist.linear_m_s) > MOVING_M_S or abs(twist.angular_rad_s) > MOVING_RAD_S
 
 
 def motion(

@@ -1,0 +1,58 @@
+"""What a trial is measured with: the true motion of the simulated robot, and the frames on its wire."""
+
+import asyncio
+
+from chefbotd.testing.daemon import SimulatedRobot
+
+SAMPLE_S = 0.002
+MOVING_M_S, MOVING_RAD_S = 0.005, 0.02
+
+
+def is_moving(robot: SimulatedRobot) -> bool:
+    """Whether it really moves."""
+    twist = robot.board.truth(0.0).twist
+    return abs(twist.linear_m_s) > MOVING_M_S or abs(twist.angular_rad_s) > MOVING_RAD_S
+
+
+class Stopwatch:
+    """From when it is made: when the board last had a duty, and when the robot last moved."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot, self._start_s = robot, asyncio.get_running_loop().time()
+        self.zero_s = self.rest_s = 0.0
+        self._task = asyncio.create_task(self._run())
+
+    async def stop(self) -> None:
+        """Look no more."""
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _run(self) -> None:
+        while True:
+            await asyncio.sleep(SAMPLE_S)
+            elapsed_s = asyncio.get_running_loop().time() - self._start_s
+            if any(self._robot.board.duty):
+                self.zero_s = elapsed_s
+            if is_moving(self._robot):
+                self.rest_s = elapsed_s
+
+
+class FrameCount:
+    """Lines that the board sends from now on and the daemon never took, whoever lost them."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._session, self._feed = robot.daemon.session, robot.device.feed
+        self._sent, self._taken = 0, self._frames()
+        robot.device.feed = self._count
+
+    @property
+    def lost(self) -> int:
+        """So many."""
+        return max(self._sent - (self._frames() - self._taken), 0)
+
+    def _count(self, data: bytes) -> None:
+        self._sent += sum(1 for line in data.splitlines() if line)
+        self._feed(data)
+
+    def _frames(self) -> int:
+        return sum(self._session.frames.values())
