@@ -9,6 +9,7 @@ come back to a twist, until the wheels of a side turn alike again: no setpoint e
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from pydantic import Field
 
@@ -37,6 +38,8 @@ class DriveParameters(Parameters):
     yield_per_s: float = Field(default=2.0, ge=0, le=100)
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
 
+
+T = TypeVar("T")
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
@@ -112,16 +115,21 @@ class Drive:
         dt_s: float,
         *,
         apart: bool = False,
+        led: Sequence[tuple[int, int]] = (),
     ) -> DriveState:
-        """An encoder frame: wheel speeds measured over board time ``dt_s`` since the frame before."""
+        """An encoder frame: wheel speeds measured over board time ``dt_s`` since the frame before.
+
+        ``led``: wheels whose reading is not to be believed, each with the one that it is driven like.
+        """
         state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
-        wheels = zip(
-            self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True
-        )
+        pids = state.pids
+        if led:
+            pids, speeds_m_s = _following(pids, led), _following(speeds_m_s, led)
+        wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         steps = [pid.step(*wheel, dt_s) for wheel in wheels]
         outputs = tuple([step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
@@ -221,3 +229,11 @@ class Drive:
             if abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S:
                 change = -self._parameters.yield_per_s
         return min(1.0, max(LEAST_SHARE, state.share + change * dt_s))
+
+
+def _following(values: tuple[T, ...], led: Sequence[tuple[int, int]]) -> tuple[T, ...]:
+    """What belongs to each wheel, with its leader's for a wheel that is led."""
+    followed = list(values)
+    for wheel, leader in led:
+        followed[wheel] = values[leader]
+    return tuple(followed)

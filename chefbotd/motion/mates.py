@@ -31,8 +31,8 @@ class MatesParameters(Parameters):
     """
 
     memory_s: float = Field(default=0.2, gt=0, le=10)
-    slack_m: float = Field(default=0.002, gt=0, le=1)
-    share: float = Field(default=0.25, gt=0, lt=1)
+    slack_m: float = Field(default=0.0015, gt=0, le=1)
+    share: float = Field(default=0.1, gt=0, lt=1)
 
 
 MOST_PACE = 1.5
@@ -41,15 +41,19 @@ MOST_PACE = 1.5
 
 @dataclass(frozen=True, slots=True)
 class MatesState:
-    """What each wheel has rolled lately and what it was asked to; ``left_out`` are indices of wheels.
+    """What each wheel has rolled lately and what it was asked to.
 
-    ``behind`` are those of them that seem to do less than their mates.
+    ``led`` are the wheels that are not believed, each with the mate that is: pairs of indices.
     """
 
     rolled_m: tuple[float, ...]
     asked_m: tuple[float, ...]
-    left_out: tuple[int, ...] = ()
-    behind: tuple[int, ...] = ()
+    led: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """The indices of the wheels that are not believed."""
+        return tuple([wheel for wheel, _ in self.led])
 
 
 class Mates:
@@ -74,37 +78,25 @@ class Mates:
         rolled_m = tuple([kept * rolled + angle * radius for rolled, angle, radius in turned])
         wanted = zip(state.asked_m, setpoint_m_s, strict=True)
         asked_m = tuple([kept * asked + speed * dt_s for asked, speed in wanted])
-        before = MatesState(rolled_m, asked_m, state.left_out)
-        out: list[int] = []
-        behind: list[int] = []
-        for side, other in self._sides:
-            believed = self._believed(before, side, other)
-            if believed is None:
-                continue
-            reach = rolled_m[believed]
-            apart = [i for i in side if self._is_apart(before, i, reach)]
-            out += apart
-            behind += [i for i in apart if rolled_m[i] * math.copysign(1.0, reach) < abs(reach)]
-        return MatesState(rolled_m, asked_m, tuple(out), tuple(behind))
-
-    def stand_in(self, state: MatesState, velocity_rad_s: tuple[float, ...]) -> tuple[float, ...]:
-        """The wheels' speeds, with their mates' in place of those behind: no loop drives a wheel on a false reading."""
-        if not state.behind:
-            return velocity_rad_s
-        left_m_s, right_m_s = self._kinematics.side_travel_m(velocity_rad_s, state.left_out)
-        radii_m, left = self._kinematics.radii_m, self._kinematics.left
-        return tuple(
-            [
-                (left_m_s if i in left else right_m_s) / radii_m[i] if i in state.behind else velocity
-                for i, velocity in enumerate(velocity_rad_s)
-            ]
-        )
+        now = MatesState(rolled_m, asked_m, state.led)
+        led = [pair for side, other in self._sides for pair in self._strays(now, side, other)]
+        return MatesState(rolled_m, asked_m, tuple(led))
 
     def credit(self, state: MatesState, effort: tuple[float, ...]) -> tuple[float, ...]:
-        """The wheels' effort, -1 to 1, in full for those behind: little as it was, their mates turned by it."""
-        if not state.behind:
+        """The wheels' effort, -1 to 1, in full for those left out: little as it was, their mates turned by it."""
+        if not state.led:
             return effort
-        return tuple([math.copysign(1.0, e) if e and i in state.behind else e for i, e in enumerate(effort)])
+        out = state.left_out
+        return tuple([math.copysign(1.0, e) if e and i in out else e for i, e in enumerate(effort)])
+
+    def _strays(
+        self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]
+    ) -> list[tuple[int, int]]:
+        """The wheels of a side that are far from the one to believe, each with that one."""
+        believed = self._believed(state, side, other)
+        if believed is None:
+            return []
+        return [(i, believed) for i in side if self._is_apart(state, i, state.rolled_m[believed])]
 
     def _believed(self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]) -> int | None:
         """The wheel nearest to what is expected of its side; None where there is nothing to compare."""

@@ -187,9 +187,14 @@ class DriveService:
             self._state = self._drive.halt(self._state)
             return
         apart = decision.limited_by is not None
-        speeds_rad_s = self._reader.speeds_to_control(seen)
         self._state = self._drive.regulate(
-            self._state, decision.motion, now_s, speeds_rad_s, seen.dt_s, apart=apart
+            self._state,
+            decision.motion,
+            now_s,
+            seen.reading.velocity_rad_s,
+            seen.dt_s,
+            apart=apart,
+            led=seen.mates.led,
         )
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:

@@ -48,16 +48,12 @@ class WheelReader:
             return WheelsRead(reading, 0.0, self._compared)
         dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
         self._board_s = event.board_s
-        before = self._compared.left_out
+        before = self._compared.led
         self._compared = self._mates.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
-        if self._compared.left_out not in (before, ()):
+        if self._compared.led not in (before, ()):
             names = [self._names[index] for index in self._compared.left_out]
             self._log.warning("wheels disagree with their mates and are left out of odometry", wheels=names)
         return WheelsRead(reading, dt_s, self._compared)
-
-    def speeds_to_control(self, seen: WheelsRead) -> tuple[float, ...]:
-        """Wheel speeds for the wheels' loops: measured, or their mates' where a wheel cannot be believed."""
-        return self._mates.stand_in(seen.mates, seen.reading.velocity_rad_s)
 
     def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
         """How hard each wheel was pushed (see ``Drive.effort``), for whoever judges what came of it."""
