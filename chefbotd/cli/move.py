@@ -9,6 +9,7 @@ from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finit
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.extras import extra
+from chefbotd.cli.terminal import need_terminal
 from chefbotd.core.geometry import Twist2D
 
 SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
@@ -68,6 +69,7 @@ def teleop(chat: Conversation) -> None:
     """Drive by keyboard in the terminal; the robot stops when the keys do."""
     with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
+    need_terminal()
     chat.hold(lambda robot: run_screen(robot, str(chat.address)))
 
 

@@ -9,14 +9,18 @@ from chefbotd.cli.arguments import gain
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.extras import extra
+from chefbotd.cli.terminal import need_terminal
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
 UNSAVED = "The gains were changed and not saved; 'chefbotctl pid save FILE' writes them to a configuration."
 
 
-@click.group()
-def pid() -> None:
-    """Show, change, tune and save the gains of the wheels' controllers."""
+@click.group(invoke_without_command=True)
+@click.pass_context
+def pid(ctx: click.Context) -> None:
+    """Show, change, tune and save the gains of the wheels' controllers; without a command, show them."""
+    if ctx.invoked_subcommand is None:
+        ctx.invoke(get)
 
 
 @pid.command("get")
@@ -86,6 +90,7 @@ def tune(chat: Conversation, path: Path | None, amplitude_m_s: float, half_perio
         from chefbotd.cli.tune import tune as run_screen
     from chefbotd.cli.excitation import WaveParameters
 
+    need_terminal()
     wave = WaveParameters(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
     if chat.hold(lambda robot: run_screen(robot, str(chat.address), path, wave)):
         click.echo(UNSAVED, err=True)
