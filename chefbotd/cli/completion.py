@@ -3,6 +3,7 @@
 import click
 from click.shell_completion import get_completion_class
 
+from chefbotd.cli.echo import echo
 from chefbotd.cli.exits import Exit, ProgramError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -19,4 +20,4 @@ def completion(ctx: click.Context, shell: str) -> None:
     if completer is None:
         raise ProgramError(Exit.FAILED, f"this version of click cannot complete {shell}")
     variable = f"_{program}_COMPLETE".upper().replace("-", "_")
-    click.echo(completer(root.command, {}, program, variable).source())
+    echo(completer(root.command, {}, program, variable).source())

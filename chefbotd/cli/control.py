@@ -10,8 +10,9 @@ from chefbotd.cli import act, ask, move
 from chefbotd.cli.arguments import Address, address
 from chefbotd.cli.completion import completion
 from chefbotd.cli.conversation import Conversation, Runner, Trust, run_until_signalled
-from chefbotd.cli.exits import MEANING, Program, exit_table
+from chefbotd.cli.exits import MEANING, exit_table
 from chefbotd.cli.pid import pid
+from chefbotd.cli.program import Program, wants_json
 
 TOKEN = click.File(encoding="utf-8")
 EXITS = list(MEANING)
@@ -43,15 +44,12 @@ EXITS = list(MEANING)
     show_envvar=True,
     help="Speak TLS, and trust the certificates in this PEM file.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts; failures too, on stderr.")
 @click.version_option(__version__, prog_name="chefbotctl")
 @click.pass_context
-def main(
-    ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None, as_json: bool
-) -> None:
+def main(ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
     run: Runner = ctx.obj or run_until_signalled
-    ctx.obj = Conversation(where, as_json, run, _trust(token_file, ca))
+    ctx.obj = Conversation(where, wants_json(ctx), run, _trust(token_file, ca))
 
 
 def _trust(token_file: TextIO | None, ca: str | None) -> Trust:

@@ -5,12 +5,13 @@ import os
 import signal
 import ssl
 from collections.abc import Awaitable, Callable, Coroutine
-from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from contextlib import AsyncExitStack
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, Self, TypeVar
 
 from chefbotd.cli.arguments import Address
 from chefbotd.cli.exits import Exit, ProgramError
-from chefbotd.client import CallError, CallTimeout, Client, ConnectionLost, IncompatibleProtocol
+from chefbotd.client import CallError, CallTimeout, Client, ClientError, ConnectionLost, IncompatibleProtocol
 
 T = TypeVar("T")
 
@@ -63,6 +64,10 @@ class Conversation:
     run: Runner = run_until_signalled
     trust: Trust = NO_TRUST
 
+    def in_json(self) -> Self:
+        """The same, printing JSON."""
+        return replace(self, as_json=True)
+
     def hold(self, talk: Callable[[Client], Awaitable[T]]) -> T:
         """Connect, ``talk``, disconnect.
 
@@ -74,21 +79,26 @@ class Conversation:
     async def connected(self, talk: Callable[[Client], Awaitable[T]]) -> T:
         """The same, on a loop that runs."""
         try:
-            async with Client.connect(
-                self.address.host, self.address.port, token=self.trust.token, tls=self.trust.tls
-            ) as robot:
-                return await talk(robot)
+            async with AsyncExitStack() as stack:
+                return await talk(await self._meet(stack))
         except CallError as error:
             raise refusal(error) from error
         except (ConnectionLost, CallTimeout) as error:
             raise ProgramError(Exit.CONNECTION_LOST, f"lost the daemon: {error}") from error
         except IncompatibleProtocol as error:
             raise ProgramError(Exit.CANNOT_CONNECT, str(error)) from error
-        except (OSError, TimeoutError) as error:
-            hint = "is chefbotd running there?"
-            raise ProgramError(
-                Exit.CANNOT_CONNECT, f"cannot connect to {self.address} ({_why(error)}); {hint}"
-            ) from error
+
+    async def _meet(self, stack: AsyncExitStack) -> Client:
+        """Connect, until the stack ends. What fails later, such as printing, is not the connection's failure."""
+        where, trust = self.address, self.trust
+        meeting = Client.connect(where.host, where.port, token=trust.token, tls=trust.tls)
+        try:
+            return await stack.enter_async_context(meeting)
+        except ClientError:  # some of them are OSErrors, too
+            raise
+        except OSError as error:
+            told = f"cannot connect to {where} ({_why(error)}); is chefbotd running there?"
+            raise ProgramError(Exit.CANNOT_CONNECT, told) from error
 
 
 def refusal(error: CallError) -> ProgramError:

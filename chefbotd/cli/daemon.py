@@ -14,12 +14,14 @@ import click
 from chefbotd import __version__
 from chefbotd.cli.arguments import Address, address, configuration, positive
 from chefbotd.cli.completion import completion
-from chefbotd.cli.exits import Exit, Program, ProgramError, exit_table
+from chefbotd.cli.echo import echo
+from chefbotd.cli.exits import Exit, ProgramError, exit_table
+from chefbotd.cli.program import Program, wants_json
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
 
-EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED)
+EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
@@ -71,9 +73,9 @@ def run(
 )
 @click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
 @click.option("--cycle-hz", type=positive, metavar="HZ", help="How often the board reports.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON objects, one a line.")
+@click.pass_context
 def simulate(
-    path: Path | None, link: Path | None, seed: int | None, cycle_hz: float | None, as_json: bool
+    ctx: click.Context, path: Path | None, link: Path | None, seed: int | None, cycle_hz: float | None
 ) -> None:
     """Run a simulated board on a device of its own, whose path is the first line printed.
 
@@ -85,15 +87,15 @@ def simulate(
     from chefbotd.simulation import simulation_of
 
     try:
-        asyncio.run(run_board(simulation_of(settings), link_path=link, seed=seed, as_json=as_json))
+        asyncio.run(run_board(simulation_of(settings), link_path=link, seed=seed, as_json=wants_json(ctx)))
     except (OSError, ValueError) as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
 
 
 @main.command()
 @click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def check_config(path: Path | None, as_json: bool) -> None:
+@click.pass_context
+def check_config(ctx: click.Context, path: Path | None) -> None:
     """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to.
 
     The robot's description, if it has one, is held against it: wheel names, radii and track.
@@ -101,10 +103,10 @@ def check_config(path: Path | None, as_json: bool) -> None:
     settings = _load(path, {})
     _check_description(settings)
     values = settings.model_dump(mode="json", by_alias=True)
-    if as_json:
-        click.echo(json.dumps(values))
+    if wants_json(ctx):
+        echo(json.dumps(values))
     else:
-        click.echo("\n".join(_assignments("", values)))
+        echo("\n".join(_assignments("", values)))
 
 
 main.add_command(completion)

@@ -1,10 +1,6 @@
 """What the programs' exit codes mean: one table, shown in ``--help`` and used by every command."""
 
-import json
 from enum import IntEnum
-from typing import Any
-
-import click
 
 
 class Exit(IntEnum):
@@ -20,6 +16,7 @@ class Exit(IntEnum):
     NOT_INSTALLED = 7
     BAD_CONFIGURATION = 78
     INTERRUPTED = 130
+    OUTPUT_CLOSED = 141
 
 
 MEANING = {
@@ -33,6 +30,7 @@ MEANING = {
     Exit.NOT_INSTALLED: "an optional part of the program is not installed",
     Exit.BAD_CONFIGURATION: "the configuration is not valid",
     Exit.INTERRUPTED: "interrupted by a signal",
+    Exit.OUTPUT_CLOSED: "whoever read the output closed it (a shell's code for SIGPIPE)",
 }
 
 
@@ -49,28 +47,3 @@ class ProgramError(Exception):
         super().__init__(message)
         self.code = code
         self.details = details
-
-
-class Program(click.Group):
-    """A group of commands whose failures and interruptions become exit codes.
-
-    The message goes to stderr; as one JSON object where ``--json`` was asked for.
-    """
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that was named."""
-        try:
-            return super().invoke(ctx)
-        except ProgramError as failure:
-            self._report(failure, bool(ctx.params.get("as_json", False)))
-            ctx.exit(failure.code)
-        except KeyboardInterrupt:
-            click.echo("Interrupted.", err=True)
-            ctx.exit(Exit.INTERRUPTED)
-
-    def _report(self, failure: ProgramError, as_json: bool) -> None:
-        if as_json:
-            error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
-            click.echo(json.dumps({"error": error}), err=True)
-        else:
-            click.echo(f"Error: {failure}", err=True)

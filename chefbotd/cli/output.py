@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from chefbotd.cli import facts
+from chefbotd.cli.echo import echo, writing
 from chefbotd.client import Event
 
 if TYPE_CHECKING:
@@ -19,16 +18,17 @@ Data = Mapping[str, Any]
 
 def say(as_json: bool, value: object, text: str) -> None:
     """One JSON object, or one sentence."""
-    click.echo(json.dumps(value) if as_json else text)
+    echo(json.dumps(value) if as_json else text)
 
 
 def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) -> None:
     if as_json:
-        click.echo(json.dumps(value))
+        echo(json.dumps(value))
         return
-    from rich.console import Console
+    from chefbotd.cli.printer import Printer
 
-    Console(highlight=False).print(draw())
+    with writing():
+        Printer(highlight=False).print(draw())
 
 
 def _table(*columns: str) -> "Table":
@@ -57,10 +57,10 @@ def event(as_json: bool, event: Event) -> None:
     """One event on one line."""
     if as_json:
         value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
-        click.echo(json.dumps({**value, "data": event.data}))
+        echo(json.dumps({**value, "data": event.data}))
     else:
         told = " ".join(f"{name}={_brief(value)}" for name, value in event.data.items())
-        click.echo(f"{event.stamp_s:.3f} {event.topic} {told}")
+        echo(f"{event.stamp_s:.3f} {event.topic} {told}")
 
 
 def _brief(value: Any) -> str:

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
-import click
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -16,7 +15,9 @@ from rich.table import Table
 
 from chefbotd.cli import facts
 from chefbotd.cli.course import deviation
+from chefbotd.cli.echo import echo, writing
 from chefbotd.cli.latency import Latencies, percentile
+from chefbotd.cli.printer import Printer
 from chefbotd.cli.walk import Progress, Report, Walk
 from chefbotd.core.geometry import Pose2D
 
@@ -32,11 +33,12 @@ class View:
 
     def __init__(self, as_json: bool, console: Console | None = None) -> None:
         self._as_json = as_json
-        self._console = console or Console(quiet=as_json, highlight=False)
+        self._console = console or Printer(quiet=as_json, highlight=False)
 
     def say(self, text: str) -> None:
         """A line on the way."""
-        self._console.print(text)
+        with writing():
+            self._console.print(text)
 
     @contextmanager
     def progress(self) -> Iterator[Report]:
@@ -68,9 +70,10 @@ class View:
     def show(self, walk: Walk, problems: Sequence[str]) -> None:
         """How it ended."""
         if self._as_json:
-            click.echo(json.dumps(as_json(walk, problems)))
+            echo(json.dumps(as_json(walk, problems)))
             return
-        self._console.print(poses(walk), latencies(walk.latencies), sep="")
+        with writing():
+            self._console.print(poses(walk), latencies(walk.latencies), sep="")
         self.say(f"[{'red' if problems else 'green'}]{closing_words(walk)}[/]")
 
 
