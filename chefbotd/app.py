@@ -14,6 +14,7 @@ import uvloop
 
 from chefbotd import signals, systemd
 from chefbotd.api.access import AccessError, load_guard
+from chefbotd.api.doorway import CannotListen
 from chefbotd.api.server import Server
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock, SystemClock
@@ -199,7 +200,10 @@ def run(settings: Settings, *, simulated: bool) -> int:
             runner.run(_until_signalled(settings, simulated=simulated))
     except BaseExceptionGroup as failures:
         for failure in _leaves(failures):
-            log.error("cannot go on", error=repr(failure), exc_info=failure)
+            if isinstance(failure, CannotListen):
+                log.error("cannot serve", error=str(failure))
+            else:
+                log.error("cannot go on", error=repr(failure), exc_info=failure)
         return 1
     except AccessError as problem:
         log.error("cannot serve", error=str(problem))

@@ -6,6 +6,7 @@ newcomer per turn of the event loop, and lives through the kernel's refusals.
 
 import asyncio
 import contextlib
+import os
 import socket
 import ssl
 
@@ -22,6 +23,13 @@ BACKLOG = 128
 ACCEPT_AGAIN_S = 0.1
 
 
+class CannotListen(OSError):
+    """An address that cannot be listened on; its text is ready to be shown."""
+
+    def __str__(self) -> str:
+        return str(self.strerror)
+
+
 class Doorway:
     """Lets clients into the lobby; through TLS, if there is a context for it."""
 
@@ -34,18 +42,19 @@ class Doorway:
         """Listen on every address of a host, which is looked up while nothing runs yet; the first one's name and port.
 
         Raises:
-            OSError: one of them cannot be listened on.
+            CannotListen: one of them cannot be listened on, or there is no such host.
         """
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
         try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
             for family, _, _, _, address in dict.fromkeys(found):
                 listener = socket.create_server(address, family=family, backlog=BACKLOG)
                 self._listeners.append(listener)
                 listener.setblocking(False)
         except OSError as error:
             self.close()
-            why = (error.strerror or str(error)).lower()
-            raise OSError(error.errno, f"cannot listen on {host}:{port}: {why}") from error
+            number = error.errno or 0  # a look-up's are negative; a socket's own text repeats the address
+            why = (os.strerror(number) if number > 0 else str(error.strerror)).lower()
+            raise CannotListen(error.errno, f"cannot listen on {host}:{port}: {why}") from error
         name: tuple[str, int] = self._listeners[0].getsockname()[:2]
         return name
 

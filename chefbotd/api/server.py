@@ -71,7 +71,7 @@ class Server:
         """Serve until cancelled.
 
         Raises:
-            OSError: the address cannot be listened on.
+            CannotListen: the address cannot be listened on.
         """
         doorway = Doorway(self.lobby, self._guard.tls)
         self._address = doorway.listen(self._parameters.host, self._parameters.port)

@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -88,6 +89,18 @@ def test_an_unknown_log_level() -> None:
     result = chefbotd("run", "--sim", "--log-level", "loud")
     assert result.exit_code == Exit.BAD_CONFIGURATION
     assert "log.level" in result.stderr
+
+
+def test_a_port_that_is_taken() -> None:
+    """A second daemon on a port says so in one line, and ends with 1."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"127.0.0.1:{taken.getsockname()[1]}"
+        command = (*PROGRAM, "run", "--sim", "--listen", where)
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    (told,) = ended.stderr.splitlines()
+    assert (ended.returncode, ended.stdout) == (Exit.FAILED, "")
+    assert f'"cannot listen on {where}: address already in use"' in told
+    assert "Traceback" not in told
 
 
 def test_a_board_that_cannot_be_made(tmp_path: Path) -> None:
