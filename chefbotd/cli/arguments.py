@@ -68,6 +68,14 @@ def positive(text: str | float) -> float:
     return number
 
 
+def wheel_speed(text: str) -> tuple[str, float]:
+    """``NAME=RAD_S``: a wheel and a finite speed."""
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise click.BadParameter(f"{text!r} is not NAME=RAD_S, such as left_wheel=3.5")
+    return name, finite(value)
+
+
 GAIN_WORDS: dict[str, object] = {"true": True, "false": False, "none": None}
 
 

@@ -13,6 +13,7 @@ from chefbotd.cli.conversation import Conversation, Runner, Trust, run_until_sig
 from chefbotd.cli.exits import MEANING, exit_table
 from chefbotd.cli.pid import pid
 from chefbotd.cli.program import Program, wants_json
+from chefbotd.cli.wheels import wheels
 
 TOKEN = click.File(encoding="utf-8")
 EXITS = list(MEANING)
@@ -67,6 +68,7 @@ COMMANDS: tuple[click.Command, ...] = (
     move.drive,
     move.teleop,
     move.joystick,
+    wheels,
     move.square,
     act.stop,
     act.estop,

@@ -26,7 +26,8 @@ class Device(Protocol):
 class JoystickPilot:
     """Drives a robot by a pad; ``say`` is told of what the driver should know.
 
-    Without a source it speaks as ``joystick`` where the robot has that, and else as the robot's default source.
+    Without a source it speaks as ``joystick`` where the robot has that, and else as the robot's default source. With
+    ``takes_over`` it takes control of that source from whoever has it.
     """
 
     def __init__(
@@ -36,7 +37,10 @@ class JoystickPilot:
         say: Callable[[str], None],
         parameters: PadParameters,
         source: str | None = None,
+        *,
+        takes_over: bool = False,
     ) -> None:
+        self._takes_over = takes_over
         self._robot, self._device, self._say = robot, device, say
         self._parameters, self._fallback = parameters, source is None
         self._source: str | None = source or OWN_SOURCE
@@ -51,6 +55,8 @@ class JoystickPilot:
         """
         if self._device.read() is None:
             raise ProgramError(Exit.FAILED, NO_PAD)
+        if self._takes_over:
+            await self._take_control()
         try:
             while True:
                 await self._look()
@@ -58,6 +64,21 @@ class JoystickPilot:
         finally:
             if self._pad.enabled and self._robot.connected:
                 await self._robot.stop()
+
+    async def _take_control(self) -> None:
+        try:
+            await self._robot.take_control(self._source)
+        except CallError as error:
+            if not self._falls_back(error):
+                raise
+            await self._robot.take_control(self._source)
+
+    def _falls_back(self, error: CallError) -> bool:
+        """Whether from now on the default source speaks, since there is none of our own name."""
+        if not self._fallback or error.kind != "unknown_source":
+            return False
+        self._source, self._fallback = None, False
+        return True
 
     async def _look(self) -> None:
         reading = self._device.read()
@@ -72,8 +93,7 @@ class JoystickPilot:
         try:
             await self._ask(order)
         except CallError as error:
-            if self._fallback and error.kind == "unknown_source":
-                self._source, self._fallback = None, False
+            if self._falls_back(error):
                 await self._obey(order)
                 return
             self._pad = disabled(self._pad)

@@ -9,6 +9,7 @@ from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finit
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.extras import extra
+from chefbotd.cli.lead import lead, take_over
 from chefbotd.cli.terminal import need_terminal
 from chefbotd.core.geometry import Twist2D
 
@@ -19,8 +20,11 @@ SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
 @click.argument("linear_m_s", metavar="V", type=finite)
 @click.argument("angular_rad_s", metavar="W", type=finite)
 @click.option("--for", "seconds", metavar="S", type=positive, required=True, help="For S seconds.")
+@take_over
 @click.pass_obj
-def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+def drive(
+    chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: float, takes_over: bool
+) -> None:
     """Drive forward at V m/s, turning left at W rad/s; always ends with a stop.
 
     Negative numbers go backwards and to the right. Exit code 6 means that odometry saw next to no motion.
@@ -31,7 +35,9 @@ def drive(chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: 
 
     twist = Twist2D(linear_m_s, angular_rad_s)
     with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
-        done = chat.hold(lambda robot: drive_for(robot, twist, seconds, report))
+        done = lead(
+            chat, "drive", lambda robot: drive_for(robot, twist, seconds, report), takes_over=takes_over
+        )
     moved = {"x_m": done.moved.x_m, "y_m": done.moved.y_m, "heading_rad": done.moved.heading_rad}
     output.say(
         chat.as_json,
@@ -64,13 +70,14 @@ def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | Non
 
 
 @click.command()
+@take_over
 @click.pass_obj
-def teleop(chat: Conversation) -> None:
+def teleop(chat: Conversation, takes_over: bool) -> None:
     """Drive by keyboard in the terminal; the robot stops when the keys do."""
     with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
     need_terminal()
-    chat.hold(lambda robot: run_screen(robot, str(chat.address)))
+    lead(chat, "teleop", lambda robot: run_screen(robot, str(chat.address)), takes_over=takes_over)
 
 
 @click.command()
@@ -81,6 +88,7 @@ def teleop(chat: Conversation) -> None:
 @click.option("--angular", "angular_rad_s", metavar="RAD/S", type=TURNING, default=0.8, show_default=True)
 @click.option("--turbo", metavar="FACTOR", type=click.FloatRange(1.0, 10.0), default=2.0, show_default=True)
 @click.option("--dead-zone", type=click.FloatRange(0.0, 0.9), default=0.12, show_default=True)
+@take_over
 @click.pass_obj
 def joystick(
     chat: Conversation,
@@ -89,6 +97,7 @@ def joystick(
     angular_rad_s: float,
     turbo: float,
     dead_zone: float,
+    takes_over: bool,
 ) -> None:
     """Drive by gamepad until interrupted; the robot moves only while the enable button is held.
 
@@ -104,7 +113,12 @@ def joystick(
     )
     with SdlPad() as pad:
         click.echo(HELP, err=True)
-        chat.hold(lambda robot: JoystickPilot(robot, pad, _say, parameters, source).run())
+        lead(
+            chat,
+            "joystick",
+            lambda robot: JoystickPilot(robot, pad, _say, parameters, source, takes_over=takes_over).run(),
+            takes_over=False,  # the pilot knows whose control it takes
+        )
 
 
 def _say(text: str) -> None:

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,18 +49,35 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
     """
     start = await odometry(robot)
     try:
-        await _repeat(robot, twist, seconds, report)
+        await _repeat(lambda: robot.drive(twist.linear_m_s, twist.angular_rad_s), seconds, report)
     finally:
         await robot.stop()
     end = await _settled(robot)
     return Drive(twist, seconds, pose(start).inverse().compose(pose(end)))
 
 
-async def _repeat(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> None:
+async def turn_for(
+    robot: Client, velocity_rad_s: Mapping[str, float], seconds: float, report: Callable[[float], None]
+) -> dict[str, float]:
+    """Turn wheels, telling ``report`` the seconds gone by, then stop: how fast each wheel turned before that.
+
+    The stop is sent on every way out. Raises the client's errors.
+    """
+    try:
+        await _repeat(lambda: robot.set_wheel_velocities(velocity_rad_s), seconds, report)
+        reading = (await robot.get_state())["topics"].get("wheels", {}).get("data", {})
+    finally:
+        await robot.stop()
+    return dict(zip(reading.get("name", ()), reading.get("velocity_rad_s", ()), strict=True))
+
+
+async def _repeat(
+    command: Callable[[], Awaitable[None]], seconds: float, report: Callable[[float], None]
+) -> None:
     loop = asyncio.get_running_loop()
     began_s = loop.time()
     while (gone_s := loop.time() - began_s) < seconds:
-        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+        await command()
         report(gone_s)
         await asyncio.sleep(min(PERIOD_S, seconds - gone_s))
     report(seconds)

@@ -134,7 +134,7 @@ def test_drive_repeats_and_stops(control: Control, daemon: FakeDaemon) -> None:
     driven = [at_s for at_s, name, _ in daemon.calls if name == "drive"]
     assert len(driven) == pytest.approx(20, abs=1)
     assert driven[-1] - driven[0] == pytest.approx(0.95, abs=0.05)
-    assert daemon.methods() == ["get_state", "drive", "stop", "get_state"]
+    assert daemon.methods() == ["introduce", "get_state", "drive", "stop", "get_state"]
     answer = json.loads(result.stdout)
     assert answer["moved"]["x_m"] == pytest.approx(0.2, abs=0.01)
     assert answer["happened"]
@@ -145,7 +145,7 @@ def test_drive_takes_negative_numbers(control: Control, daemon: FakeDaemon, args
     """Negative speeds need no quoting, with or without a double dash."""
     result = control("drive", *args)
     assert (result.exit_code, result.stdout[:5]) == (0, "Moved")
-    assert daemon.calls[1][2] == {"linear_m_s": -0.1, "angular_rad_s": -0.2}
+    assert daemon.calls[2][2] == {"linear_m_s": -0.1, "angular_rad_s": -0.2}
 
 
 def test_drive_waits_until_the_robot_stands(control: Control, daemon: FakeDaemon) -> None:
@@ -252,7 +252,7 @@ def test_interruption_stops_the_robot(daemon: FakeDaemon) -> None:
     args = [f"--connect=127.0.0.1:{daemon.port}", "drive", "0.2", "0", "--for", "5"]
     result = CliRunner().invoke(main, args, obj=run)
     assert (result.exit_code, result.stderr) == (Exit.INTERRUPTED, "Interrupted.\n")
-    assert daemon.methods() == ["get_state", "drive", "stop"]
+    assert daemon.methods() == ["introduce", "get_state", "drive", "stop"]
 
 
 def test_version_and_help() -> None:

@@ -32,7 +32,12 @@ Script = Callable[[FakePad], Awaitable[None]]
 
 
 def fly(
-    daemon: FakeDaemon, script: Script, said: list[str] | None = None, source: str | None = None
+    daemon: FakeDaemon,
+    script: Script,
+    said: list[str] | None = None,
+    source: str | None = None,
+    *,
+    takes_over: bool = False,
 ) -> list[tuple[float, str, str | None]]:
     """Drive while ``script`` handles the pad: when what was asked of the daemon, and as whom."""
 
@@ -41,7 +46,8 @@ def fly(
         async with Client.connect("127.0.0.1", daemon.port) as robot:
             say = (said if said is not None else []).append
             began_s = asyncio.get_running_loop().time()
-            running = asyncio.create_task(JoystickPilot(robot, pad, say, PadParameters(), source).run())
+            pilot = JoystickPilot(robot, pad, say, PadParameters(), source, takes_over=takes_over)
+            running = asyncio.create_task(pilot.run())
             await asyncio.sleep(0.05)
             await script(pad)
             running.cancel()
@@ -174,3 +180,20 @@ def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) ->
     result = control("joystick")
     assert result.exit_code == Exit.NOT_INSTALLED
     assert "pip install 'chefbotd[joystick]'" in result.stderr
+
+
+def test_control_is_taken_of_the_source_that_the_robot_has(daemon: FakeDaemon) -> None:
+    """First as ``joystick``; where the robot has no such source, as its default one, which then drives too."""
+    daemon.unknown_sources = {"joystick"}
+    done = fly(daemon, drive, takes_over=True)
+    assert [(name, source) for _, name, source in done[:3]] == [
+        ("take_control", "joystick"),
+        ("take_control", None),
+        ("drive", None),
+    ]
+
+
+def test_control_that_is_refused_ends_the_pilot(daemon: FakeDaemon) -> None:
+    """A role that may not drive is the daemon's refusal, before anything moves."""
+    daemon.refuse["take_control"] = "forbidden"
+    assert [name for _, name, _ in fly(daemon, drive, takes_over=True)] == ["take_control"]

@@ -1,0 +1,41 @@
+"""The command of chefbotctl that turns wheels each on its own."""
+
+import click
+
+from chefbotd.cli import output
+from chefbotd.cli.arguments import positive, wheel_speed
+from chefbotd.cli.conversation import Conversation
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.cli.lead import lead, take_over
+
+
+@click.command()
+@click.argument("asked", metavar="NAME=RAD_S...", type=wheel_speed, nargs=-1, required=True)
+@click.option("--for", "seconds", metavar="S", type=positive, required=True, help="For S seconds.")
+@take_over
+@click.pass_obj
+def wheels(
+    chat: Conversation, asked: tuple[tuple[str, float], ...], seconds: float, takes_over: bool
+) -> None:
+    """Turn each named wheel at RAD_S rad/s, forward positive, while the others stand; always ends with a stop.
+
+    Exit code 6 means that a wheel was told to turn and turned next to nothing.
+    """
+    from rich.console import Console
+
+    from chefbotd.cli.timed_drive import MOVED_SHARE, turn_for
+
+    wanted = dict(asked)
+    if len(wanted) < len(asked):
+        raise click.UsageError("each wheel may be named once")
+    with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
+        turned = lead(
+            chat, "wheels", lambda robot: turn_for(robot, wanted, seconds, report), takes_over=takes_over
+        )
+    stuck = [name for name, speed in wanted.items() if abs(turned.get(name, 0.0)) < MOVED_SHARE * abs(speed)]
+    told = ", ".join(f"{name} {turned.get(name, 0.0):+.2f} rad/s" for name in wanted)
+    output.say(chat.as_json, {"velocity_rad_s": turned, "happened": not stuck}, f"Turned at the end: {told}")
+    if stuck:
+        raise ProgramError(
+            Exit.NOT_DONE, f"told to turn, and seen to turn next to nothing: {', '.join(stuck)}"
+        )

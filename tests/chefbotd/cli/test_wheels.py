@@ -1,0 +1,70 @@
+"""``chefbotctl wheels``, and driving under a name with ``--take-over``."""
+
+import json
+import socket
+
+import pytest
+
+from chefbotd.cli.exits import Exit
+from tests.chefbotd.cli.conftest import Control
+from tests.chefbotd.cli.fake_daemon import FakeDaemon
+
+
+def test_wheels_are_turned_at_20_hz_and_stopped(control: Control, daemon: FakeDaemon) -> None:
+    """A second of it is 20 commands and a stop; what the wheels did before it is told (the fake's: +1 and -2)."""
+    result = control("--json", "wheels", "left_wheel=1", "right_wheel=-2.5", "--for", "1")
+    asked = [given for _, name, given in daemon.calls if name == "set_wheel_velocities"]
+    assert len(asked) == pytest.approx(20, abs=1)
+    assert asked[0] == {"name": ["left_wheel", "right_wheel"], "velocity_rad_s": [1.0, -2.5]}
+    assert daemon.methods() == ["introduce", "set_wheel_velocities", "get_state", "stop"]
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == {
+        "velocity_rad_s": {"left_wheel": 1.0, "right_wheel": -2.0},
+        "happened": True,
+    }
+
+
+def test_a_wheel_that_does_not_turn_is_told(control: Control) -> None:
+    """Exit code 6, and the wheel is named: it did less than a tenth of what it was told."""
+    result = control("wheels", "left_wheel=30", "right_wheel=-2", "--for", "0.1")
+    assert result.exit_code == Exit.NOT_DONE
+    assert "left_wheel +1.00 rad/s, right_wheel -2.00 rad/s" in result.stdout
+    assert "next to nothing: left_wheel" in result.stderr
+
+
+def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeDaemon) -> None:
+    """A wheel that is not there is the robot's refusal; the stop is sent on this way out as well."""
+    daemon.refuse["set_wheel_velocities"] = "unknown_wheel"
+    result = control("wheels", "middle=1", "--for", "1")
+    assert result.exit_code == Exit.REFUSED
+    assert "unknown_wheel" in result.stderr
+    assert daemon.methods() == ["introduce", "set_wheel_velocities", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("wheels", "told"),
+    [
+        (["left"], "'left' is not NAME=RAD_S"),
+        (["=1"], "'=1' is not NAME=RAD_S"),
+        (["left=fast"], "'fast' is not a number"),
+        (["left=inf"], "'inf' is not finite"),
+        (["left=1", "left=2"], "named once"),
+        ([], "Missing argument"),
+    ],
+)
+def test_what_is_no_wheel_and_speed_is_a_usage_error(
+    control: Control, daemon: FakeDaemon, wheels: list[str], told: str
+) -> None:
+    """It is refused before anything is asked of the robot."""
+    result = control("wheels", *wheels, "--for", "1")
+    assert (result.exit_code, daemon.calls) == (2, [])
+    assert told in result.stderr
+
+
+@pytest.mark.parametrize("args", [["drive", "0.1", "0"], ["wheels", "left=1"]])
+def test_taking_over_comes_before_driving(control: Control, daemon: FakeDaemon, args: list[str]) -> None:
+    """The program says its name, takes control of the default source, and only then drives."""
+    control(*args, "--for", "0.1", "--take-over")
+    (_, _, introduced), (_, taken, params) = daemon.calls[:2]
+    assert introduced == {"client": f"chefbotctl {args[0]} on {socket.gethostname()}"[:64]}
+    assert (taken, params) == ("take_control", {})
