@@ -117,7 +117,10 @@ def test_a_screen_needs_a_terminal(control: Control, daemon: FakeDaemon, args: l
     """Without one nothing is drawn and nothing asked of the robot; the message says what is missing."""
     result = control(*args)
     assert (result.exit_code, result.stdout, daemon.calls) == (Exit.USAGE, "", [])
-    assert "needs a terminal, which standard input and standard output and standard error" in result.stderr
+    assert (
+        "needs a terminal, and there is none on standard input, standard output, standard error"
+        in result.stderr
+    )
 
 
 def test_a_terminal_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
