@@ -6,7 +6,6 @@ from typing import Any
 from chefbotd.core.events import (
     AnalogueCounted,
     BatteryCounted,
-    DutyEchoed,
     InertialCounted,
     LineRefused,
     OrientationReported,
@@ -17,7 +16,6 @@ from firmware_protocol import messages as wire
 
 READINGS: Mapping[type[Any], Callable[[Any, float], object]] = {
     wire.UltrasonicDistance: lambda frame, now_s: UltrasonicEchoed(now_s, frame.distance_cm),
-    wire.DutyEcho: lambda frame, now_s: DutyEchoed(now_s, frame.duty),
     wire.Orientation: lambda frame, now_s: OrientationReported(now_s, frame.x, frame.y, frame.z, frame.w),
     wire.RawImu: lambda frame, now_s: InertialCounted(now_s, frame.acceleration, frame.angular_rate),
     wire.BatteryLevel: lambda frame, now_s: BatteryCounted(now_s, frame.adc),

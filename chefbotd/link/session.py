@@ -12,6 +12,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import (
     BoardRestarted,
     Direction,
+    DutyEchoed,
     EdgesSeen,
     EncodersCounted,
     LineSeen,
@@ -64,6 +65,7 @@ class BoardSession(asyncio.Protocol):
             self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
         )
         self._still = (0,) * variant.wheels
+        self._reset_waits = False
         self._port_lock = threading.Lock()
         self._closed = asyncio.Event()
         self._closed.set()
@@ -77,6 +79,7 @@ class BoardSession(asyncio.Protocol):
             **{frame: self._passing_on(event_of) for frame, event_of in READINGS.items()},
             wire.BoardTime: self._on_time,
             wire.EncoderCounts: self._on_encoders,
+            wire.DutyEcho: self._on_echo,
             wire.QuadratureEdges: self._on_edges,
             wire.Banner: self._on_banner,
             wire.Malformed: self._on_malformed,
@@ -101,6 +104,7 @@ class BoardSession(asyncio.Protocol):
         with self._port_lock:
             self._transport = None
         self._setpoints.forget()
+        self._reset_waits = False
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
         self._closed.set()
 
@@ -118,6 +122,7 @@ class BoardSession(asyncio.Protocol):
             if listened:
                 self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
             self._handlers[type(message)](message, now_s)
+        self._setpoints.heard()
 
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
@@ -150,7 +155,7 @@ class BoardSession(asyncio.Protocol):
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self._transport is not None:
-            self._setpoints.offer(duty)
+            self._setpoints.offer(self._still if self._reset_waits else duty)
 
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
@@ -168,9 +173,12 @@ class BoardSession(asyncio.Protocol):
             return isinstance(port, SerialPortTransport) and port.write_from_thread(stop)
 
     def reset_board(self) -> None:
-        """Stop, then ask the board to restart; its counters and clock begin anew."""
+        """Stop, then ask the board to restart; its counters and clock begin anew.
+
+        It keeps its motors on until it restarts, so the request follows the stop, however long that has to wait.
+        """
+        self._reset_waits = self.is_open
         self.stop_motors()
-        self._write(self._encoder.encode(wire.ResetBoard()))
 
     def close(self) -> None:
         """Stop the motors and give the port up."""
@@ -180,6 +188,9 @@ class BoardSession(asyncio.Protocol):
 
     def _write_duty(self, duty: tuple[int, ...]) -> None:
         self._write(self._encoder.encode(wire.SetDuty(duty)))
+        if self._reset_waits:
+            self._reset_waits = False
+            self._write(self._encoder.encode(wire.ResetBoard()))
 
     def _write(self, line: bytes) -> None:
         if self._transport is None:
@@ -202,6 +213,10 @@ class BoardSession(asyncio.Protocol):
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is not None and not self.board_clock.in_doubt:
             self._bus.publish(EdgesSeen(now_s, self.board_clock.board_s(now_s), self._edges.empty()))
+
+    def _on_echo(self, message: wire.DutyEcho, now_s: float) -> None:
+        self._setpoints.echoed(message.duty)
+        self._bus.publish(DutyEchoed(now_s, message.duty))
 
     def _on_edges(self, message: wire.QuadratureEdges, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""

@@ -6,7 +6,7 @@ The firmware has no watchdog, so a queue of velocities behind a slow reader woul
 import asyncio
 from collections.abc import Callable
 
-Duty = tuple[int, ...]
+from chefbotd.link.unread import Duty, UnreadCommands
 
 
 class SetpointWriter:
@@ -15,7 +15,8 @@ class SetpointWriter:
     Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
 
     ``write`` puts one command on the wire and may only be called while the transport has nothing left to send;
-    ``idle`` tells whether that is so. Call ``resume`` when the transport has drained.
+    ``idle`` tells whether that is so. Call ``resume`` when the transport has drained. What the board says (``heard``,
+    ``echoed``) bounds what a board that has stopped reading can be given, however much the kernel would take for it.
     """
 
     def __init__(
@@ -30,11 +31,12 @@ class SetpointWriter:
         self._written: Duty | None = None
         self._paid_s = float("-inf")  # the lines written so far use up the time until then
         self._timer: asyncio.TimerHandle | None = None
+        self._unread = UnreadCommands()
         self.replaced = 0
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
-        if self._pending is not None:
+        if self._pending not in (None, duty):
             self.replaced += 1
         self._pending = duty
         stops = not any(duty) and (self._written is None or any(self._written))
@@ -45,14 +47,25 @@ class SetpointWriter:
             self.resume()
 
     def resume(self) -> None:
-        """Send what waits, if the transport has drained."""
+        """Send what waits, if the transport has drained and the board reads."""
         self._cancel_timer()
-        if self._pending is None or not self._idle():
+        duty, now_s = self._pending, self._now_s()  # another thread may withdraw what waits at any moment
+        if duty is None or not self._idle() or not self._unread.admit(duty, now_s):
             return
-        duty, self._pending = self._pending, None
-        self._written = duty
-        self._paid_s = max(self._paid_s, self._now_s()) + self._interval_s
+        self._pending, self._written = None, duty
+        self._paid_s = max(self._paid_s, now_s) + self._interval_s
+        self._unread.note(duty, now_s)
         self._write(duty)
+
+    def heard(self) -> None:
+        """The board said something: what it had to wait for may go."""
+        self._unread.heard()
+        if self._pending is not None and self._timer is None:
+            self.resume()
+
+    def echoed(self, duty: tuple[float, ...]) -> None:
+        """The board said which command is in force."""
+        self._unread.echoed(duty)
 
     def withdraw(self) -> None:
         """Drop what waits; may be called from any thread."""
@@ -62,6 +75,7 @@ class SetpointWriter:
         """Drop what waits: the link it was meant for is gone."""
         self._cancel_timer()
         self._pending = self._written = None
+        self._unread.forget()
 
     def _wake_in(self, wait_s: float) -> None:
         if self._timer is None:

@@ -146,6 +146,27 @@ def test_a_board_that_does_not_read_gets_the_newest_when_it_does():
     on_robot(scenario)
 
 
+def test_behind_a_deaf_board_the_kernel_holds_a_handful_of_motions():
+    """It talks for 10 s and reads nothing, while all that is written is taken: 10 motions, then one a second."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.1, 0.3, 1.0)
+        kernel: list[bytes] = []
+        read, robot.device.on_write = robot.device.on_write, kernel.append
+        for _ in range(10):
+            await drive(robot, 0.1, 0.3, 0.5)
+            await drive(robot, 0.05, -0.3, 0.5)
+        assert 1 <= sum(line != b"s 0 0\r" for line in kernel) <= 20
+        await robot.client.estop("test")
+        assert kernel[-1] == b"s 0 0\r"
+        robot.device.on_write = read
+        read(b"".join(kernel))
+        await asyncio.sleep(0.05)
+        assert robot.board.duty == (0, 0)
+
+    on_robot(scenario)
+
+
 def test_a_reset_in_the_middle_of_a_line_is_a_restart():
     """The line is cut, the banner follows at once: the piece is refused, the restart is told, the pose stays."""
 

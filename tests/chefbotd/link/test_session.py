@@ -210,6 +210,62 @@ def test_reset_stops_first():
     on_bench(scenario)
 
 
+def test_a_reset_waits_for_its_stop():
+    """Behind a board that does not read: the line under way, the stop, the reset, and no motion that came after."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.device.transport.stall()
+        bench.session.send_duty((1, 1))
+        bench.session.reset_board()
+        bench.session.send_duty((2, 2))
+        bench.device.transport.drain()
+        assert bytes(bench.device.written) == b"s 0 0\rs 1 1\rs 0 0\rr\r"
+        await asyncio.sleep(0.1)
+        bench.session.send_duty((3, 3))
+        assert bytes(bench.device.written).endswith(b"r\rs 3 3\r")
+
+    on_bench(scenario)
+
+
+def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
+    """The cable is pulled before it could go: the next connection begins with a stop, and no reset."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.device.transport.stall()
+        bench.session.send_duty((1, 1))
+        bench.session.reset_board()
+        bench.device.unplug()
+        await asyncio.sleep(0)
+        bench.device.written.clear()
+        bench.device.plug()
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0.1)
+        bench.session.send_duty((3, 3))
+        assert bytes(bench.device.written) == b"s 0 0\rs 3 3\r"
+
+    on_bench(scenario)
+
+
+def test_a_board_whose_echo_stands_still_is_given_ten_motions():
+    """It talks and the kernel takes all, but its echo does not follow: ten lines; when it follows, the newest goes."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        for number in range(1, 41):
+            bench.session.send_duty((number, number))
+            bench.board.cycle(0, 0)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+            await asyncio.sleep(0.02)
+        assert bench.board.duty == (10, 10)
+        bench.board.say(wire.DutyEcho((10.0, 10.0)))
+        assert bench.board.duty == (40, 40)
+        assert len(bench.board.duties) == 1 + 10 + 1
+
+    on_bench(scenario)
+
+
 def test_a_board_that_does_not_read_gets_the_newest_command_only():
     """While it is stalled one line is in the buffer and one waits; reading again it gets those two, not ten."""
 

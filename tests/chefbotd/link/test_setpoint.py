@@ -100,6 +100,36 @@ def test_a_second_of_setpoints_is_two_hundred_lines():
         for number in range(1, 1001):
             wire.writer.offer((number, number))
             await asyncio.sleep(0.001)
+            wire.writer.heard()
         return sum(at_s < 0.999 for at_s, _ in wire.written)
 
     assert run_virtual(scenario()) == 201
+
+
+def test_behind_a_full_kernel_the_newest_waits_for_a_sign():
+    """The kernel takes everything and the board says nothing: ten lines, then the newest as soon as the board speaks."""
+
+    async def scenario() -> list[tuple[int, ...]]:
+        wire = Wire()
+        for number in range(1, 31):
+            wire.writer.offer((number, number))
+            await asyncio.sleep(0.01)
+        assert len(wire.written) == 10
+        wire.writer.heard()
+        return [duty for _, duty in wire.written[9:]]
+
+    assert run_virtual(scenario()) == [(10, 10), (30, 30)]
+
+
+def test_a_sign_does_not_hurry_what_waits_for_its_turn():
+    """A line from the board within the 5 ms changes nothing: the third setpoint goes at 5 ms."""
+
+    async def scenario() -> list[tuple[float, tuple[int, ...]]]:
+        wire = Wire()
+        for number in range(1, 4):
+            wire.writer.offer((number, number))
+        wire.writer.heard()
+        await asyncio.sleep(0.1)
+        return wire.written
+
+    assert run_virtual(scenario())[2] == (0.005, (3, 3))
