@@ -1,9 +1,11 @@
 """One TOML file per robot, and environment overrides, as validated and frozen parameters.
 
 A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
-the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``.
+the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``, and
+``CHEFBOTD_CHASSIS__WHEELS__0__RADIUS_M=0.05`` the first wheel's radius.
 """
 
+import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -16,6 +18,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.layers import Keys, Misplaced, from_environment, place, read, variable
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
 from chefbotd.motion.drive import DriveParameters
@@ -37,7 +40,6 @@ from chefbotd.sim.parameters import SimulationParameters
 from firmware_protocol.codec import VARIANTS
 
 DEFAULT_ROBOT = "chefbot"
-ENVIRONMENT_PREFIX = "CHEFBOTD_"
 
 
 class RobotParameters(Parameters):
@@ -170,55 +172,70 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
         SettingsError: the file cannot be read or parsed, or a value is refused.
     """
     path = path or packaged()
+    values = _from_file(path)
+    dotted = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    texts = {keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted}
+    origins = {**dict.fromkeys(dotted, ""), **{keys: f"{variable(keys)}: " for keys in texts}}
+    for keys, value in {**{keys: read(text) for keys, text in texts.items()}, **dotted}.items():
+        try:
+            place(values, keys, value)
+        except Misplaced as error:
+            raise SettingsError(f"{origins[keys]}{error}") from error
+    _locate_description(values, path.parent)
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        return _validate(values, texts)
+    except ValidationError as error:
+        raise SettingsError(_explain(error, origins, f"{path}: ")) from error
+
+
+def _from_file(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: not valid TOML: {error}") from error
-    dotted = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
-    for keys, value in (_from_environment() | dotted).items():
-        _place(values, keys, value)
-    _locate_description(values, path.parent)
+
+
+def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
+    """Strictly: a number in quotes is no number, but a whole one may stand for any. As JSON, which knows no tuples.
+
+    A variable that reads as a number where text belongs, such as a robot called 7, is taken as text.
+    """
     try:
-        return Settings.model_validate(values)
+        return Settings.model_validate_json(json.dumps(values, default=_as_json), strict=True)
     except ValidationError as error:
-        raise SettingsError(f"{path}: {_explain(error)}") from error
+        wanted = {
+            tuple(map(str, p["loc"])) for p in error.errors() if p["type"] in ("string_type", "path_type")
+        }
+        mistaken = [keys for keys in texts if keys in wanted and not isinstance(read(texts[keys]), str)]
+        if not mistaken:
+            raise
+    for keys in mistaken:
+        place(values, keys, texts[keys])
+    return _validate(values, {})
 
 
-def _from_environment() -> dict[tuple[str, ...], object]:
-    """``CHEFBOTD_LINK__DEVICE=x`` as ``("link", "device"): "x"``; what the text means is for the key to say."""
-    return {
-        tuple(name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")): text
-        for name, text in os.environ.items()
-        if name.startswith(ENVIRONMENT_PREFIX)
-    }
-
-
-def _place(values: dict[str, Any], keys: tuple[str, ...], value: object) -> None:
-    *sections, name = keys
-    for section in sections:
-        inner = values.setdefault(section, {})
-        if not isinstance(inner, dict):
-            raise SettingsError(f"{'.'.join(keys)}: {section} is a value, not a section")
-        values = inner
-    values[name] = value
+def _as_json(value: object) -> object:
+    """TOML's dates as what no key takes: text would be taken by some."""
+    return str(value) if isinstance(value, Path) else {"date": str(value)}
 
 
 def _locate_description(values: dict[str, Any], folder: Path) -> None:
     robot = values.get("robot")
     if isinstance(robot, dict) and isinstance(named := robot.get("description"), str):
         beside = folder / named
-        robot["description"] = beside if beside.is_file() else _packaged_folder() / named
+        robot["description"] = str(beside if beside.is_file() else _packaged_folder() / named)
 
 
-def _explain(error: ValidationError) -> str:
-    """One line per refused value: the key as it stands in the file, what was wrong, and the value."""
+def _explain(error: ValidationError, origins: Mapping[Keys, str], file: str) -> str:
+    """One line per refused value: where it is from, its key, what was wrong, and the value."""
     lines = []
     for problem in error.errors():
-        key = ".".join(str(part) for part in problem["loc"])
+        loc = tuple(map(str, problem["loc"]))
+        origin = next((origins[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in origins), file)
         given = "" if problem["type"] == "missing" else f" (got {problem['input']!r})"
-        lines.append(f"{key}: {_expectation(problem['type'], problem['msg'])}{given}")
+        lines.append(f"{origin}{'.'.join(loc)}: {_expectation(problem['type'], problem['msg'])}{given}")
     return "\n".join(lines)
 
 

@@ -52,6 +52,11 @@ def test_the_packaged_chefbot_has_the_published_numbers():
         ("counts_per_turn = 4200", "", "encoders.counts_per_turn: this key is required"),
         ("radius_m = 0.045", "radius_m = nan", r"chassis.wheels.0.radius_m: .*finite"),
         ('side = "left"', 'side = "right"', "chassis: .*at least one wheel on the left side"),
+        ("baud = 115200", 'baud = "115200"', r"link.baud: .*integer \(got '115200'\)"),
+        ("exclusive = true", 'exclusive = "yes"', r"link.exclusive: .*boolean \(got 'yes'\)"),
+        ("priority = 10", "priority = true", r"safety.sources.safety.priority: .*integer \(got True\)"),
+        ("baud = 115200", "baud = 115200.5", "link.baud: .*integer"),
+        ('name = "chefbot"', "name = 2020-01-01", "robot.name: .*string"),
         ("priority = 10", "priority = 300", r"safety.sources.safety.priority: .*255 \(got 300\)"),
     ],
 )
@@ -77,6 +82,68 @@ def test_the_environment_goes_before_the_file(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("CHEFBOTD_PID__KP_DUTY_PER_M_S", "350")
     settings = load()
     assert (settings.link.device, settings.api.port, settings.pid.kp) == ("/dev/ttyUSB7", 7444, 350.0)
+
+
+def test_a_file_may_leave_the_decimal_point_out(chefbot: Path):
+    """A whole number stands for any number."""
+    assert load(spoil(chefbot, "radius_m = 0.045", "radius_m = 1")).chassis.wheels[0].radius_m == 1.0
+
+
+def test_a_variable_may_reach_into_a_list(monkeypatch: pytest.MonkeyPatch):
+    """The wheels are counted from 0."""
+    monkeypatch.setenv("CHEFBOTD_CHASSIS__WHEELS__1__RADIUS_M", "0.05")
+    assert [wheel.radius_m for wheel in load().chassis.wheels] == [0.045, 0.05]
+
+
+def test_a_variable_is_read_as_its_key_needs_it(monkeypatch: pytest.MonkeyPatch):
+    """What looks like a number is text where text belongs, a condition and a list are what they look like."""
+    monkeypatch.setenv("CHEFBOTD_ROBOT__NAME", "7")
+    monkeypatch.setenv("CHEFBOTD_LINK__EXCLUSIVE", "false")
+    monkeypatch.setenv("CHEFBOTD_API__TOKEN_FILE", "1")
+    monkeypatch.setenv("CHEFBOTD_INFRARED", "[]")
+    settings = load()
+    assert (settings.robot.name, settings.link.exclusive, settings.infrared) == ("7", False, ())
+    assert settings.api.token_file == Path("1")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("CHEFBOTD_LINK__BAUD", "x", r"^CHEFBOTD_LINK__BAUD: link.baud: .*integer \(got 'x'\)$"),
+        ("CHEFBOTD_LINK__EXCLUSIVE", "yes", "^CHEFBOTD_LINK__EXCLUSIVE: link.exclusive: .*boolean"),
+        (
+            "CHEFBOTD_CHASSIS__WHEELS__1__SIDE",
+            "up",
+            r"^CHEFBOTD_CHASSIS__WHEELS__1__SIDE: chassis.wheels.1.side",
+        ),
+        (
+            "CHEFBOTD_CHASSIS__WHEELS__2__SIDE",
+            "left",
+            "^CHEFBOTD_CHASSIS__WHEELS__2__SIDE: .*no entry 2, only 0 to 1",
+        ),
+        ("CHEFBOTD_CHASSIS__WHEELS__X", "1", "^CHEFBOTD_CHASSIS__WHEELS__X: .*no entry x"),
+    ],
+)
+def test_a_bad_variable_is_blamed_and_not_the_file(
+    monkeypatch: pytest.MonkeyPatch, name: str, text: str, told: str
+):
+    """The error begins with the variable's name."""
+    monkeypatch.setenv(name, text)
+    with pytest.raises(SettingsError, match=told):
+        load()
+
+
+def test_each_mistake_is_told_where_it_is(chefbot: Path, monkeypatch: pytest.MonkeyPatch):
+    """The file's, the environment's and the caller's, a line each."""
+    monkeypatch.setenv("CHEFBOTD_LINK__BAUD", "1")
+    spoil(chefbot, "track_width_m = 0.3", "track_width_m = 0")
+    with pytest.raises(SettingsError) as error:
+        load(chefbot, overrides={"log.level": "loud"})
+    assert [line.split(": ")[:2] for line in str(error.value).splitlines()] == [
+        ["CHEFBOTD_LINK__BAUD", "link.baud"],
+        [str(chefbot), "chassis.track_width_m"],
+        ["log.level", "input should be 'debug', 'info', 'warning' or 'error' (got 'loud')"],
+    ]
 
 
 def test_overrides_have_the_last_word(monkeypatch: pytest.MonkeyPatch):

@@ -1,0 +1,63 @@
+"""A configuration's values in layers: the file, above it the environment, above both the command line.
+
+A file's values are already typed. A variable is text: where it reads as a TOML value it is that value, else a string.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+Keys: TypeAlias = tuple[str, ...]
+
+ENVIRONMENT_PREFIX = "CHEFBOTD_"
+
+
+class Misplaced(Exception):
+    """A key that leads nowhere; its text is ready to be shown."""
+
+
+def from_environment(environment: Mapping[str, str]) -> dict[Keys, str]:
+    """``CHEFBOTD_LINK__DEVICE=x`` as ``("link", "device"): "x"``."""
+    return {
+        tuple(name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")): text
+        for name, text in environment.items()
+        if name.startswith(ENVIRONMENT_PREFIX)
+    }
+
+
+def variable(keys: Keys) -> str:
+    """The name of the variable that sets this key."""
+    return ENVIRONMENT_PREFIX + "__".join(keys).upper()
+
+
+def read(text: str) -> object:
+    """What a variable's text means: ``7`` a number, ``true`` a condition, ``[1, 2]`` a list, ``/dev/x`` a string."""
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    value = found.get("value")
+    return value if len(found) == 1 and isinstance(value, bool | int | float | str | list | dict) else text
+
+
+def place(values: dict[str, Any], keys: Keys, value: object) -> None:
+    """Put a value where its keys lead, making sections on the way; a list's entries are counted from 0.
+
+    Raises:
+        Misplaced: the way leads through a value, or to an entry that the list does not have.
+    """
+    *sections, name = keys
+    inner: Any = values
+    for section in sections:
+        inner = (
+            inner.setdefault(section, {}) if isinstance(inner, dict) else inner[_index(inner, section, keys)]
+        )
+        if not isinstance(inner, dict | list):
+            raise Misplaced(f"{'.'.join(keys)}: {section} is a value, not a section")
+    inner[name if isinstance(inner, dict) else _index(inner, name, keys)] = value
+
+
+def _index(entries: list[Any], text: str, keys: Keys) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) < len(entries)):
+        raise Misplaced(f"{'.'.join(keys)}: there is no entry {text}, only 0 to {len(entries) - 1}")
+    return int(text)
