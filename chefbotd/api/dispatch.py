@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import structlog
 from pydantic import ValidationError
 
-from chefbotd.api import jsonrpc
+from chefbotd.api import jsonrpc, urgent
 from chefbotd.api.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.models import Params, explain
@@ -35,12 +35,20 @@ class Dispatcher:
         """Carry out one line, and answer it unless it is a notification."""
         request = jsonrpc.parse(line)
         if isinstance(request, Failure):
+            request = self._urgent_in(line) or request
+        if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
         caller.session.proven = True
         failure = self._carry_out(caller, request)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
+
+    def _urgent_in(self, line: bytes | bytearray) -> Request | None:
+        """A request to stop, in a line that was refused for its form."""
+        request = urgent.read_leniently(line)
+        method = self._methods.get(request.method) if request is not None else None
+        return request if method is not None and method.urgent else None
 
     def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool, foreign: bool = False) -> None:
         """Say what is wrong, and end a connection that is hopeless: one that has only ever spoken another protocol."""
@@ -81,8 +89,8 @@ class Dispatcher:
         method = self._methods.get(request.method)
         if session.role is None and (method is None or method.role is not None):
             raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
-        urgent = method is not None and method.urgent
-        if not urgent and not session.admit(self._clock.now_s()):
+        hurried = method is not None and method.urgent
+        if not hurried and not session.admit(self._clock.now_s()):
             raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
         if method is None:
             raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")

@@ -39,7 +39,8 @@ class Unserved(Exception):
 class Method:
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
-    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit.
+    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit, and is
+    never refused for its form.
     """
 
     role: Role | None

@@ -18,6 +18,7 @@ from chefbotd.api.robot import Robot
 from chefbotd.api.roles import Role
 from chefbotd.api.telemetry import StatsData
 from chefbotd.api.topics import link_data, safety_data
+from chefbotd.api.urgent import EstopParams, StopParams
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D, Twist2D
@@ -61,8 +62,8 @@ class Methods:
             ),
             "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
             "release_control": Method(drive, nothing, models.Released, self._release_control),
-            "stop": Method(observe, nothing, done, self._stop, urgent=True),
-            "estop": Method(observe, models.EstopParams, done, self._estop, urgent=True),
+            "stop": Method(observe, StopParams, done, self._stop, urgent=True),
+            "estop": Method(observe, EstopParams, done, self._estop, urgent=True),
             "arm": Method(arm_role, nothing, done, self._arm),
             "get_pid": Method(observe, nothing, models.Wheels, self._get_pid),
             "set_pid": Method(admin, models.SetPidParams, models.Wheels, self._set_pid),
@@ -169,12 +170,12 @@ class Methods:
         """Give back every source that this client has; its commands are withdrawn."""
         return models.Released(sources=self._control.release(caller.session, self._clock.now_s()))
 
-    def _stop(self, caller: Caller, params: models.NoParams) -> models.Done:
+    def _stop(self, caller: Caller, params: StopParams) -> models.Done:
         """Come to rest within the deceleration limit; the next drive moves again."""
         self._robot.stop()
         return DONE
 
-    def _estop(self, caller: Caller, params: models.EstopParams) -> models.Done:
+    def _estop(self, caller: Caller, params: EstopParams) -> models.Done:
         """Stop the motors at once, and until armed again."""
         self._robot.estop(params.reason)
         return DONE

@@ -89,12 +89,6 @@ class SetWheelVelocitiesParams(Params):
         return dict(zip(self.name, self.velocity_rad_s, strict=True))
 
 
-class EstopParams(Params):
-    """Why, for the people who will ask."""
-
-    reason: str = Field("asked by a client", min_length=1, max_length=200)
-
-
 class ResetOdometryParams(Params):
     """Where the robot now stands in ``odom``."""
 

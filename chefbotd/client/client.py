@@ -23,6 +23,7 @@ from chefbotd.client.wire import Wire
 
 PROTOCOL_MAJOR = "1"
 CLOSING_PATIENCE_S = 1.0
+MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +133,8 @@ class Client:
         await self.call("stop")
 
     async def estop(self, reason: str | None = None) -> None:
-        """Stop the motors at once, and until ``arm``."""
-        await self.call("estop", **({} if reason is None else {"reason": reason}))
+        """Stop the motors at once, and until ``arm``; of a long reason the beginning is told."""
+        await self.call("estop", **({} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}))
 
     async def arm(self) -> None:
         """Allow motion again after an emergency stop or a fault."""

@@ -53,6 +53,17 @@ def with_script(
     run(main())
 
 
+def test_an_estop_fits_a_line_whatever_its_reason() -> None:
+    """A reason longer than a request may be is cut before it is sent."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        await robot.estop("smoke " * 10_000)
+        ((_, reason),) = served.robot.calls
+        assert len(reason) == 200
+
+    with_robot(scenario)
+
+
 @pytest.mark.parametrize("run", [run_virtual, uvloop.run])
 def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
     """Each convenience method makes the call that it is named after, on either loop."""
