@@ -20,6 +20,9 @@ RESTART_SLACK_S = 0.05
 HOST_JITTER_S = 0.03
 """How unevenly the host reads lines that came evenly; a host that was later than this costs one more cycle."""
 
+CLOCKS_APART = 0.01
+"""How far the two clocks' seconds may differ: ten times what a ceramic resonator does."""
+
 LONGEST_GAP_S = 10.0
 """A pair of agreeing readings may lie this far ahead of the last good one and still be the same run of the clock."""
 
@@ -98,14 +101,17 @@ class BoardClock:
         self.relation.observe(reading.board_s, reading.host_s)
 
     def _reanchor(self, last: _Reading, micros: int, host_s: float) -> Verdict:
-        """Two readings in a row agree with each other and not with the past: believe them."""
-        ahead_s = _step_s(last.micros, micros)
-        if ahead_s <= LONGEST_GAP_S:
+        """Two readings in a row agree with each other and not with the past: believe them.
+
+        A board that can have started since the last good reading has, unless it is as far ahead as the host is.
+        """
+        ahead_s, elapsed_s = _step_s(last.micros, micros), max(0.0, host_s - last.host_s)
+        restarted = micros * 1e-6 < elapsed_s + RESTART_SLACK_S and not _agree(ahead_s, elapsed_s)
+        if ahead_s <= LONGEST_GAP_S and not restarted:
             self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
             return Verdict.RESYNCED
         self.relation = ClockRelation()
-        self._accept(_Reading(micros, last.board_s + max(0.0, host_s - last.host_s), host_s))
-        restarted = micros < last.micros and micros * 1e-6 < host_s - last.host_s + RESTART_SLACK_S
+        self._accept(_Reading(micros, last.board_s + elapsed_s, host_s))
         return Verdict.RESTARTED if restarted else Verdict.RESYNCED
 
 
@@ -118,8 +124,12 @@ def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> b
     step_s = _step_s(earlier.micros, micros)
     if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
         return True
-    elapsed_s = host_s - earlier.host_s
-    return step_s > 0.0 and abs(step_s - elapsed_s) <= HOST_JITTER_S + 0.1 * elapsed_s
+    return step_s > 0.0 and _agree(step_s, host_s - earlier.host_s)
+
+
+def _agree(board_s: float, host_s: float) -> bool:
+    """Whether two durations, one by each clock, may be of the same thing."""
+    return abs(board_s - host_s) <= HOST_JITTER_S + CLOCKS_APART * host_s
 
 
 class ClockRelation:

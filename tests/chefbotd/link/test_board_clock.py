@@ -118,6 +118,36 @@ def test_a_reading_50_ms_off_is_not_excused_by_the_host():
     assert clock.observe(5_000_000 + 9 * 20_000 + 70_000, 0.02, host_s + 0.02) is Verdict.SUSPECT
 
 
+@pytest.mark.parametrize(
+    ("up_s", "out_s", "back_s"),
+    [(3.7, 14.0, 9.0), (1.0, 12.5, 12.3), (3.7, 14.0, 2.0)],
+    ids=["a little ahead", "nearly what the host saw", "behind"],
+)
+def test_a_power_cycle_is_a_restart_wherever_the_counter_stands(up_s: float, out_s: float, back_s: float):
+    """Cable and power were out: the new uptime is less than the host waited, and not what it would be had it run on."""
+    clock = BoardClock()
+    host_s = run(clock, round(up_s * 1e6) - 180_000, 10)
+    before = clock.latest_s
+    assert clock.observe(round(back_s * 1e6), 0.02, host_s + out_s) is Verdict.SUSPECT
+    assert clock.observe(round(back_s * 1e6) + 20_000, 0.02, host_s + out_s + 0.02) is Verdict.RESTARTED
+    assert clock.latest_s - before == pytest.approx(out_s + 0.02)
+
+
+def test_a_board_that_ran_on_while_the_cable_was_out_is_no_restart():
+    """Up for 3.7 s, unplugged for 12 s, back at 15.7 s: it has been counting all the time."""
+    clock = BoardClock()
+    host_s = run(clock, 3_700_000 - 180_000, 10)
+    assert clock.observe(15_705_000, 0.02, host_s + 12.0) is Verdict.GOOD
+
+
+def test_a_long_gap_read_late_is_no_restart():
+    """Up for 3.7 s, silent for 1 s, then read 60 ms late twice: 4.7 s of uptime cannot have begun in that second."""
+    clock = BoardClock()
+    host_s = run(clock, 3_700_000 - 180_000, 10)
+    assert clock.observe(4_700_000, 0.02, host_s + 1.06) is Verdict.SUSPECT
+    assert clock.observe(4_720_000, 0.02, host_s + 1.08) is Verdict.RESYNCED
+
+
 def test_a_leap_far_ahead_is_no_restart():
     """Microseconds an hour ahead, confirmed: the clock moved, the board did not restart; host time bridges."""
     clock = BoardClock()
