@@ -15,7 +15,7 @@ Mates that are asked for different speeds (``set_wheel_velocities``) are not com
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import fmean, median
+from statistics import median
 
 from pydantic import Field
 
@@ -112,12 +112,14 @@ class Mates:
         return min(side, key=lambda i: abs(state.rolled_m[i] - expected_m))
 
     def _pace(self, state: MatesState, side: tuple[int, ...]) -> float:
-        """How much of what it was asked for a side did, by the wheels that were believed so far."""
-        wheels = without(side, state.left_out)
-        asked_m = fmean([state.asked_m[i] for i in wheels])
-        if abs(asked_m) <= self._slack_m:
-            return 1.0
-        return min(max(fmean([state.rolled_m[i] for i in wheels]) / asked_m, 0.0), MOST_PACE)
+        """How much of what it was asked for a side does: its best wheel, of those believed so far."""
+        ratios = [
+            state.rolled_m[i] / state.asked_m[i]
+            for i in without(side, state.left_out)
+            if abs(state.asked_m[i]) > self._slack_m
+        ]
+        best = min(ratios, key=lambda ratio: abs(ratio - 1.0), default=1.0)
+        return min(max(best, 0.0), MOST_PACE)
 
     def _is_apart(self, state: MatesState, wheel: int, reach_m: float) -> bool:
         rolled_m = state.rolled_m[wheel]

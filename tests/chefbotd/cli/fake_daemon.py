@@ -151,6 +151,7 @@ class FakeDaemon:
             "ping": lambda: {"pong": True, "stamp_s": now_s},
             "get_state": lambda: self._state(now_s),
             "get_stats": lambda: STATS,
+            "take_control": lambda: {"source": params.get("source", "teleop"), "taken_from": None},
             "get_pid": lambda: {"wheels": self.gains[-1]},
             "undo_pid": lambda: {"wheels": self._undo_pid()},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},

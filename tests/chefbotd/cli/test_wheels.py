@@ -64,7 +64,7 @@ def test_what_is_no_wheel_and_speed_is_a_usage_error(
 @pytest.mark.parametrize("args", [["drive", "0.1", "0"], ["wheels", "left=1"]])
 def test_taking_over_comes_before_driving(control: Control, daemon: FakeDaemon, args: list[str]) -> None:
     """The program says its name, takes control of the default source, and only then drives."""
-    control(*args, "--for", "0.1", "--take-over")
+    assert control(*args, "--for", "0.1", "--take-over").exit_code in (0, Exit.NOT_DONE)
     (_, _, introduced), (_, taken, params) = daemon.calls[:2]
     assert introduced == {"client": f"chefbotctl {args[0]} on {socket.gethostname()}"[:64]}
     assert (taken, params) == ("take_control", {})

@@ -47,6 +47,22 @@ def test_a_side_is_the_mean_of_its_wheels() -> None:
     assert Kinematics(KHAN).side_travel_m((1.0, 5.0, 3.0, 7.0)) == pytest.approx((0.06, 0.18))
 
 
+def test_wheels_left_out_do_not_count() -> None:
+    """Without the first left and the last right one: 3 and 5 rad on 0.03 m are 0.09 and 0.15 m, and so for the twist."""
+    kinematics, turned = Kinematics(KHAN), (1.0, 5.0, 3.0, 7.0)
+    assert kinematics.side_travel_m(turned, (0, 3)) == pytest.approx((0.09, 0.15))
+    twist = kinematics.twist(turned, (0, 3))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.12, 0.06 / 0.189))
+    with pytest.raises(ValueError, match="data point"):
+        kinematics.side_travel_m(turned, (0, 2))
+
+
+def test_rims_make_the_twist_that_their_wheels_make() -> None:
+    """Rims at 0.1 and 0.3 m/s on the left, 0.5 and 0.7 on the right: 0.4 m/s, and 0.4 m/s over the track."""
+    twist = Kinematics(KHAN).twist_of_rims((0.1, 0.5, 0.3, 0.7))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.4, 0.4 / 0.189))
+
+
 def test_multipliers_correct_a_whole_side() -> None:
     """A left side 10 % larger rolls 10 % further for the same angle."""
     chassis = CHEFBOT.model_copy(update={"left_radius_multiplier": 1.1})

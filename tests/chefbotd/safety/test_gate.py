@@ -21,6 +21,7 @@ from chefbotd.safety.gate import (
     accept,
     change_mode,
     decide,
+    release,
     stop,
 )
 
@@ -154,6 +155,15 @@ def test_a_newer_command_replaces_its_sources_older_one():
     """A source has one command, its newest."""
     state = given_commands(Command("teleop", FAST, 0.0), Command("teleop", TURN, 0.1))
     assert state.commands == (Command("teleop", TURN, 0.1),)
+
+
+def test_releasing_a_source_lets_lower_ones_go_on_at_once():
+    """Its command is forgotten, the others' are not; releasing a source that has none changes nothing."""
+    state = given_commands(Command("teleop", FAST, 0.0), Command("navigation", SLOW, 0.0))
+    freed = release(state, "teleop")
+    decision = decide(PARAMETERS, freed, 0.01)
+    assert (decision.motion, decision.source) == (SLOW, "navigation")
+    assert release(freed, "teleop") == freed
 
 
 def test_stop_forgets_every_source_and_latches_nothing():

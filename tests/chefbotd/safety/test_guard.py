@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, WheelVelocities
 from chefbotd.safety.guard import Beams, GuardParameters, closing_limit_m_s, mount, restrain, see
 
 PARAMETERS = GuardParameters(stop_distance_m=0.15, deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
@@ -135,3 +135,34 @@ def test_no_beam_is_ever_shortened_faster_than_it_may(sensors: list[tuple[Pose2D
         assert along_m / dt_s <= closing_limit_m_s(PARAMETERS, range_m, 0.0) + 1e-4
     for got, asked in zip(astuple(twist), astuple(wanted), strict=True):
         assert min(asked, 0.0) - 1e-12 <= got <= max(asked, 0.0) + 1e-12
+
+
+def wheels(left_rad_s: float, right_rad_s: float) -> WheelVelocities:
+    """Two wheels of 0.05 m radius, 0.25 m apart."""
+    linear_m_s = 0.05 * (left_rad_s + right_rad_s) / 2
+    return WheelVelocities(
+        (left_rad_s, right_rad_s), Twist2D(linear_m_s, 0.05 * (right_rad_s - left_rad_s) / 0.25)
+    )
+
+
+def test_wheels_that_close_in_are_slowed_together():
+    """At 0.24 m, 0.2541381 m/s is allowed; 8 and 12 rad/s make 0.5 m/s, so each wheel gets 0.5082763 of its own."""
+    limited, sensor = restrain(PARAMETERS, seeing(FRONT, front=0.24), wheels(8.0, 12.0), 10.0)
+    assert isinstance(limited, WheelVelocities)
+    assert sensor == "front"
+    assert limited.rad_s == pytest.approx((8.0 * 0.5082763, 12.0 * 0.5082763))
+    assert limited.twist.linear_m_s == pytest.approx(0.2541381)
+
+
+@pytest.mark.parametrize("motion", [wheels(-8.0, -4.0), wheels(-5.0, 5.0), wheels(0.0, 0.0)])
+def test_wheels_that_do_not_close_in_turn_as_asked(motion: WheelVelocities):
+    """Backing off and turning on the spot with a wall at the bumper."""
+    assert restrain(PARAMETERS, seeing(FRONT, front=0.05), motion, 10.0) == (motion, None)
+
+
+def test_of_two_beams_the_nearer_decides_for_wheels():
+    """Both look ahead; the one that allows less is named."""
+    beams = seeing({"low": Pose2D(0.15), "high": Pose2D(0.1), "spare": Pose2D(0.1)}, low=0.24, high=0.16)
+    limited, sensor = restrain(PARAMETERS, beams, wheels(8.0, 12.0), 10.0)
+    assert sensor == "high"
+    assert limited.twist.linear_m_s == pytest.approx(closing_limit_m_s(PARAMETERS, 0.16, 0.0))
