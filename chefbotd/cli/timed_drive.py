@@ -3,11 +3,11 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from chefbotd.client import Client
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
 
 PERIOD_S = 0.05
 """20 Hz, ten times within the daemon's dead-man of 0.5 s."""
@@ -19,27 +19,47 @@ MOVED_SHARE = 0.1
 """A robot that did less than this share of what was asked has not moved, for all its limits and ramps."""
 
 
+@dataclass(slots=True)
+class Way:
+    """How far the robot went and turned (CCW positive) on its way, looked at more than twice in every turn."""
+
+    start: Pose2D
+    latest: Pose2D = field(init=False)
+    went_m: float = 0.0
+    turned_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.latest = self.start
+
+    def look(self, at: Pose2D) -> None:
+        """The robot is now here."""
+        step = self.latest.inverse().compose(at)
+        self.went_m += math.hypot(step.x_m, step.y_m)
+        self.turned_rad += wrap_angle(step.heading_rad)
+        self.latest = at
+
+    @property
+    def moved(self) -> Pose2D:
+        """The end seen from the start; a full turn ends where it began."""
+        return self.start.inverse().compose(self.latest)
+
+
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What was asked for and what odometry says happened: ``moved`` is the end seen from the start."""
+    """What was asked for, and what odometry says happened: the end seen from the start, and the way there."""
 
     twist: Twist2D
     seconds: float
     moved: Pose2D
+    went_m: float
+    turned_rad: float
 
     @property
     def happened(self) -> bool:
-        """Whether the robot moved at all, as far as it was asked to.
-
-        Distances are compared along the way asked for: a full turn ends where it began, so turns over half a
-        circle count as done.
-        """
+        """Whether the robot moved at all, as far as it was asked to."""
         asked_m = abs(self.twist.linear_m_s) * self.seconds
         asked_rad = abs(self.twist.angular_rad_s) * self.seconds
-        if asked_rad > math.pi:
-            return True
-        went_m = math.hypot(self.moved.x_m, self.moved.y_m)
-        return went_m >= MOVED_SHARE * asked_m and abs(self.moved.heading_rad) >= MOVED_SHARE * asked_rad
+        return self.went_m >= MOVED_SHARE * asked_m and abs(self.turned_rad) >= MOVED_SHARE * asked_rad
 
 
 async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
@@ -47,13 +67,18 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
 
     The stop is sent on every way out: the end, an error, a cancellation. Raises the client's errors.
     """
-    start = await odometry(robot)
+    way = Way(pose(await odometry(robot)))
+
+    async def command() -> None:
+        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+        way.look(pose(await odometry(robot)))
+
     try:
-        await _repeat(lambda: robot.drive(twist.linear_m_s, twist.angular_rad_s), seconds, report)
+        await _repeat(command, seconds, report)
     finally:
         await robot.stop()
-    end = await _settled(robot)
-    return Drive(twist, seconds, pose(start).inverse().compose(pose(end)))
+    await _settle(robot, way)
+    return Drive(twist, seconds, way.moved, way.went_m, way.turned_rad)
 
 
 async def turn_for(
@@ -83,14 +108,15 @@ async def _repeat(
     report(seconds)
 
 
-async def _settled(robot: Client) -> dict[str, Any]:
+async def _settle(robot: Client, way: Way) -> None:
     loop = asyncio.get_running_loop()
     patience_ends_s = loop.time() + SETTLING_PATIENCE_S
     while True:
         await asyncio.sleep(PERIOD_S)
         reading = await odometry(robot)
+        way.look(pose(reading))
         if standing(reading) or loop.time() > patience_ends_s:
-            return reading
+            return
 
 
 async def odometry(robot: Client) -> dict[str, Any]:
