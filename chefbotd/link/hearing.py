@@ -18,12 +18,18 @@ class Hearing:
 
     def begin(self, now_s: float) -> None:
         """A port was opened: nothing is known of it yet."""
-        self._watch = HealthWatch(now_s, self._heard(), judged_after_s=self._judged_after_s)
+        self._before = self._heard()
+        self._watch = HealthWatch(now_s, self._before, judged_after_s=self._judged_after_s)
 
     def take(self, data: bytes) -> None:
         """Bytes that have come in."""
         self.bytes_in += len(data)
         self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+
+    @property
+    def proven(self) -> bool:
+        """Whether a frame has come in since the port was opened."""
+        return self._heard().since(self._before).frames > 0
 
     def judge(self, now_s: float) -> Health | None:
         """What the port sounds like, if that has changed."""

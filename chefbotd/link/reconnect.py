@@ -42,6 +42,7 @@ class BoardLink:
     ) -> None:
         self._parameters, self._session, self._opener = parameters, session, opener
         self._clock, self._rng = clock, rng
+        self._waits_s = waits_s(parameters, rng)
 
     async def run(self) -> None:
         """Keep the link open until cancelled; then stop the motors and close it."""
@@ -51,6 +52,7 @@ class BoardLink:
                 log.info("link opened", device=self._parameters.device)
                 await self._watch()
                 log.warning("link lost", device=self._parameters.device)
+                await self._back_off()
         finally:
             if self._session.is_open:
                 self._session.close()
@@ -65,9 +67,15 @@ class BoardLink:
         finally:
             closed.cancel()
 
+    async def _back_off(self) -> None:
+        """Only a board that has spoken is opened again soon: a server may accept and close all day."""
+        if self._session.hearing.proven:
+            self._waits_s = waits_s(self._parameters, self._rng)
+        await asyncio.sleep(next(self._waits_s))
+
     async def _open(self) -> None:
         complaint, complained_s = "", float("-inf")
-        for wait_s in waits_s(self._parameters, self._rng):
+        for wait_s in self._waits_s:
             try:
                 self._session.expect_connection()
                 await self._opener(self._parameters, self._session)

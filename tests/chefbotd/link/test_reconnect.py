@@ -95,3 +95,37 @@ def test_a_device_that_stays_away_is_mentioned_once_a_minute(capsys: pytest.Capt
 
     run_link(device, story)
     assert 10 <= capsys.readouterr().out.count("link cannot be opened") <= 11
+
+
+def opens_in_a_minute(said: bytes) -> int:
+    """How often a port is opened that says this and closes at once, as a server may that accepts and closes."""
+    device, opens = FakeSerialDevice(), 0
+
+    async def open_and_close(parameters: LinkParameters, session: asyncio.BaseProtocol) -> asyncio.Transport:
+        nonlocal opens
+        opens += 1
+        transport = await device.open(parameters, session)
+        asyncio.get_running_loop().call_soon(lambda: (device.feed(said), transport.abort()))
+        return transport
+
+    async def scenario() -> None:
+        session = BoardSession(Bus(), LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+        link = BoardLink(PARAMETERS, session, open_and_close, LoopClock(), random.Random(1))
+        task = asyncio.create_task(link.run())
+        await asyncio.sleep(60.0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run_virtual(scenario())
+    return opens
+
+
+@pytest.mark.parametrize("said", [b"", b"hello\r\n"])
+def test_a_port_that_opens_and_closes_is_tried_ever_more_rarely(said: bytes):
+    """Waits of 0.1, 0.2, 0.4, 0.8 and then 1 s each: 1.5 s for the first four, and 58 to follow, within the jitter."""
+    assert 58 <= opens_in_a_minute(said) <= 68
+
+
+def test_a_board_that_has_spoken_is_opened_again_soon():
+    """A good line each time, then the link is lost: every wait is the first one, 0.1 s, so 600 in a minute."""
+    assert 570 <= opens_in_a_minute(b"u\t12\n") <= 630
