@@ -10,7 +10,7 @@ from typing import Any
 import serial
 import serial_asyncio
 import structlog
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.link.owner import owner_of
@@ -26,24 +26,33 @@ FLUSH_S = 0.05
 class LinkParameters(Parameters):
     """Where the board is and how the port behaves.
 
-    ``device`` is a path (``/dev/ttyACM0``, better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``dtr`` is the
-    state of the DTR line while open: some boards reset when it changes. With ``hang_up_on_close`` the kernel drops DTR
-    when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to ``reconnect_longest_s``,
-    each wait varied by ``reconnect_jitter`` of itself. A port on which no board was heard for ``judged_after_s`` is said
-    to be unhealthy; the ultrasonic alone may silence one for a second. At most ``setpoints_per_s`` motor commands are
-    written.
+    ``device`` is a path (``/dev/ttyACM0``, better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``dtr`` and
+    ``rts`` are the states of these lines while open: some boards reset when they change. With ``hang_up_on_close`` the
+    kernel drops DTR when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to
+    ``reconnect_longest_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
+    which no board was heard for ``judged_after_s`` is said to be unhealthy; the ultrasonic alone may silence one for a
+    second. At most ``setpoints_per_s`` motor commands are written.
     """
 
     device: str = Field(default="/dev/ttyACM0", min_length=1)
     baud: int = Field(default=115200, ge=300, le=4_000_000)
     exclusive: bool = True
     dtr: bool = True
+    rts: bool = True
     hang_up_on_close: bool = False
     reconnect_first_s: float = Field(default=0.1, gt=0, le=60)
     reconnect_longest_s: float = Field(default=2.0, gt=0, le=600)
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
     judged_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
+
+    @field_validator("device")
+    @classmethod
+    def _has_a_descriptor(cls, device: str) -> str:
+        """The other addresses of pyserial (``loop://``, ``rfc2217://``) have none that a loop could watch."""
+        if "://" in device and not device.startswith("socket://"):
+            raise ValueError(f"expected a path such as /dev/ttyACM0 or socket://host:port, got {device!r}")
+        return device
 
 
 class BriefSerial(serial.Serial):  # type: ignore[misc]
@@ -135,7 +144,7 @@ def _open(parameters: LinkParameters) -> Any:
 
 def _open_tty(parameters: LinkParameters) -> "BriefSerial":
     port = BriefSerial(baudrate=parameters.baud, exclusive=parameters.exclusive or None)
-    port.dtr = parameters.dtr
+    port.dtr, port.rts = parameters.dtr, parameters.rts
     port.port = parameters.device
     port.open()
     try:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import pytest
 import uvloop
+from pydantic import ValidationError
 
 from chefbotd.link.port import LinkParameters, open_port
 
@@ -143,12 +144,35 @@ def test_a_missing_device_is_an_error_that_names_it(runner: asyncio.Runner):
     runner.run(scenario())
 
 
-def test_an_unknown_kind_of_address_is_an_error_that_names_it(runner: asyncio.Runner):
-    """An unknown URL scheme is refused with the device in the message, as an OSError like every other failure."""
+@pytest.mark.parametrize("device", ["loop://", "rfc2217://host:7", "spy:///dev/ttyACM0", "nonsense://board"])
+def test_an_address_without_a_descriptor_is_refused(device: str):
+    """There are more addresses than a loop can watch: the message names this one and says what is expected."""
+    with pytest.raises(ValidationError, match=f"/dev/ttyACM0 or socket://host:port, got '{device}'"):
+        LinkParameters(device=device)
+
+
+def test_a_bad_address_of_a_socket_is_an_error_that_names_it(runner: asyncio.Runner):
+    """Without a port there is nothing to connect to."""
 
     async def scenario() -> None:
-        with pytest.raises(OSError, match="nonsense://board"):
-            await open_port(LinkParameters(device="nonsense://board"), Recorder())
+        with pytest.raises(OSError, match="socket://board"):
+            await open_port(LinkParameters(device="socket://board"), Recorder())
+
+    runner.run(scenario())
+
+
+@pytest.mark.parametrize("asserted", [True, False])
+def test_dtr_and_rts_are_as_configured(pty: Pty, runner: asyncio.Runner, asserted: bool):
+    """Both are handed to the port before it is opened, so that they never change while it is."""
+
+    async def scenario() -> None:
+        protocol = Recorder()
+        parameters = LinkParameters(device=pty.path, dtr=asserted, rts=asserted)
+        transport = await open_port(parameters, protocol)
+        port = transport.get_extra_info("serial")
+        assert (port.dtr, port.rts) == (asserted, asserted)
+        transport.abort()
+        await protocol.lost
 
     runner.run(scenario())
 
