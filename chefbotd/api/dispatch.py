@@ -89,6 +89,10 @@ class Dispatcher:
         method = self._methods.get(request.method)
         if session.role is None and (method is None or method.role is not None):
             raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
+        if session.stops_only and (method is None or not method.when_crowded):
+            raise Unserved(
+                ErrorKind.TOO_MANY_CLIENTS, f"{session.stops_only}; this place is kept for stop and estop"
+            )
         hurried = method is not None and method.urgent
         if not hurried and not session.admit(self._clock.now_s()):
             raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")

@@ -1,4 +1,8 @@
-"""Everyone who is connected: let in while there is room, held to the time limits, seen off at the end."""
+"""Everyone who is connected: let in while there is room, held to the time limits, seen off at the end.
+
+Where there is no room, a few places are left in which a client may do nothing but stop the robot: whoever fills all
+the others does not keep the emergency stop from anybody. When these are taken too, who has been there longest goes.
+"""
 
 import resource
 from collections import Counter
@@ -19,7 +23,7 @@ from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
 
 RESERVED_DESCRIPTORS = 32
-"""Left for the serial link to reopen its device, and for everything else that is no client."""
+"""Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 
 
 class Lobby:
@@ -43,44 +47,60 @@ class Lobby:
         self.drops: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self._fanout, self._control, self._greet, self._role = fanout, control, greet, role
-        self._hosts: dict[Session, str] = {}
-        self._connections: set[Connection] = set()
+        self._sessions: dict[Session, Connection | None] = {}  # by arrival; None: on its way, as during TLS
         self._most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
     def __len__(self) -> int:
-        return len(self._hosts)
+        return len(self._sessions)
 
     def admit(self, host: str, port: int, descriptor: int) -> Session | Failure:
         """A newcomer's session, or why there is no room; ``descriptor`` is its socket's, the lowest that was free."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
-        problem = self._crowded(host, descriptor)
-        if problem is not None:
-            failure = Failure(ErrorKind.TOO_MANY_CLIENTS, problem)
+        session.stops_only = self._crowded(host, descriptor)
+        if session.stops_only and not self._make_place(descriptor):
+            failure = Failure(ErrorKind.TOO_MANY_CLIENTS, session.stops_only)
             self.ended(session, failure)
             return failure
-        self._hosts[session] = host
+        self._sessions[session] = None
         return session
 
-    def _crowded(self, host: str, descriptor: int) -> str | None:
-        if len(self) >= self.parameters.max_clients:
-            return f"already {len(self)} clients"
-        from_there = sum(other == host for other in self._hosts.values())
-        if from_there >= self.parameters.max_clients_per_address:
-            return f"already {from_there} clients from {host}"
+    def _crowded(self, host: str, descriptor: int) -> str:
+        """Why there is no room for everything; empty when there is."""
+        hosts = [session.host for session in self._sessions if not session.stops_only]
+        if len(hosts) >= self.parameters.max_clients:
+            return f"already {len(hosts)} clients"
+        if hosts.count(host) >= self.parameters.max_clients_per_address:
+            return f"already {hosts.count(host)} clients from {host}"
         if descriptor >= self._most_descriptors:
             return "the daemon is short of file descriptors"
-        return None
+        return ""
+
+    def _make_place(self, descriptor: int) -> bool:
+        """Whether there is a place for a newcomer who may only stop the robot, if need be by ending the oldest."""
+        places = self.parameters.stop_places
+        if descriptor >= self._most_descriptors + places:
+            return False
+        taken = [c for s, c in self._sessions.items() if s.stops_only and not (c is not None and c.closing)]
+        if len(taken) < places:
+            return True
+        oldest = next((connection for connection in taken if connection is not None), None)
+        if oldest is not None:
+            oldest.end(Failure(ErrorKind.TOO_MANY_CLIENTS, "gave way to a newcomer"))
+        return oldest is not None
 
     def leave(self, session: Session) -> None:
         """A client is gone; its leases end with it."""
-        if self._hosts.pop(session, None) is not None:
-            self._control.release(session, self.clock.now_s())
+        self._sessions.pop(session, None)
+        self._control.release(session, self.clock.now_s())
 
     def welcome(self, connection: Connection) -> bytes:
         """Take in a client that was admitted; the greeting for it."""
-        self._connections.add(connection)
+        self._sessions[connection.session] = connection
         return self._greet()
+
+    def _connected(self) -> list[Connection]:
+        return [connection for connection in self._sessions.values() if connection is not None]
 
     def ended(self, session: Session, failure: Failure) -> None:
         """Count and log a connection that is refused or ended."""
@@ -91,7 +111,6 @@ class Lobby:
 
     def farewell(self, connection: Connection) -> None:
         """A client is gone, with its subscriptions and its leases."""
-        self._connections.discard(connection)
         self._fanout.unsubscribe(connection)
         self.leave(connection.session)
 
@@ -99,7 +118,7 @@ class Lobby:
         """End what has outlived its time: leases, and connections of clients that take too long."""
         now_s = self.clock.now_s()
         self._control.expire(now_s)
-        for connection in tuple(self._connections):
+        for connection in self._connected():
             late = connection.session.overdue(now_s, partial(self._fanout.is_subscribed, connection))
             if late is not None and not connection.closing:
                 connection.end(late)
@@ -107,10 +126,10 @@ class Lobby:
     def close(self) -> None:
         """Close every connection once it has its answers. What the robot does now is not the clients' to say."""
         self._control.forget()
-        for connection in tuple(self._connections):
+        for connection in self._connected():
             connection.close()
 
     def abort(self) -> None:
         """Close every connection that is left, now."""
-        for connection in tuple(self._connections):
+        for connection in self._connected():
             connection.abort()

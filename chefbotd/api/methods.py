@@ -45,8 +45,10 @@ class Methods:
         nothing, done = models.NoParams, models.Done
         observe, drive, admin = Role
         self.table = {
-            "authenticate": Method(None, models.AuthenticateParams, models.Known, self._authenticate),
-            "introduce": Method(observe, models.IntroduceParams, done, self._introduce),
+            "authenticate": Method(
+                None, models.AuthenticateParams, models.Known, self._authenticate, when_crowded=True
+            ),
+            "introduce": Method(observe, models.IntroduceParams, done, self._introduce, when_crowded=True),
             "describe": Method(observe, nothing, models.Description, self._describe),
             "get_description": Method(observe, nothing, models.RobotDescription, self._get_description),
             "ping": Method(observe, nothing, models.Pong, self._ping),
@@ -62,8 +64,8 @@ class Methods:
             ),
             "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
             "release_control": Method(drive, nothing, models.Released, self._release_control),
-            "stop": Method(observe, StopParams, done, self._stop, urgent=True),
-            "estop": Method(observe, EstopParams, done, self._estop, urgent=True),
+            "stop": Method(observe, StopParams, done, self._stop, urgent=True, when_crowded=True),
+            "estop": Method(observe, EstopParams, done, self._estop, urgent=True, when_crowded=True),
             "arm": Method(arm_role, nothing, done, self._arm),
             "get_pid": Method(observe, nothing, models.Wheels, self._get_pid),
             "set_pid": Method(admin, models.SetPidParams, models.Wheels, self._set_pid),

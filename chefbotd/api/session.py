@@ -11,8 +11,8 @@ from chefbotd.api.roles import Role
 class Session:
     """From a client's arrival at ``host:port`` to its end; time is an argument.
 
-    ``role`` is None until the client has shown a token, ``client`` is what it calls itself, and ``proven`` says
-    whether it has ever sent a request.
+    ``role`` is None until the client has shown a token, ``client`` is what it calls itself, ``proven`` says whether it
+    has ever sent a request, and ``stops_only`` why it may do nothing but stop the robot (empty: it may do more).
     """
 
     def __init__(
@@ -20,7 +20,7 @@ class Session:
     ) -> None:
         self._parameters = parameters
         self.host, self._port = host, port
-        self.role, self.client, self.proven = role, "", False
+        self.role, self.client, self.proven, self.stops_only = role, "", False, ""
         self._came_s = self._heard_s = now_s
         self._unfinished_s: float | None = None
         self._allowance = Bucket(parameters.requests_per_s, parameters.requests_burst, now_s)

@@ -53,6 +53,19 @@ def with_script(
     run(main())
 
 
+def test_a_full_daemon_can_still_be_stopped() -> None:
+    """A client for which there is no room is told so when it asks for more, and its emergency stop is carried out."""
+
+    async def scenario(served: Served, robot: Client) -> None:
+        async with Client.connect(served.host, served.port, name="Ann") as late:
+            await late.estop("smoke")
+            assert served.robot.calls == [("estop", "smoke")]
+            with pytest.raises(CallError, match="already 1 clients; this place is kept for stop and estop"):
+                await late.drive(0.1, 0.0)
+
+    with_robot(scenario, max_clients=1)
+
+
 def test_an_estop_fits_a_line_whatever_its_reason() -> None:
     """A reason longer than a request may be is cut before it is sent."""
 
@@ -351,7 +364,7 @@ def test_a_full_daemon_says_why() -> None:
             async with Client.connect(served.host, served.port):
                 raise AssertionError("connected")
 
-    with_robot(scenario, max_clients=1)
+    with_robot(scenario, max_clients=1, stop_places=0)
 
 
 def test_no_greeting_in_time() -> None:

@@ -69,6 +69,7 @@ def test_notifications_and_limits_are_those_in_force() -> None:
     assert f"{limits.outbox_bytes // 1024} KiB (`outbox_bytes`)" in text
     assert f"{limits.stuck_s:g} s (`stuck_s`)" in text
     assert f"{limits.max_clients} clients (`max_clients`)" in text
+    assert f"{limits.stop_places} more places (`stop_places`)" in text
     assert f"{limits.host}:{limits.port}" in text
     assert f"nesting ends at {jsonrpc.MAX_DEPTH}" in text
 

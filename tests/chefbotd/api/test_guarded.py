@@ -314,7 +314,7 @@ def test_a_tls_handshake_that_never_comes_is_cut_off_and_counts_meanwhile() -> N
     """A silent connection on a TLS port has five seconds, takes one client's room, and then gives it back."""
 
     async def main() -> None:
-        async with serving(guard=tls_guard(), max_clients=1) as served:
+        async with serving(guard=tls_guard(), max_clients=1, stop_places=0) as served:
             with socket.create_connection((served.host, served.port)) as silent:
                 await asyncio.sleep(0.1)
                 assert served.server.clients == 1

@@ -180,7 +180,7 @@ def test_one_address_cannot_take_all_the_room() -> None:
     """The third client from one address is refused though there is room; another address gets it."""
 
     async def main() -> None:
-        async with serving(max_clients_per_address=2) as served:
+        async with serving(max_clients_per_address=2, stop_places=0) as served:
             async with line_client(served), line_client(served) as second:
                 async with line_client(served, greeted=False) as third:
                     error = (await third.read())["error"]
@@ -197,6 +197,46 @@ def test_one_address_cannot_take_all_the_room() -> None:
                 assert "result" in await again.ask("ping")
 
     run_virtual(main())
+
+
+KEPT_FULL = [{"max_clients": 3}, {"max_clients_per_address": 3}]
+
+
+@pytest.mark.parametrize("limits", KEPT_FULL)
+def test_an_estop_finds_a_place_where_everything_is_taken(limits: dict[str, int]) -> None:
+    """The room is full, the places kept for stops are too: a newcomer's e-stop is carried out, the oldest there goes."""
+
+    async def scenario(served: Served, client: LineClient) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            everyone = [await stack.enter_async_context(line_client(served)) for _ in range(4)]
+            assert served.server.clients == 5
+            late = await stack.enter_async_context(line_client(served))
+            assert "result" in await late.ask("estop", reason="smoke")
+            assert served.robot.calls == [("estop", "smoke")]
+            assert await last_kind(everyone[2]) == "too_many_clients"
+            for stayed in (client, *everyone[:2]):
+                assert "result" in await stayed.ask("ping")
+            assert "result" in await everyone[3].ask("stop")
+
+    assert with_client(scenario, stop_places=2, **limits) == ["too_many_clients"]
+
+
+def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
+    """Whoever asks for more there is told that there is no room, and gone; a free place is one for everything again."""
+
+    async def scenario(served: Served, client: LineClient) -> None:
+        async with line_client(served) as late:
+            assert "result" in await late.ask("introduce", client="Ann")
+            late.request("subscribe", topics=["text"])
+            late.send(STOP.strip())
+            assert await last_kind(late) == "too_many_clients"
+            assert (served.server.clients, served.robot.calls) == (1, [])
+        client.half_close()
+        await asyncio.sleep(0.01)
+        async with line_client(served) as again:
+            assert "result" in await again.ask("ping")
+
+    with_client(scenario, max_clients=1)
 
 
 @contextlib.contextmanager

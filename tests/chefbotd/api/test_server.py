@@ -10,6 +10,7 @@ import pytest
 import uvloop
 from structlog.testing import capture_logs
 
+from chefbotd.api.doorway import CannotListen
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import Direction, LineSeen, LinkOpened, TextReceived, TruthSimulated
 from chefbotd.core.geometry import Pose2D, Twist2D
@@ -173,7 +174,7 @@ def test_one_client_too_many_is_told_so() -> None:
     """Beyond the limit a connection gets an error and is closed; a leaving client makes room."""
 
     async def main() -> None:
-        async with serving(max_clients=1) as served:
+        async with serving(max_clients=1, stop_places=0) as served:
             async with line_client(served), line_client(served, greeted=False) as second:
                 assert (await second.read())["error"]["data"]["kind"] == "too_many_clients"
                 with pytest.raises(EOFError):
@@ -296,3 +297,11 @@ def test_an_address_in_use_is_an_error() -> None:
             assert not bus.wanted(TextReceived)
 
     run_virtual(main())
+
+
+def test_a_host_that_is_not_there_is_an_error() -> None:
+    """A name that means no address cannot be listened on, and the text names it, without a number."""
+    server, _, _ = new_server(host="no-such-host.invalid", token_file="tokens")
+    with pytest.raises(CannotListen) as caught:
+        run_virtual(server.run())
+    assert str(caught.value).startswith("cannot listen on no-such-host.invalid:")
