@@ -10,7 +10,6 @@ import pytest
 import uvloop
 from structlog.testing import capture_logs
 
-from chefbotd.api.doorway import CannotListen
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import Direction, LineSeen, LinkOpened, TextReceived, TruthSimulated
 from chefbotd.core.geometry import Pose2D, Twist2D
@@ -297,11 +296,3 @@ def test_an_address_in_use_is_an_error() -> None:
             assert not bus.wanted(TextReceived)
 
     run_virtual(main())
-
-
-def test_a_host_that_is_not_there_is_an_error() -> None:
-    """A name that means no address cannot be listened on, and the text names it, without a number."""
-    server, _, _ = new_server(host="no-such-host.invalid", token_file="tokens")
-    with pytest.raises(CannotListen) as caught:
-        run_virtual(server.run())
-    assert str(caught.value).startswith("cannot listen on no-such-host.invalid:")
