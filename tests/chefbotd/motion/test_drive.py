@@ -1,10 +1,12 @@
 """The wheels' controller as a whole."""
 
+import itertools
 import math
 
 import pytest
 
-from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.commands import Refused
+from chefbotd.core.geometry import STANDING, Motion, Twist2D
 from chefbotd.motion.drive import Drive, DriveParameters, DriveState
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
@@ -169,3 +171,93 @@ def test_no_duty_leaves_the_bridges_range():
     controller = drive(wild)
     ahead = regulated(controller, controller.at_rest, Twist2D(0.4, 0.0), 1.0, rim_m_s=0.0)
     assert ahead.duty == (1023, -1023)
+
+
+FOUR = ChassisParameters.model_validate(
+    {
+        "track_width_m": TRACK_M,
+        "wheels": [
+            {"name": f"{end}_{side}", "side": side, "radius_m": RADIUS_M}
+            for end in ("front", "rear")
+            for side in ("left", "right")
+        ],
+    }
+)
+
+
+def four_wheels() -> Drive:
+    """A controller of two wheels a side."""
+    return Drive(DriveParameters(max_rim_speed_m_s=0.5), FOUR, LIMITS, (GAINS,) * 4)
+
+
+def setpoints(controller: Drive, *story: tuple[Motion, float]) -> list[tuple[float, ...]]:
+    """Every setpoint on the way through motions that last so many seconds, a step each 20 ms."""
+    state, now_s, seen = controller.at_rest, 0.0, []
+    for target, seconds in story:
+        for _ in range(round(seconds / 0.02)):
+            now_s += 0.02
+            state = controller.retarget(state, target, now_s)
+            seen.append(state.setpoint_m_s)
+    return seen
+
+
+def test_wheels_go_to_their_own_speeds_and_those_not_named_stand():
+    """2 rad/s on a radius of 0.05 m is a rim at 0.1 m/s, at 1 m/s² after 0.1 s; the others stay at zero."""
+    controller = four_wheels()
+    wanted = controller.wheel_velocities({"rear_left": 2.0})
+    seen = setpoints(controller, (wanted, 0.14))
+    assert seen[3] == pytest.approx((0.0, 0.0, 0.06, 0.0))  # the first step knows of no time before it
+    assert seen[-1] == pytest.approx((0.0, 0.0, 0.1, 0.0))
+
+
+def test_no_setpoint_jumps_between_wheels_and_twists():
+    """Whatever follows what, no rim changes by more than 1 m/s² allows in 20 ms; the twist is reached in the end."""
+    controller = four_wheels()
+    odd = controller.wheel_velocities({"front_left": 8.0, "rear_right": -6.0})
+    seen = setpoints(controller, (Twist2D(0.2, 0.5), 0.5), (odd, 0.15), (Twist2D(0.3, 0.0), 1.0))
+    steps = [abs(b - a) for old, new in itertools.pairwise(seen) for a, b in zip(old, new, strict=True)]
+    assert max(steps) <= 0.02 * 1.0 + 0.02 * 5.0 * TRACK_M / 2 + 1e-9  # a twist may turn at 5 rad/s² as well
+    assert seen[-1] == pytest.approx((0.3,) * 4)
+
+
+@pytest.mark.parametrize("rest", [STANDING, four_wheels().wheel_velocities({})])
+def test_wheels_against_each_other_come_to_rest_each(rest: Motion):
+    """Front forward and rear backward make no twist at all, and still every rim is braked, and then zero duty."""
+    controller = four_wheels()
+    odd = controller.wheel_velocities(
+        {"front_left": 4.0, "rear_left": -4.0, "front_right": 4.0, "rear_right": -4.0}
+    )
+    state = controller.at_rest
+    for number in range(20):
+        state = controller.retarget(state, odd, number * 0.02)
+    assert state.limiter.twist == STANDING
+    braking = controller.retarget(state, rest, 0.4)
+    assert braking.setpoint_m_s == pytest.approx((0.18, 0.18, -0.18, -0.18))
+    for number in range(21, 35):
+        braking = controller.retarget(braking, rest, number * 0.02)
+    assert (braking.duty, braking.pids) == ((0, 0, 0, 0), controller.at_rest.pids)
+
+
+def test_too_fast_wheels_are_slowed_in_proportion():
+    """20 and 10 rad/s would need rims of 1 and 0.5 m/s: of the 0.5 m/s there are they get 0.5 and 0.25."""
+    controller = four_wheels()
+    wanted = controller.wheel_velocities({"front_left": 20.0, "rear_left": 10.0})
+    assert setpoints(controller, (wanted, 1.0))[-1] == pytest.approx((0.5, 0.0, 0.25, 0.0))
+
+
+def test_a_wheel_that_is_led_gets_what_its_leader_gets():
+    """Its own reading says that it stands, and its own integral would wind up: its duty is its mate's all the same."""
+    controller = four_wheels()
+    state = controller.at_rest
+    for number in range(1, 51):
+        state = controller.regulate(
+            state, Twist2D(0.2, 0.0), number * 0.02, (0.0, 3.0, 3.0, 3.0), 0.02, led=((0, 2),)
+        )
+    assert state.duty[0] == state.duty[2] == state.duty[3]
+    assert state.pids[0] == state.pids[2]
+
+
+def test_wheels_that_are_not_there_are_named():
+    """The refusal names all of them, and the wheels there are."""
+    with pytest.raises(Refused, match="'middle', 'top'; there are left, right"):
+        drive().wheel_velocities({"left": 1.0, "middle": 1.0, "top": 0.0})

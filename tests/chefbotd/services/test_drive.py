@@ -212,6 +212,74 @@ def test_stop_ramps_down_at_once():
     on_rig(scenario)
 
 
+def test_a_released_source_gives_way_at_once():
+    """Teleop held the robot still; once it is forgotten, navigation's command is on the wire in the same call."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.02)
+        rig.service.command("navigation", AHEAD)
+        rig.service.command("teleop", Twist2D())
+        await rig.frames(0.05)
+        assert rig.duty == (0, 0)
+        await asyncio.sleep(0.005)
+        rig.service.release("teleop")
+        assert rig.duty == (45, 45)
+        rig.service.release("safety")
+        await rig.frames(0.01)
+        assert rig.modes()[-1] == ("armed", "navigation")
+
+    on_rig(scenario)
+
+
+def test_releasing_the_last_source_brakes_within_the_limits():
+    """Nobody else asks for anything: the robot ramps down, at rest 0.2 s later; also unlinked nobody minds."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        rig.service.release("teleop")
+        await rig.frames(0.1)
+        assert 0 < rig.duty[0] < 240
+        await rig.frames(0.12)
+        assert rig.duty == (0, 0)
+        rig.bus.publish(LinkClosed(rig.clock.now_s(), "fake", "pulled"))
+        await asyncio.sleep(0)
+        rig.service.release("teleop")
+        assert rig.duty == (0, 0)
+
+    on_rig(scenario)
+
+
+def test_braking_is_zero_at_once_and_no_command_is_left():
+    """Zero in the same call and ever after, although the command was a moment old; a new one moves it again."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        rig.service.brake()
+        assert rig.duty == (0, 0)
+        before = len(rig.written)
+        await rig.frames(0.3)
+        assert {duty for _, duty in rig.written[before:]} == {(0, 0)}
+        await rig.drive_for(0.05)
+        assert rig.duty[0] > 0
+
+    on_rig(scenario)
+
+
+def test_each_wheel_is_driven_as_it_was_named():
+    """2 rad/s on a radius of 0.05 m: 40 + 1000 * 0.1 for the right one, nothing for the left one."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        for _ in range(20):
+            rig.service.command("teleop", rig.service.wheel_velocities({"right_wheel": 2.0}))
+            await rig.frames(0.01)
+        assert rig.duty == (0, 140)
+
+    on_rig(scenario)
+
+
 def test_an_estop_is_zero_at_once_latches_and_does_not_jump_on_release():
     """Zero in the same call; commands refused until arm; after arm still zero, then a ramp from rest."""
 

@@ -67,3 +67,26 @@ def test_setting_the_pose_takes_effect_after_all_that_was_measured_before():
     assert (last.x_m, last.y_m) == pytest.approx((5.0, 6.0))
     assert updates[0].odom_from_base == Pose2D(5.0, 5.0, math.pi / 2)
     assert updates[0].covariance == CERTAIN
+
+
+def test_wheels_left_out_do_not_move_the_robot():
+    """Four wheels of which one a side is left out: the others' 1 rad on 0.5 m are half a metre, at 0.5 m/s."""
+
+    async def scenario() -> OdometryUpdated:
+        bus = Bus()
+        updates = bus.subscribe(OdometryUpdated)
+        wheels = (*CHASSIS.wheels, *(w.model_copy(update={"name": f"rear_{w.name}"}) for w in CHASSIS.wheels))
+        chassis = CHASSIS.model_copy(update={"wheels": wheels})
+        service = OdometryService(bus, LoopClock(), chassis, OdometryParameters())
+        task = asyncio.create_task(service.run())
+        turned = (1.0, 7.0, 0.0, 1.0)
+        bus.publish(WheelsMeasured(1.0, 1.0, turned, turned, turned, left_out=(1, 2)))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return updates.take()
+
+    update = run_virtual(scenario())
+    assert (update.odom_from_base.x_m, update.odom_from_base.heading_rad) == (0.5, 0.0)
+    assert update.twist.linear_m_s == 0.5
