@@ -2,11 +2,13 @@
 
 Clients who want the same topic at the same rate under the same policy form a group; whether an event is due is
 decided once per group, and its JSON is made once for all. A value that comes too soon is not lost: the latest
-one follows when its time has come. For a topic without subscribers only the latest state is kept.
+one follows when its time has come. Who has just had a snapshot skips the group's turns until a whole interval has
+passed, and is in step with the others from then on. For a topic without subscribers only the latest state is kept.
 """
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import structlog
@@ -82,13 +84,25 @@ _EVENT = (
 )
 
 
+TIMER_RESOLUTION_S = 0.002
+"""How much too early a timer of uvloop's, which counts whole milliseconds, may be."""
+
+
+@dataclass(slots=True)
+class Member:
+    """The last event that a member has had, and when its snapshot is old enough for the next."""
+
+    seen: int = 0
+    due_s: float = float("-inf")
+
+
 class Group:
     """Everyone who takes a topic at one rate under one policy."""
 
     def __init__(self, feed: Feed, policy: str, interval_s: float, clock: Clock) -> None:
         self._feed, self._clock = feed, clock
         self._latest, self._interval_s = policy == "latest", interval_s
-        self._members: dict[Receiver, int] = {}
+        self._members: dict[Receiver, Member] = {}
         self._due_s = float("-inf")
         self._timer: asyncio.TimerHandle | None = None
 
@@ -100,7 +114,7 @@ class Group:
 
     def add(self, receiver: Receiver) -> None:
         """A new member, which has seen nothing yet."""
-        self._members[receiver] = 0
+        self._members[receiver] = Member()
 
     def remove(self, receiver: Receiver) -> None:
         """A member leaves; without members nothing stays scheduled."""
@@ -110,9 +124,10 @@ class Group:
 
     def snapshot(self, receiver: Receiver) -> None:
         """The latest value, for one member."""
-        line = self._feed.line(self._clock.now_s())
+        now_s = self._clock.now_s()
+        line = self._feed.line(now_s)
         if line is not None:
-            self._members[receiver] = self._feed.seq
+            self._members[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
             receiver.telemetry(self._feed.topic.name, self._latest, line)
 
     def offer(self, now_s: float) -> None:
@@ -120,8 +135,11 @@ class Group:
         if self._interval_s == 0.0 or now_s >= self._due_s:
             self._send(now_s)
         elif self._timer is None:
-            loop = asyncio.get_running_loop()
-            self._timer = loop.call_later(self._due_s - now_s, lambda: self._send(self._clock.now_s()))
+            self._send_when_due(now_s)
+
+    def _send_when_due(self, now_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(self._due_s - now_s, lambda: self._send(self._clock.now_s()))
 
     def _cancel_timer(self) -> None:
         if self._timer is not None:
@@ -134,10 +152,17 @@ class Group:
         line = self._feed.line(now_s)
         if line is None:
             return
-        name, seq, latest = self._feed.topic.name, self._feed.seq, self._latest
-        for receiver, seen in self._members.items():
-            if seen != seq:  # a snapshot may have brought it already
-                receiver.telemetry(name, latest, line)
+        name, seq, latest, early = self._feed.topic.name, self._feed.seq, self._latest, False
+        for receiver, member in self._members.items():
+            if member.seen == seq:  # a snapshot may have brought it already
+                continue
+            if now_s < member.due_s:
+                early = True
+                continue
+            member.seen = seq
+            receiver.telemetry(name, latest, line)
+        if early:
+            self._send_when_due(now_s)
 
 
 class Fanout:

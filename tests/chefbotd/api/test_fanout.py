@@ -4,9 +4,12 @@ import asyncio
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.telemetry import TextData, TopicData
@@ -159,6 +162,70 @@ def test_a_slow_topic_is_not_delayed_by_its_rate_limit() -> None:
             await asyncio.sleep(0.15)
 
     assert timeline(10.0, script) == [(0.0, "0"), (0.15, "1"), (0.3, "2")]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(0, 300), min_size=1, max_size=4), st.integers(1, 60), st.integers(5, 200))
+def test_nobody_gets_events_sooner_than_asked_for(
+    joins_ms: list[int], event_ms: int, interval_ms: int
+) -> None:
+    """Whenever each of a group joins: no gap is shorter than the interval, and the last value comes."""
+
+    async def scenario() -> None:
+        fanout, clock, interval_s = text_fanout(), LoopClock(), interval_ms / 1000
+        got: dict[int, list[tuple[float, str]]] = {i: [] for i in range(len(joins_ms))}
+
+        class Numbered(Reader):
+            def __init__(self, number: int) -> None:
+                super().__init__()
+                self.got = got[number]
+
+            def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+                self.got.append((clock.now_s(), json.loads(line)["params"]["data"]["text"]))
+
+        async def join(number: int, after_ms: int) -> None:
+            await asyncio.sleep(after_ms / 1000)
+            reader = Numbered(number)
+            fanout.subscribe(reader, ["text"], "latest", interval_s)
+            fanout.snapshot(reader, ["text"])
+
+        async with asyncio.TaskGroup() as group:
+            for number, after_ms in enumerate(joins_ms):
+                group.create_task(join(number, after_ms))
+            for i in range(20):
+                publish_texts(fanout, str(i))
+                await asyncio.sleep(event_ms / 1000)
+        await asyncio.sleep(1.0)
+        for lines in got.values():
+            gaps_s = [after[0] - before[0] for before, after in pairwise(lines)]
+            assert min(gaps_s, default=interval_s) > interval_s - 0.0021
+            assert lines[-1][1] == "19"
+
+    run_virtual(scenario())
+
+
+def test_a_snapshot_is_an_interval_away_from_what_follows() -> None:
+    """At most two a second, events every 10 ms, joined at 5 ms: snapshot, and then every half second."""
+
+    async def scenario() -> None:
+        fanout, clock = text_fanout(), LoopClock()
+        got_s: list[float] = []
+
+        class Timed(Reader):
+            def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+                got_s.append(clock.now_s())
+
+        reader = Timed()
+        publish_texts(fanout, "first")
+        await asyncio.sleep(0.005)
+        fanout.subscribe(reader, ["text"], "latest", 0.5)
+        fanout.snapshot(reader, ["text"])
+        for i in range(120):
+            await asyncio.sleep(0.01)
+            publish_texts(fanout, str(i))
+        assert [round(after - before, 2) for before, after in pairwise(got_s)] == [0.51, 0.5]
+
+    run_virtual(scenario())
 
 
 def test_a_snapshot_is_not_repeated_as_trailing_value() -> None:
