@@ -136,7 +136,10 @@ class Connection(asyncio.Protocol):
             self._take_requests()
 
     def eof_received(self) -> bool:
-        """Asyncio: the client has closed its sending side; what it has coming is sent, then we close too."""
+        """Asyncio: the client has closed its sending side, and so its last line; it gets its answers, and we close."""
+        if self._unread:
+            self._unread += b"\n"
+            self._take_requests()
         self.close()
         return False
 

@@ -157,3 +157,28 @@ def test_the_end_of_the_requests_closes_after_the_answers() -> None:
         assert (json.loads(transport.written[0])["id"], transport.closed) == (1, True)
 
     run_virtual(scenario())
+
+
+def test_the_end_of_the_requests_ends_the_last_one() -> None:
+    """A stop without a line end, as ``printf`` sends it, is carried out and answered."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        connection.data_received(PING + STOP.strip())
+        connection.eof_received()
+        assert (robot.calls, answers(transport), transport.closed) == ([("stop",)], 2, True)
+
+    run_virtual(scenario())
+
+
+def test_half_a_request_is_none_also_at_the_end() -> None:
+    """What was cut off in the middle is told to be no JSON, and does nothing."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        connection.data_received(STOP[:-4])
+        connection.eof_received()
+        error = json.loads(transport.written[0])["error"]
+        assert (robot.calls, error["data"]["kind"], transport.closed) == ([], "parse_error", True)
+
+    run_virtual(scenario())
