@@ -23,6 +23,7 @@ from chefbotd.motion.pid import PidParameters
 PROTOCOL: Final = "1.0"
 ALL_WHEELS = "all"
 MOST_WHEELS: Final = 64
+FARTHEST_M: Final = 1e6  # a slip of the finger, beyond; within, a double tells 0.1 nm
 WheelName = Annotated[str, Field(min_length=1, max_length=64)]
 
 _SOURCE = Field(
@@ -92,9 +93,9 @@ class SetWheelVelocitiesParams(Params):
 class ResetOdometryParams(Params):
     """Where the robot now stands in ``odom``."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    heading_rad: float = 0.0
+    x_m: float = Field(0.0, ge=-FARTHEST_M, le=FARTHEST_M)
+    y_m: float = Field(0.0, ge=-FARTHEST_M, le=FARTHEST_M)
+    heading_rad: float = Field(0.0, description="CCW positive; taken modulo a turn")
 
 
 class SubscribeParams(Params):

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from pydantic import Field
 
-from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovariance, Twist2D
+from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovariance, Twist2D, wrap_angle
 from chefbotd.core.parameters import Parameters
 
 Response: TypeAlias = tuple[float, float, float]
@@ -42,8 +42,9 @@ START = OdometryState(ORIGIN, STANDING, CERTAIN)
 
 
 def set_pose(state: OdometryState, pose: Pose2D) -> OdometryState:
-    """Say where the robot is: the pose becomes certain, the twist goes on."""
-    return OdometryState(pose, state.twist, CERTAIN)
+    """Say where the robot is: the pose becomes certain, its heading wrapped to (-pi, pi], and the twist goes on."""
+    wrapped = Pose2D(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
+    return OdometryState(wrapped, state.twist, CERTAIN)
 
 
 def integrate(

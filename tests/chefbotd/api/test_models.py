@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.api.models import DriveParams, SetPidParams, SubscribeParams, explain
+from chefbotd.api.models import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams, explain
 from chefbotd.motion.pid import PidParameters
 
 
@@ -101,3 +101,11 @@ def test_subscribe_refuses_what_makes_no_sense(params: dict[str, Any]) -> None:
     """No topics, no rate, an unknown policy: refused."""
     with pytest.raises(ValidationError):
         SubscribeParams.model_validate(params)
+
+
+@pytest.mark.parametrize("params", [{"x_m": 1.1e6}, {"y_m": -1.1e6}, {"x_m": 1e308}])
+def test_odometry_is_not_set_to_another_country(params: dict[str, Any]) -> None:
+    """Up to 1000 km either way; any finite heading will do."""
+    with pytest.raises(ValidationError):
+        ResetOdometryParams.model_validate(params)
+    ResetOdometryParams.model_validate({"x_m": 1e6, "y_m": -1e6, "heading_rad": 1e9})

@@ -151,3 +151,9 @@ def test_setting_the_pose_makes_it_certain() -> None:
     assert pose_of(placed) == (1.0, 2.0, 3.0)
     assert placed.covariance == CERTAIN
     assert placed.twist == Twist2D(0.3, 0.1)
+
+
+def test_a_pose_may_be_set_with_any_heading() -> None:
+    """100 rad are 16 turns less 0.531 rad (100 - 32 pi), and the heading of a pose is in (-pi, pi]."""
+    placed = odometry.set_pose(odometry.START, Pose2D(0.0, 0.0, 100.0))
+    assert pose_of(placed) == (0.0, 0.0, pytest.approx(100 - 32 * math.pi))
