@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, fields
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 from chefbotd.client.errors import ConnectionLost, IncompatibleProtocol
 from chefbotd.client.subscription import Event, Subscription
@@ -36,6 +36,9 @@ class Hello:
     link: Literal["up", "down"]
     auth: str
     capabilities: tuple[str, ...]
+
+
+Message = TypeVar("Message", Hello, Event)
 
 
 class Client:
@@ -209,15 +212,14 @@ class Client:
 
     def _notified(self, method: str, params: dict[str, Any]) -> None:
         if method == "event":
-            event = Event(**params)
+            event = _known(Event, params)
             for subscription in self._subscriptions:
                 if event.topic in subscription.topics:
                     subscription.put(event)
         elif method == "dropped":
             self._count_drops(params["topics"])
         elif method == "hello":
-            known = {field.name for field in fields(Hello)}
-            self.hello = Hello(**{k: _frozen(v) for k, v in params.items() if k in known})
+            self.hello = _known(Hello, params)
             self._greeted.set()
 
     def _count_drops(self, topics: dict[str, int]) -> None:
@@ -229,6 +231,11 @@ class Client:
         self._greeted.set()
         for subscription in self._subscriptions:
             subscription.end(loss)
+
+
+def _known(kind: type[Message], params: Mapping[str, Any]) -> Message:
+    """A message of this kind; fields that a newer daemon has added are passed over."""
+    return kind(**{field.name: _frozen(params[field.name]) for field in fields(kind) if field.name in params})
 
 
 def _frozen(value: Any) -> Any:

@@ -432,3 +432,20 @@ def test_room_in_the_socket_is_waited_for() -> None:
             await asyncio.gather(*(robot.call("ping", padding="x" * 100_000) for _ in range(100)))
 
     with_script(late_reader, scenario, run=uvloop.run)
+
+
+def test_an_event_of_a_newer_daemon_is_understood() -> None:
+    """Fields that this client does not know are passed over, in events as in the greeting."""
+
+    async def newer(daemon: Daemon) -> None:
+        daemon.say(HELLO)
+        await daemon.answer(topics=["text"])
+        known = {"topic": "text", "seq": 1, "stamp_s": 2.0, "age_s": 0.5, "data": {"text": "hi"}}
+        daemon.say({"jsonrpc": "2.0", "method": "event", "params": {**known, "priority": 3}})
+        await daemon.answer(topics=[])
+
+    async def scenario(host: str, port: int) -> None:
+        async with Client.connect(host, port) as robot, robot.subscribe("text") as texts:
+            assert await anext(texts) == Event("text", 1, 2.0, 0.5, {"text": "hi"})
+
+    with_script(newer, scenario)
