@@ -16,7 +16,7 @@ from chefbotd.api.jsonrpc import ErrorKind
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.robot import Robot
 from chefbotd.api.roles import Role
-from chefbotd.api.telemetry import StatsData
+from chefbotd.api.telemetry import StatsData, TopicData
 from chefbotd.api.topics import link_data, safety_data
 from chefbotd.api.urgent import EstopParams, StopParams
 from chefbotd.clock import Clock
@@ -112,7 +112,7 @@ class Methods:
             topics=self._fanout.states(),
         )
 
-    def _get_stats(self, caller: Caller, params: models.NoParams) -> StatsData:
+    def _get_stats(self, caller: Caller, params: models.NoParams) -> TopicData:
         """The daemon's counters as they stand."""
         return StatsData.model_validate(self._robot.stats(), from_attributes=True)
 

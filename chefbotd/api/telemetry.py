@@ -1,16 +1,23 @@
 """The data of each topic: what a client reads, in SI units and REP-103 axes."""
 
-from typing import Literal
+from dataclasses import fields
+from typing import Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus
+from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus, StatsSampled
 
 
 class TopicData(BaseModel):
     """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
 
     model_config = ConfigDict(frozen=True)
+
+
+def _fields_of(event: type[Any]) -> dict[str, Any]:
+    """An event's fields as they stand, all required, without the stamp that every topic has beside its data."""
+    types = get_type_hints(event)
+    return {field.name: (types[field.name], ...) for field in fields(event) if field.name != "stamp_s"}
 
 
 class OdometryData(TopicData):
@@ -115,31 +122,12 @@ class RawData(TopicData):
     line: str
 
 
-class StatsData(TopicData):
-    """Counters since the daemon started, and the worst of the last second."""
-
-    uptime_s: float
-    frames: dict[str, int]
-    refused: dict[str, int]
-    lines_out: int
-    setpoints_replaced: int
-    link_opens: int
-    board_restarts: int
-    encoder_readings_refused: int
-    control_steps: int
-    bus_dropped: dict[str, int]
-    clients: int
-    clients_refused: dict[str, int]
-    handler_faults: dict[str, int]
-    internal_errors: int
-    service_failures: dict[str, int]
-    telemetry_dropped: int
-    loop_lag_s: float
-    board_clock_skew_ppm: float | None
-    board_clock_jitter_s: float | None
-    board_clock_suspects: int
-    encoder_transitions_illegal: int
-    bytes_in: int
+StatsData = create_model(
+    "StatsData",
+    __base__=TopicData,
+    __doc__="Counters since the daemon started, and the worst of the last second.",
+    **_fields_of(StatsSampled),
+)
 
 
 class SimData(TopicData):
