@@ -93,6 +93,9 @@ class Mates:
         self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]
     ) -> list[tuple[int, int]]:
         """The wheels of a side that are far from the one to believe, each with that one."""
+        rolled_m = [state.rolled_m[i] for i in side]
+        if max(rolled_m) - min(rolled_m) <= self._slack_m / 2:
+            return []  # the usual case, and whoever was believed, nobody could be far from them
         believed = self._believed(state, side, other)
         if believed is None:
             return []
