@@ -19,9 +19,10 @@ LINE_LOST_S = 1.0
 class UnreadCommands:
     """Decides which commands may follow those already written.
 
-    A stop always may. Motion may while fewer than ``MOST_UNREAD`` commands are unread; beyond them only what differs
-    from the newest command while the echo shows that one in force, and one line every ``LINE_LOST_S``. Of a board that
-    has sent no echo since the port was opened, whatever it says counts as proof.
+    A stop always may. Motion may while fewer than ``MOST_UNREAD`` commands are unread; beyond them only while the echo
+    shows the newest in force, and one line every ``LINE_LOST_S``. So a steady command that the board confirms is
+    repeated freely: whether repetitions are read cannot be told. Of a board that has sent no echo since the port was
+    opened, whatever it says counts as proof.
     """
 
     def __init__(self) -> None:
@@ -38,12 +39,11 @@ class UnreadCommands:
         """Whether ``duty`` may be written now."""
         if len(self._unread) < MOST_UNREAD or not any(duty):
             return True
-        in_force = self._echo == self._newest
-        return (in_force and duty != self._newest) or now_s - self._written_s >= LINE_LOST_S
+        return self._echo == self._newest or now_s - self._written_s >= LINE_LOST_S
 
     def note(self, duty: Duty, now_s: float) -> None:
-        """``duty`` was written; stops in a row count once, so that what is kept is bounded."""
-        if any(duty) or duty != self._newest:
+        """``duty`` was written; stops in a row count once, and what is kept is bounded."""
+        if duty != self._newest or (any(duty) and len(self._unread) < MOST_UNREAD):
             self._unread.append(duty)
         self._newest, self._written_s = duty, now_s
 
