@@ -21,8 +21,8 @@ class UnreadCommands:
 
     A stop always may. Motion may while fewer than ``MOST_UNREAD`` commands are unread; beyond them only while the echo
     shows the newest in force, and one line every ``LINE_LOST_S``. So a steady command that the board confirms is
-    repeated freely: whether repetitions are read cannot be told. Of a board that has sent no echo since the port was
-    opened, whatever it says counts as proof.
+    repeated freely: whether repetitions are read cannot be told. Of a board whose echo has not followed any motion since
+    the port was opened (it sends none, or one that means something else), whatever it says counts as proof.
     """
 
     def __init__(self) -> None:
@@ -33,6 +33,7 @@ class UnreadCommands:
         self._unread: deque[Duty] = deque()
         self._newest: Duty | None = None
         self._echo: tuple[float, ...] | None = None
+        self._echo_follows = False
         self._written_s = float("-inf")
 
     def admit(self, duty: Duty, now_s: float) -> bool:
@@ -49,12 +50,14 @@ class UnreadCommands:
 
     def heard(self) -> None:
         """The board said something."""
-        if self._echo is None:
+        if not self._echo_follows:
             self._unread.clear()
 
     def echoed(self, duty: tuple[float, ...]) -> None:
         """The board says which command is in force: if that is another one than before, it has been reading."""
         moved, self._echo = duty != self._echo, duty
+        if any(duty) and (duty == self._newest or duty in self._unread):
+            self._echo_follows = True
         while moved and self._unread:
             if self._unread.popleft() == duty:
                 return

@@ -249,19 +249,20 @@ def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
 
 
 def test_a_board_whose_echo_stands_still_is_given_ten_motions():
-    """It talks and the kernel takes all, but its echo does not follow: ten lines; when it follows, the newest goes."""
+    """It talks and the kernel takes all, but its echo follows no more: ten lines; when it does again, the newest goes."""
 
     async def scenario(bench: Bench) -> None:
-        bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        bench.session.send_duty((-5, 5))
+        bench.board.say(wire.DutyEcho((-5.0, 5.0)))
         for number in range(1, 41):
             bench.session.send_duty((number, number))
             bench.board.cycle(0, 0)
-            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+            bench.board.say(wire.DutyEcho((-5.0, 5.0)))
             await asyncio.sleep(0.02)
         assert bench.board.duty == (10, 10)
         bench.board.say(wire.DutyEcho((10.0, 10.0)))
         assert bench.board.duty == (40, 40)
-        assert len(bench.board.duties) == 1 + 10 + 1
+        assert len(bench.board.duties) == 1 + 1 + 10 + 1
 
     on_bench(scenario)
 

@@ -38,13 +38,23 @@ def test_an_echo_that_moves_proves_what_was_read():
 
 
 def test_an_echo_that_stands_still_proves_nothing():
-    """The board talks on and its echo says what it said before: motion is held."""
+    """The board talks on, and its echo, which has followed a command before, does not move: motion is held."""
     unread = UnreadCommands()
-    unread.echoed((0.0, 0.0))
+    unread.note((-5, 5), 0.0)
+    unread.echoed((-5.0, 5.0))
     filled(unread)
     unread.heard()
-    unread.echoed((0.0, 0.0))
+    unread.echoed((-5.0, 5.0))
     assert not unread.admit((11, 11), 0.1)
+
+
+def test_an_echo_that_never_follows_is_no_echo():
+    """Another firmware says `s 0 0` whatever it does: nothing can be learned from that, so talking counts."""
+    unread = UnreadCommands()
+    for _ in range(5):
+        unread.heard()
+        unread.echoed((0.0, 0.0))
+        filled(unread)
 
 
 def test_an_echo_of_something_else_proves_all():
