@@ -348,3 +348,20 @@ def test_a_broken_handler_stops_nothing_else() -> None:
         assert "result" in await client.ask("ping")
 
     with_client(scenario)
+
+
+def test_the_end_does_not_wait_for_who_reads_nothing() -> None:
+    """A client with unread answers is cut off when the server ends."""
+
+    async def main() -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            async with serving() as served:
+                client = await stack.enter_async_context(line_client(served))
+                client.stop_reading()
+                client.send_raw(b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n' * 400)
+                await asyncio.sleep(0.1)
+                assert served.server.clients == 1
+            await asyncio.sleep(0)
+            assert served.server.clients == 0
+
+    run_virtual(main())
