@@ -49,7 +49,13 @@ class Daemon:
     """One robot, ready to run: on its serial port, or through whatever ``opener`` opens."""
 
     def __init__(
-        self, settings: Settings, *, clock: Clock, opener: Opener = open_port, simulated: bool = False
+        self,
+        settings: Settings,
+        *,
+        clock: Clock,
+        opener: Opener = open_port,
+        simulated: bool = False,
+        rng: random.Random | None = None,
     ) -> None:
         self.bus = Bus()
         self._clock, self._started_s = clock, clock.now_s()
@@ -63,7 +69,7 @@ class Daemon:
             judged_after_s=settings.link.judged_after_s,
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
-        self._link = BoardLink(settings.link, self.session, opener, clock, random.Random())
+        self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
         self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
         self._quadrature = QuadratureService(self.bus, settings.quadrature, variant.wheels)

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import random
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ async def running_daemon(device: FakeSerialDevice, settings: Settings | None = N
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
-    daemon = Daemon(settings, clock=LoopClock(), opener=device.open)
+    daemon = Daemon(settings, clock=LoopClock(), opener=device.open, rng=random.Random(settings.sim.seed))
     async with _running(daemon) as client:
         yield client
 
@@ -45,7 +46,9 @@ async def simulated_robot(settings: Settings | None = None) -> AsyncIterator[Sim
     board = BoardRunner(build_launchpad(simulation_of(settings)), lambda data: device.feed(data), LoopClock())
     device.on_write = board.receive
     living = asyncio.create_task(board.run())
-    daemon = Daemon(settings, clock=LoopClock(), opener=device.open, simulated=True)
+    daemon = Daemon(
+        settings, clock=LoopClock(), opener=device.open, simulated=True, rng=random.Random(settings.sim.seed)
+    )
     try:
         async with _running(daemon) as client:
             yield SimulatedRobot(client, device, board, daemon)

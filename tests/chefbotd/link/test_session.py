@@ -249,7 +249,7 @@ def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
 
 
 def test_a_board_whose_echo_stands_still_is_given_ten_motions():
-    """It talks and the kernel takes all, but its echo follows no more: ten lines; when it does again, the newest goes."""
+    """It talks and the kernel takes all, but its echo stands still: ten lines; when it moves, the newest goes."""
 
     async def scenario(bench: Bench) -> None:
         bench.session.send_duty((-5, 5))
