@@ -13,16 +13,19 @@ FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
-.PHONY: run test check lint format wheel wheel-test bench fuzz soak faults clean
+.PHONY: run test coverage check lint format wheel wheel-test bench fuzz soak faults clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
 
 test: $(VENV)/ready
+	$(BIN)/pytest -q
+
+coverage: $(VENV)/ready
 	$(BIN)/coverage run -m pytest -q
 	$(BIN)/coverage report
 
-check: lint test wheel-test
+check: lint coverage wheel-test
 
 lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
