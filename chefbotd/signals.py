@@ -15,6 +15,9 @@ ENDING = (
     signal.SIGVTALRM,
     signal.SIGPROF,
     signal.SIGXCPU,
+    signal.SIGPWR,
+    signal.SIGIO,
+    signal.SIGSTKFLT,
 )
 """Everything that would end the process without a word and can be caught."""
 

@@ -37,6 +37,10 @@ from firmware_protocol.decoder import Decoder
 log = structlog.get_logger(component="link")
 
 
+LAST_STOPS = 3
+"""One damaged line must not leave the motors on for ever."""
+
+
 class BoardSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters.
 
@@ -181,9 +185,11 @@ class BoardSession(asyncio.Protocol):
         self.stop_motors()
 
     def close(self) -> None:
-        """Stop the motors and give the port up."""
+        """Stop the motors and give the port up. These are the last words, so they are said more than once."""
         if self._transport is not None:
             self.stop_motors()
+            for _ in range(LAST_STOPS - 1):
+                self._write_duty(self._still)
             self._transport.abort()
 
     def _write_duty(self, duty: tuple[int, ...]) -> None:

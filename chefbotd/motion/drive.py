@@ -174,8 +174,8 @@ class Drive:
 
     def effort(self, state: DriveState) -> tuple[float, ...]:
         """The duty in force per wheel as a share of its range, positive where it pushes forward."""
-        wheels = zip(state.duty, self._motor_signs, self.gains, strict=True)
-        return tuple([duty * sign / gains.output_limit for duty, sign, gains in wheels])
+        wheels = zip(state.duty, self._motor_signs, strict=True)
+        return tuple([duty * sign / self._parameters.max_duty for duty, sign in wheels])
 
     def _ramp(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)

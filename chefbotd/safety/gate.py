@@ -166,9 +166,12 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
     """Apply a trigger, of a fault with its kind.
 
     A change forgets every command; a fault or a recovery that changes nothing keeps the reason, so that the first of
-    several faults is the one that is told. Only a ``PASSING`` fault recovers.
+    several faults is the one that is told, but for one that needs a person, which takes the place of one that passes.
+    Only a ``PASSING`` fault recovers.
     """
     mode = NEXT[state.mode, trigger]
+    if mode is Mode.DISARMED and state.fault in PASSING and fault is not None and fault not in PASSING:
+        return GateState(mode, reason, fault=fault)
     if mode is state.mode and trigger is not Trigger.ESTOP:
         return state
     if trigger is Trigger.RECOVERY and state.fault not in PASSING:

@@ -33,6 +33,10 @@ log = structlog.get_logger(component="drive")
 Heard = EncodersCounted | LinkOpened | LinkClosed | BoardRestarted
 
 
+INBOX_EVENTS = 8192
+"""Far more than one read can bring: a restart or a lost link is never pushed out by the frames after it."""
+
+
 class ControlParameters(Parameters):
     """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
 
@@ -61,7 +65,9 @@ class DriveService:
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._watch_period_s = control.watch_period_s
-        self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, LinkOpened, LinkClosed, BoardRestarted)
+        self._inbox: Inbox[Heard] = bus.subscribe(
+            EncodersCounted, LinkOpened, LinkClosed, BoardRestarted, size=INBOX_EVENTS
+        )
         self.steps = 0
         self.internal_errors = 0
         self.acted_s = float("-inf")
@@ -211,14 +217,17 @@ class DriveService:
         )
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
-        """Step without a measurement; ``repeat`` writes the duty even when it has not changed."""
+        """Step without a measurement; ``repeat`` writes the duty even when it has not changed. A stop always is.
+
+        One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
+        """
         decision, before = self._decide(now_s), self._state.duty
         if decision.halted:
             self._state = self._drive.halt(self._state)
         else:
             apart = decision.limited_by is not None
             self._state = self._drive.retarget(self._state, decision.motion, now_s, apart=apart)
-        if repeat or self._state.duty != before:
+        if repeat or self._state.duty != before or not any(self._state.duty):
             self._send_duty(self._state.duty)
         self._keeper.announce(now_s)
 

@@ -91,13 +91,15 @@ class SafetyKeeper:
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
 
     def arm(self) -> None:
-        """Allow motion again; every detector starts anew.
+        """Allow motion again; every detector starts anew. What is armed already stays as it is, its detectors too.
 
         Raises:
             Refused: the link is down.
         """
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
+        if self.armed:
+            return
         self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
         self._wheels = wheels.at_rest(len(self._wheel_names))
         self._silence = replace(self._silence, interrupted=False)

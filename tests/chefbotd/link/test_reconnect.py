@@ -83,7 +83,7 @@ def test_ending_the_link_stops_the_motors_and_closes_the_port():
 
     kinds, written = run_link(device, story)
     assert kinds == [LinkOpened, LinkClosed]
-    assert written == b"s 0 0\rs 100 100\rs 0 0\r"
+    assert written == b"s 0 0\rs 100 100\r" + 3 * b"s 0 0\r"
 
 
 def test_a_device_that_stays_away_is_mentioned_once_a_minute(capsys: pytest.CaptureFixture[str]):

@@ -292,7 +292,7 @@ def test_closing_sends_a_stop_first():
         bench.session.send_duty((100, 100))
         bench.session.close()
         await asyncio.sleep(0)
-        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\rs 0 0\r"
+        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\r" + 3 * b"s 0 0\r"
         assert isinstance(bench.heard()[-1], events.LinkClosed)
         assert not bench.session.is_open
 

@@ -221,3 +221,11 @@ def test_the_robot_is_never_driven_unless_armed(story: list[tuple[object, ...]])
         if decision.motion != STANDING:
             assert decision.motion in asked
             assert not decision.halted
+
+
+def test_a_fault_that_needs_a_person_does_not_hide_behind_one_that_passes():
+    """The link is lost, then a service fails, then the link is back: the robot stays disarmed, and says why."""
+    state = change_mode(GateState(), Trigger.FAULT, "unplugged", FaultKind.LINK_LOST)
+    state = change_mode(state, Trigger.FAULT, "broken", FaultKind.SERVICE_FAILED)
+    assert (state.fault, state.reason) == (FaultKind.SERVICE_FAILED, "broken")
+    assert change_mode(state, Trigger.RECOVERY, "back").mode is Mode.DISARMED

@@ -507,3 +507,16 @@ def test_a_fault_reported_from_a_thread_comes_before_the_next_command():
         assert rig.duty == (0, 0)
 
     on_rig(scenario)
+
+
+def test_a_stop_is_repeated_while_the_encoders_are_silent():
+    """One line that was lost must not leave the motors on: every watch period says it again."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        rig.service.estop("button")
+        before = len(rig.written)
+        await asyncio.sleep(0.2)
+        assert [duty for _, duty in rig.written[before:]] == [(0, 0)] * 10
+
+    on_rig(scenario)
