@@ -90,10 +90,10 @@ class InfraredParameters(Parameters):
 
 @dataclass(frozen=True, slots=True)
 class InfraredState:
-    """The latest voltages, newest last, and whether what is in front may be nearer than the fold."""
+    """The latest voltages, newest last, and whether what is in front may be nearer than the fold: so at the start."""
 
     recent_v: tuple[float, ...] = ()
-    maybe_folded: bool = False
+    maybe_folded: bool = True
 
 
 START = InfraredState()

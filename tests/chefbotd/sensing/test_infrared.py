@@ -20,6 +20,10 @@ def adc(volts: float) -> float:
     return volts / 3.3 * 4095
 
 
+FREE_WAY_V = 0.2
+"""What is read when nothing is in range."""
+
+
 def readings(params: InfraredParameters, *volts: float) -> list[RangeMeasured]:
     """What a series of voltages is taken for."""
     state, measured = START, []
@@ -46,7 +50,7 @@ def readings(params: InfraredParameters, *volts: float) -> list[RangeMeasured]:
 )
 def test_only_a_trusted_distance_is_one(volts: float, status: RangeStatus, range_m: float | None) -> None:
     """The data sheet's points from 0.20 to 1.50 m; above them too near, below them too far, never a number."""
-    (measured,) = readings(UNFILTERED, volts)
+    _, measured = readings(UNFILTERED, FREE_WAY_V, volts)
     assert measured.status is status
     assert measured.range_m == (None if range_m is None else pytest.approx(range_m))
 
@@ -70,8 +74,8 @@ def test_distance_grows_as_the_voltage_falls() -> None:
 
 def test_what_went_behind_the_fold_is_ambiguous_and_not_far() -> None:
     """Beyond the peak 2.0 V are 0.10 m and not 0.30 m; only 1.55 V, believed from 0.40 m, end the doubt."""
-    volts = (2.0, 2.7, 2.74, 2.6, 2.0, 1.6, 1.55, 2.0)
-    assert [str(measured.status) for measured in readings(UNFILTERED, *volts)] == [
+    volts = (FREE_WAY_V, 2.0, 2.7, 2.74, 2.6, 2.0, 1.6, 1.55, 2.0)
+    assert [str(measured.status) for measured in readings(UNFILTERED, *volts)[1:]] == [
         "ok",
         "ok",
         "too_near",
@@ -81,6 +85,12 @@ def test_what_went_behind_the_fold_is_ambiguous_and_not_far() -> None:
         "ok",
         "ok",
     ]
+
+
+def test_at_the_start_a_near_object_may_be_behind_the_fold() -> None:
+    """Switched on in front of a wall 0.12 m away, read as 0.24 m: no number before a far view."""
+    statuses = [str(measured.status) for measured in readings(UNFILTERED, 2.4, 2.4, 1.25, 2.4)]
+    assert statuses == ["ambiguous", "ambiguous", "ok", "ok"]
 
 
 def test_an_object_that_is_gone_ends_the_doubt() -> None:
