@@ -38,7 +38,8 @@ def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> Non
     """
     params = sensing.InfraredParameters(median_window=1)
     adc = voltage(distance_m) / 3.3 * 4095
-    _, measured = sensing.interpret(params, sensing.START, 0.0, adc)
+    state, _ = sensing.interpret(params, sensing.START, 0.0, 0.0)  # nothing in range: no doubt
+    _, measured = sensing.interpret(params, state, 0.0, adc)
     assert measured.status is RangeStatus.OK
     assert measured.range_m == pytest.approx(distance_m, rel=0.01 if distance_m > 0.3 else 0.06)
 
