@@ -525,10 +525,13 @@ def test_a_stop_is_repeated_while_the_encoders_are_silent():
 def test_arming_what_is_armed_blinds_no_detector():
     """A program that arms before every move: a wheel that is driven and stands is named all the same, in time."""
 
+    async def keep_arming(rig: Rig) -> None:
+        for _ in range(40):
+            await rig.drive_for(0.1)
+            rig.service.arm()
+
     async def scenario(rig: Rig) -> None:
         with pytest.raises(Refused, match="left_wheel is driven and does not turn"):
-            for _ in range(40):
-                await rig.drive_for(0.1)
-                rig.service.arm()
+            await keep_arming(rig)
 
     on_rig(scenario)
