@@ -1,6 +1,6 @@
 # make run    drive the simulated robot through a 2 m square          make test   run the tests
 #             (ROBOT=name: another packaged robot than ChefBot)
-# make check  format, lint, types, import rules, tests, the wheel    make bench  measure (see docs/benchmarks.md)
+# make check  format, lint, types, import rules, tests, wheel, audit make bench  measure (see docs/benchmarks.md)
 # make faults every fault of docs/safety.md, on both robots          make soak, make fuzz: long runs of chance
 # Each sets up all it needs in .venv: Python 3.11 or newer and make are enough.
 
@@ -13,7 +13,7 @@ FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
-.PHONY: run test coverage check lint format wheel wheel-test bench fuzz soak faults clean
+.PHONY: run test coverage check audit lint format wheel wheel-test bench fuzz soak faults clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
@@ -25,13 +25,18 @@ coverage: $(VENV)/ready
 	$(BIN)/coverage run -m pytest -q
 	$(BIN)/coverage report
 
-check: lint coverage wheel-test
+check: lint coverage wheel-test audit
 
 lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Whether the dependencies fit together, and whether any has a known vulnerability (see docs/dependencies.md).
+audit: $(VENV)/ready
+	$(BIN)/pip check
+	$(BIN)/python -m tests.audit
 
 format: $(VENV)/ready
 	$(BIN)/ruff format .
