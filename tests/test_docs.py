@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.safety.faults import PASSING, FaultKind
-from chefbotd.safety.gate import Mode, SafetyParameters
+from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
 from chefbotd.services.safety import ENCODERS_STALE, OBSTACLE
 from chefbotd.services.watchdog import WatchdogParameters
 
@@ -50,7 +50,7 @@ def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
     seen = " ".join(row[3] for row in rows())
     for kind in FaultKind:
         assert f"`safety.fault` `{kind}`" in seen, kind
-    for limit in (ENCODERS_STALE, OBSTACLE):
+    for limit in (DEAD_MAN, ENCODERS_STALE, OBSTACLE):
         assert f"`safety.limited_by` `{limit}`" in seen, limit
     text = PAGE.read_text(encoding="utf-8")
     for mode in Mode:

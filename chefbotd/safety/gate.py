@@ -1,8 +1,12 @@
 """The last word on every command: may the robot move, and if so, whose command is in force.
 
 Three modes. ``ARMED``: the highest live command is followed. ``DISARMED``: a fault has latched. ``ESTOPPED``: someone
-pressed stop in earnest. The latter two brake at once and end only with ``arm``. A command is live while it is younger
-than its source's timeout and the dead-man's; what feeds the dead-man is commands, never a heartbeat.
+pressed stop in earnest. The latter two brake at once and end only with ``arm``.
+
+Two times end a command, as a multiplexer's and a drive controller's do in a classic stack. Its source's ``timeout_s`` is
+for how long it keeps lower sources out. The dead-man's ``command_timeout_s`` is for how long the winning command moves
+the robot, which comes to rest then, rather than change its driver for one that it did not wait for. What feeds the
+dead-man is commands, never a heartbeat.
 """
 
 from collections.abc import Mapping
@@ -23,7 +27,7 @@ from chefbotd.safety.wheels import WheelWatchParameters
 
 
 class SourceParameters(Parameters):
-    """One source of velocity commands: 0 (weakest) to 255, and how long its last command lasts."""
+    """One source of velocity commands: 0 (weakest) to 255, and for how long its last command keeps lower ones out."""
 
     priority: int = Field(ge=0, le=255)
     timeout_s: float = Field(gt=0, le=10)
@@ -45,7 +49,7 @@ class Rearm(StrEnum):
 
 
 class SafetyParameters(Parameters):
-    """``command_timeout_s`` is the dead-man: no command, of whatever source, outlives it.
+    """``command_timeout_s`` is the dead-man: no command, of whatever source, moves the robot for longer.
 
     ``default_source`` is whose a command is that does not say.
     """
@@ -135,6 +139,9 @@ class Decision:
 HALT = Decision(STANDING, None, halted=True)
 COME_TO_REST = Decision(STANDING, None, halted=False)
 
+DEAD_MAN = "dead_man"
+"""What limits a command that is too old to be followed, while its source still keeps lower ones out."""
+
 _REFUSALS = {Mode.DISARMED: RefusalKind.DISARMED, Mode.ESTOPPED: RefusalKind.ESTOPPED}
 
 
@@ -180,15 +187,17 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
 
 
 def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Decision:
-    """The highest live command wins; of two with the same priority, the newer."""
+    """The highest live command wins; of two with the same priority, the newer. One past the dead-man moves nothing."""
     if state.mode is not Mode.ARMED:
         return HALT
     winner: Command | None = None
     rank = (-1, 0.0)
     for command in state.commands:
         source = parameters.sources[command.source]
-        if now_s - command.stamp_s > min(source.timeout_s, parameters.command_timeout_s):
-            continue
-        if (source.priority, command.stamp_s) > rank:
+        if now_s - command.stamp_s <= source.timeout_s and (source.priority, command.stamp_s) > rank:
             winner, rank = command, (source.priority, command.stamp_s)
-    return COME_TO_REST if winner is None else Decision(winner.motion, winner.source, halted=False)
+    if winner is None:
+        return COME_TO_REST
+    if now_s - winner.stamp_s > parameters.command_timeout_s:
+        return Decision(STANDING, winner.source, halted=False, limited_by=DEAD_MAN)
+    return Decision(winner.motion, winner.source, halted=False)

@@ -1,5 +1,7 @@
 """The gate: modes, arbitration and the dead-man."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,9 +12,11 @@ from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.safety.faults import PASSING, FaultKind
 from chefbotd.safety.gate import (
     COME_TO_REST,
+    DEAD_MAN,
     HALT,
     NEXT,
     Command,
+    Decision,
     GateState,
     Mode,
     SafetyParameters,
@@ -24,6 +28,7 @@ from chefbotd.safety.gate import (
     release,
     stop,
 )
+from chefbotd.settings import load, packaged
 
 PARAMETERS = SafetyParameters()
 SLOW = Twist2D(0.1, 0.0)
@@ -144,11 +149,46 @@ def test_of_two_equals_the_newer_wins():
     assert decide(parameters, state, 0.3).source == "b"
 
 
-def test_the_dead_man_outlasts_no_command():
-    """Teleop's own timeout is 1.0 s, but the dead-man ends its command after 0.5 s, measured from the command."""
+def test_no_command_moves_the_robot_past_the_dead_man():
+    """Teleop's own timeout is 1.0 s, but the dead-man ends its motion after 0.5 s, measured from the command."""
     state = given_commands(Command("teleop", FAST, 10.0))
-    assert decide(PARAMETERS, state, 10.5).motion == FAST
-    assert decide(PARAMETERS, state, 10.501) == COME_TO_REST
+    assert decide(PARAMETERS, state, 10.5) == Decision(FAST, "teleop", halted=False)
+    assert decide(PARAMETERS, state, 10.501) == Decision(
+        STANDING, "teleop", halted=False, limited_by=DEAD_MAN
+    )
+    assert decide(PARAMETERS, state, 11.001) == COME_TO_REST
+
+
+def test_a_source_keeps_lower_ones_out_until_its_own_timeout():
+    """Teleop has said nothing for 0.5 s: the robot comes to rest. After 1.0 s navigation, which went on, is followed."""
+    state = given_commands(Command("teleop", FAST, 0.0))
+    for now_s, source, motion in [
+        (0.5, "teleop", FAST),
+        (0.501, "teleop", STANDING),
+        (1.0, "teleop", STANDING),
+        (1.001, "navigation", SLOW),
+    ]:
+        state = accept(PARAMETERS, state, Command("navigation", SLOW, now_s))
+        decision = decide(PARAMETERS, state, now_s)
+        assert (decision.source, decision.motion) == (source, motion), now_s
+
+
+def test_each_of_khans_sources_keeps_the_lower_ones_out_for_half_a_second():
+    """joystick 10, marker 8, move_base 2, external 1: each moves it for 0.25 s, and holds it for 0.5 s."""
+    parameters = load(packaged("khan")).safety
+    order = sorted(parameters.sources, key=lambda name: -parameters.sources[name].priority)
+    assert order == ["joystick", "marker", "move_base", "external"]
+    for higher, lower in pairwise(order):
+        state = GateState(commands=(Command(higher, FAST, 0.0),))
+        for now_s, followed in [
+            (0.25, (higher, FAST)),
+            (0.26, (higher, STANDING)),
+            (0.5, (higher, STANDING)),
+        ]:
+            state = accept(parameters, state, Command(lower, SLOW, now_s))
+            decision = decide(parameters, state, now_s)
+            assert (decision.source, decision.motion) == followed, (higher, now_s)
+        assert decide(parameters, state, 0.51).source == lower
 
 
 def test_a_newer_command_replaces_its_sources_older_one():
