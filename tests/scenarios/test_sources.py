@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from itertools import pairwise
 
 import pytest
 
@@ -33,7 +34,7 @@ def pairs() -> list[tuple[str, str, str]]:
     for robot in ("chefbot", "khan"):
         sources = load(packaged(robot)).safety.sources
         order = sorted(sources, key=lambda name: -sources[name].priority)
-        found += [(robot, higher, lower) for higher, lower in zip(order, order[1:], strict=False)]
+        found += [(robot, higher, lower) for higher, lower in pairwise(order)]
     return found
 
 
@@ -41,7 +42,7 @@ def pairs() -> list[tuple[str, str, str]]:
 def test_a_silent_source_stops_the_robot_first_and_lets_others_drive_later(
     robot_name: str, higher: str, lower: str
 ):
-    """One message by the higher source, the lower at 20 Hz: the dead-man, then the higher one's own time-out, then on."""
+    """One message by the higher source, the lower at 20 Hz: the dead-man, then its own time-out, then on."""
     settings = load(packaged(robot_name))
     moves_s, keeps_s = settings.safety.command_timeout_s, settings.safety.sources[higher].timeout_s
 

@@ -174,7 +174,7 @@ def test_a_source_keeps_lower_ones_out_until_its_own_timeout():
 
 
 def test_each_of_khans_sources_keeps_the_lower_ones_out_for_half_a_second():
-    """joystick 10, marker 8, move_base 2, external 1: each moves it for 0.25 s, and holds it for 0.5 s."""
+    """Joystick 10, marker 8, move_base 2, external 1: each moves it for 0.25 s, and holds it for 0.5 s."""
     parameters = load(packaged("khan")).safety
     order = sorted(parameters.sources, key=lambda name: -parameters.sources[name].priority)
     assert order == ["joystick", "marker", "move_base", "external"]
