@@ -22,10 +22,21 @@ class Overflow(StrEnum):
 class Inbox(Generic[E]):
     """The events that one subscriber has yet to take, in the order of their publication."""
 
-    def __init__(self, bus: "Bus", topics: tuple[type[E], ...], overflow: Overflow, size: int) -> None:
+    def __init__(
+        self,
+        bus: "Bus",
+        topics: tuple[type[E], ...],
+        overflow: Overflow,
+        size: int,
+        kept: tuple[type[E], ...],
+    ) -> None:
         if size < 1:
             raise ValueError(f"an inbox needs room for at least one event, got size {size}")
-        self._bus, self._topics, self._overflow, self._size = bus, topics, overflow, size
+        if strangers := [topic.__name__ for topic in kept if topic not in topics]:
+            raise ValueError(f"kept classes that are not subscribed to: {', '.join(strangers)}")
+        if kept and overflow is Overflow.LATEST:
+            raise ValueError(f"'latest' keeps no class whole, got kept {kept[0].__name__}")
+        self._bus, self._topics, self._overflow, self._size, self._kept = bus, topics, overflow, size, kept
         self._events: deque[E] = deque()
         self._waiter: asyncio.Future[None] | None = None
         self.dropped: Counter[type[Any]] = Counter()
@@ -39,13 +50,26 @@ class Inbox(Generic[E]):
         events, waiter = self._events, self._waiter
         if self._overflow is Overflow.LATEST:
             self._forget_older(type(event))
-        elif len(events) == self._size:
-            self.dropped[type(events.popleft())] += 1
+        elif len(events) == self._size and not self._make_room(event):
+            self.dropped[type(event)] += 1
+            return
         events.append(event)
         if len(events) > self.deepest:
             self.deepest = len(events)
         if waiter is not None and not waiter.done():
             waiter.set_result(None)
+
+    def _make_room(self, newcomer: E) -> bool:
+        """Drop the oldest event, but a kept one only for another kept one, and only where nothing else is left."""
+        events, kept = self._events, self._kept
+        spare = next((index for index, event in enumerate(events) if type(event) not in kept), None)
+        if spare is None:
+            if type(newcomer) not in kept:
+                return False
+            spare = 0
+        self.dropped[type(events[spare])] += 1
+        del events[spare]
+        return True
 
     def _forget_older(self, topic: type[Any]) -> None:
         for index, waiting in enumerate(self._events):
@@ -110,16 +134,22 @@ class Bus:
         self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
 
     def subscribe(
-        self, *topics: type[E], overflow: Overflow = Overflow.DROP_OLDEST, size: int = 256
+        self,
+        *topics: type[E],
+        overflow: Overflow = Overflow.DROP_OLDEST,
+        size: int = 256,
+        kept: tuple[type[E], ...] = (),
     ) -> Inbox[E]:
         """An inbox for events of these classes; ``close`` it to unsubscribe.
 
+        An event of a class in ``kept`` never gives way to one of another class: for what is rare and must be heard.
+
         Raises:
-            ValueError: no topic was named, or ``size`` is below 1.
+            ValueError: no topic was named, ``size`` is below 1, or ``kept`` cannot be.
         """
         if not topics:
             raise ValueError("subscribe needs at least one event class")
-        inbox = Inbox(self, topics, overflow, size)
+        inbox = Inbox(self, topics, overflow, size, kept)
         for topic in topics:
             self._inboxes[topic] = (*self._inboxes.get(topic, ()), inbox)
         return inbox

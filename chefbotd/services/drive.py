@@ -33,10 +33,6 @@ log = structlog.get_logger(component="drive")
 Heard = EncodersCounted | LinkOpened | LinkClosed | BoardRestarted
 
 
-INBOX_EVENTS = 8192
-"""Far more than one read can bring: a restart or a lost link is never pushed out by the frames after it."""
-
-
 class ControlParameters(Parameters):
     """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
 
@@ -65,9 +61,8 @@ class DriveService:
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._watch_period_s = control.watch_period_s
-        self._inbox: Inbox[Heard] = bus.subscribe(
-            EncodersCounted, LinkOpened, LinkClosed, BoardRestarted, size=INBOX_EVENTS
-        )
+        link = (LinkOpened, LinkClosed, BoardRestarted)  # safety hangs on these, counts accumulate
+        self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, *link, kept=link)
         self.steps = 0
         self.internal_errors = 0
         self.acted_s = float("-inf")

@@ -12,7 +12,9 @@ class QuadratureService:
     def __init__(self, bus: Bus, parameters: QuadratureParameters, wheels: int) -> None:
         self._bus, self._parameters = bus, parameters
         self._states = [quadrature.START] * wheels
-        self._inbox: Inbox[EdgesSeen | BoardRestarted] = bus.subscribe(EdgesSeen, BoardRestarted)
+        self._inbox: Inbox[EdgesSeen | BoardRestarted] = bus.subscribe(
+            EdgesSeen, BoardRestarted, kept=(BoardRestarted,)
+        )
 
     @property
     def illegal_transitions(self) -> int:

@@ -62,6 +62,26 @@ def test_a_latest_inbox_keeps_the_newest_of_each_class():
     assert inbox.dropped == {Ticked: 1}
 
 
+def test_a_kept_class_is_never_pushed_out_by_another():
+    """A kept event among a flood of others waits on in its place; what gives way is the oldest of the others."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked, Tocked, size=3, kept=(Tocked,))
+    for event in (Tocked(0), Ticked(1), Tocked(2), *map(Ticked, range(3, 100))):
+        bus.publish(event)
+    assert [inbox.take() for _ in range(len(inbox))] == [Tocked(0), Tocked(2), Ticked(99)]
+    assert inbox.dropped == {Ticked: 97}
+
+
+def test_an_inbox_full_of_kept_events_stays_bounded():
+    """Nothing else is left to give way: another class finds no room, and of the kept class the oldest goes."""
+    bus = Bus()
+    inbox = bus.subscribe(Ticked, Tocked, size=2, kept=(Tocked,))
+    for event in (Tocked(1), Tocked(2), Ticked(3), Tocked(4)):
+        bus.publish(event)
+    assert [inbox.take() for _ in range(len(inbox))] == [Tocked(2), Tocked(4)]
+    assert inbox.dropped == {Ticked: 1, Tocked: 1}
+
+
 def test_closing_an_inbox_ends_its_subscription_but_not_its_contents():
     """After close nothing more comes in; what had come can still be taken; closing twice is harmless."""
     bus = Bus()
@@ -141,3 +161,7 @@ def test_senseless_subscriptions_are_refused():
         Bus().subscribe()
     with pytest.raises(ValueError, match="got size 0"):
         Bus().subscribe(Ticked, size=0)
+    with pytest.raises(ValueError, match="kept classes that are not subscribed to: Tocked"):
+        Bus().subscribe(Ticked, kept=(Tocked,))
+    with pytest.raises(ValueError, match="'latest' keeps no class whole, got kept Ticked"):
+        Bus().subscribe(Ticked, overflow=Overflow.LATEST, kept=(Ticked,))

@@ -192,6 +192,24 @@ def test_a_reset_in_the_middle_of_a_line_is_a_restart():
     run_virtual(run())
 
 
+def test_a_restart_is_heard_among_all_that_one_read_brings():
+    """A banner and 20,000 encoder lines after it in one chunk: disarmed, and told why."""
+
+    async def run() -> None:
+        device = FakeSerialDevice()
+        board = ScriptedBoard(device)
+        async with running_daemon(device) as client:
+            for number in range(50):
+                board.cycle(number, number)
+                await asyncio.sleep(0.02)
+            board.say(b"Initializing I2C devices...\r\n", *(b"e\t%d\t%d\n" % (n, n) for n in range(20_000)))
+            await asyncio.sleep(0.1)
+            safety = (await client.get_state())["safety"]
+            assert (safety["mode"], safety["fault"]) == ("disarmed", "board_restarted")
+
+    run_virtual(run())
+
+
 def test_the_boards_clock_wraps_in_mid_drive():
     """Two seconds after the start the counter goes over 2^32: no restart, no jump, the speed as asked."""
 

@@ -330,6 +330,34 @@ def test_a_lost_link_and_a_restarted_board_disarm_until_arm(fault: object):
     on_rig(scenario)
 
 
+@pytest.mark.parametrize(
+    ("fault", "named"),
+    [
+        (LinkClosed(0.0, "fake", "unplugged"), "link_lost"),
+        (BoardRestarted(0.0, "banner"), "board_restarted"),
+    ],
+    ids=["link", "board"],
+)
+def test_a_flood_of_frames_does_not_push_a_fault_out(fault: object, named: str):
+    """100,000 frames before the loop has a turn, the fault among the first: it latches, and zero is on the wire."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        now_s, frames = rig.clock.now_s(), 100_000
+        for number in range(frames):
+            rig.bus.publish(EncodersCounted(now_s, now_s + number / frames, (0, 0)))
+            if number == 10:
+                rig.bus.publish(fault)
+        await rig.frames(0.01)
+        latched = [event for event in (rig.safety.take() for _ in range(len(rig.safety))) if event.fault]
+        assert [event.fault for event in latched] == [named]
+        assert rig.duty == (0, 0)
+        assert not rig.service.is_driving
+
+    on_rig(scenario)
+
+
 @pytest.mark.parametrize("fault", [LinkClosed(0.0, "fake", "unplugged"), BoardRestarted(0.0, "banner")])
 def test_with_rearm_auto_the_fault_ends_by_itself_but_an_estop_does_not(fault: object):
     """After the link or the board is back commands are taken again, from rest; an e-stop still needs arm."""
