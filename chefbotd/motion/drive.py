@@ -16,16 +16,20 @@ from pydantic import Field
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters
-from chefbotd.motion import pid, rims
+from chefbotd.motion import pid, reference, rims
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import AT_REST, LimiterState, MotionLimits, limit
 from chefbotd.motion.pid import PidParameters, PidState
+from chefbotd.motion.reference import Asked
 
 
 class DriveParameters(Parameters):
     """``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
 
     ``max_duty`` is the bridge's range: no duty beyond it is ever sent, whatever the gains.
+
+    ``response_delay_s`` is by how much the encoders show what the wheels were asked for later than the mean over their
+    readings explains: the line both ways, the board's cycle, the motors.
 
     ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
     slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
@@ -34,6 +38,7 @@ class DriveParameters(Parameters):
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
     max_duty: int = Field(default=1023, ge=1, le=32_767)
+    response_delay_s: float = Field(default=0.05, ge=0, le=0.5)
     longest_step_s: float = Field(default=0.1, gt=0, le=1)
     yield_per_s: float = Field(default=2.0, ge=0, le=100)
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
@@ -63,6 +68,7 @@ class DriveState:
     setpoint_m_s: tuple[float, ...] = field(default=())
     acceleration_m_s2: tuple[float, ...] = field(default=())
     loose: bool = False
+    asked: reference.History = ()
 
 
 class Drive:
@@ -114,18 +120,26 @@ class Drive:
         velocity_rad_s: tuple[float, ...],
         dt_s: float,
         *,
+        measured_over_s: float = 0.0,
         apart: bool = False,
         led: Sequence[tuple[int, int]] = (),
     ) -> DriveState:
-        """An encoder frame: wheel speeds measured over board time ``dt_s`` since the frame before.
+        """An encoder frame, board time ``dt_s`` after the one before.
 
+        ``velocity_rad_s`` are the wheels' speeds on the mean over the last ``measured_over_s`` (0: those of now).
         ``led``: wheels whose reading is not to be believed, each with the one that it is driven like.
         """
+        delay_s = self._parameters.response_delay_s
+        asked = Asked(dt_s, state.setpoint_m_s)
+        history = reference.remember(state.asked, asked, measured_over_s + delay_s)
         state = self._ramp(state, target, now_s, apart)
         if self._rests(state, target):
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
+        if measured_over_s > 0:
+            asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
+            speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
         pids = state.pids
         if led:
             pids, speeds_m_s = _following(pids, led), _following(speeds_m_s, led)
@@ -142,6 +156,7 @@ class Drive:
             state.setpoint_m_s,
             state.acceleration_m_s2,
             state.loose,
+            history,
         )
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
@@ -189,7 +204,9 @@ class Drive:
         limiter = limit(limits, state.limiter, target, dt_s)
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
         acceleration = self._kinematics.rim_speeds_m_s(limiter.acceleration)
-        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint, acceleration)
+        return replace(
+            state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration
+        )
 
     def _ramp_wheels(self, state: DriveState, target: Motion, now_s: float, dt_s: float) -> DriveState:
         """Each wheel on its own; the limiter follows, so that a twist can take over where the wheels are."""
@@ -205,7 +222,14 @@ class Drive:
         )
         limiter = LimiterState(kinematics.twist_of_rims(setpoint), kinematics.twist_of_rims(acceleration))
         loose = not rims.alike(setpoint, kinematics.rim_speeds_m_s(limiter.twist))
-        return DriveState(state.pids, state.duty, limiter, now_s, state.share, setpoint, acceleration, loose)
+        return replace(
+            state,
+            limiter=limiter,
+            stepped_s=now_s,
+            setpoint_m_s=setpoint,
+            acceleration_m_s2=acceleration,
+            loose=loose,
+        )
 
     @staticmethod
     def _rests(state: DriveState, target: Motion) -> bool:

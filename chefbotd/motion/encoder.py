@@ -65,6 +65,7 @@ START = EncodersState()
 class Reading:
     """What one encoder frame says, per wheel, in the order of the configured wheels, forward positive.
 
+    The velocity is a mean over the board's last ``measured_over_s``, 0 where nothing could be measured.
     A refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of
     the wheels to blame, none when it is merely ``unconfirmed``. ``rebased`` says that the counters were taken as a new
     reference, without travel.
@@ -76,6 +77,7 @@ class Reading:
     jumped: tuple[int, ...] = ()
     rebased: bool = False
     unconfirmed: bool = False
+    measured_over_s: float = 0.0
 
     @property
     def refused(self) -> bool:
@@ -116,7 +118,9 @@ def decode(
     if rate_counts_s is None:
         return turned, reading
     signed = tuple([sign * rate for sign, rate in zip(signs, rate_counts_s, strict=True)])
-    return turned, replace(reading, velocity_rad_s=_standing_still(params, _radians(params, signed)))
+    velocity_rad_s = _standing_still(params, _radians(params, signed))
+    since_last_s = max(0.0, board_s - state.base.board_s)
+    return turned, replace(reading, velocity_rad_s=velocity_rad_s, measured_over_s=since_last_s)
 
 
 def _take_reference(
@@ -141,7 +145,12 @@ def _accept(
     totals = tuple([total + step for total, step in zip(state.totals, steps, strict=True)])
     window = _extend(state.window, Sample(sample.board_s, totals), params.velocity_window)
     turned = EncodersState(base=sample, totals=totals, window=window)
-    reading = Reading(_radians(params, steps), _radians(params, totals), _velocity(params, window))
+    reading = Reading(
+        _radians(params, steps),
+        _radians(params, totals),
+        _velocity(params, window),
+        measured_over_s=sample.board_s - window[0].board_s,
+    )
     return turned, reading
 
 

@@ -194,6 +194,7 @@ class DriveService:
             now_s,
             seen.reading.velocity_rad_s,
             seen.dt_s,
+            measured_over_s=seen.reading.measured_over_s,
             apart=apart,
             led=seen.mates.led,
         )

@@ -111,6 +111,36 @@ def test_the_robot_moves_as_it_is_told(settings: Settings, linear_m_s: float, an
     on_robot(scenario, settings)
 
 
+@pytest.mark.parametrize("linear_m_s", [0.1, 0.2, -0.2])
+def test_a_step_settles_without_overshoot(settings: Settings, linear_m_s: float):
+    """From rest the true speed never exceeds the one asked for by a tenth, and after 1.5 s stays within 2 % of it."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        speeds = []
+        for _ in range(40):
+            await drive(robot, linear_m_s, 0.0, 0.05)
+            speeds.append(truth(robot).twist.linear_m_s / linear_m_s)
+        assert max(speeds) < 1.1
+        assert speeds[30:] == pytest.approx([1.0] * 10, rel=0.02)
+
+    on_robot(scenario, unguarded(settings))
+
+
+@pytest.mark.parametrize("linear_m_s", [0.1, 0.25])
+def test_what_feedforward_gets_wrong_is_corrected_within_two_seconds(settings: Settings, linear_m_s: float):
+    """On a stand it is too strong; with an integral that is no slower than KHAN's the wheels are within 2 %."""
+    quick = settings.pid.model_copy(update={"ki": max(settings.pid.ki, 3000.0)})
+    body = settings.sim.body.model_copy(update={"mass_kg": 0.0})
+    lifted = settings.model_copy(update={"pid": quick, "sim": settings.sim.model_copy(update={"body": body})})
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, linear_m_s, 0.0, 2.0)
+        wheels = await topic(robot, "wheels")
+        assert wheels["velocity_rad_s"] == pytest.approx(wheels["target_rad_s"], rel=0.02)
+
+    on_robot(scenario, unguarded(lifted))
+
+
 def test_too_fast_a_curve_is_slowed_and_not_straightened(settings: Settings):
     """Unguarded, asked for 1 m/s and 2 rad/s, the wheels give less, but the robot still turns with a radius of 0.5 m."""
 

@@ -261,3 +261,32 @@ def test_wheels_that_are_not_there_are_named():
     """The refusal names all of them, and the wheels there are."""
     with pytest.raises(Refused, match="'middle', 'top'; there are left, right"):
         drive().wheel_velocities({"left": 1.0, "middle": 1.0, "top": 0.0})
+
+
+def test_a_wheel_that_follows_its_ramp_gets_nothing_but_feedforward():
+    """Seen as the mean over 40 ms that ended 40 ms ago, as it was asked then: no error, so ks + kv v + ka a."""
+    controller = drive(response_delay_s=0.04)
+    state, asked_m_s = controller.at_rest, [0.0, 0.0, 0.0, 0.0]
+    for number in range(1, 11):
+        seen_m_s = (asked_m_s[-4] + asked_m_s[-3]) / 2
+        state = controller.regulate(
+            state, Twist2D(1.0, 0.0), number * 0.02, (seen_m_s / RADIUS_M,) * 2, 0.02, measured_over_s=0.04
+        )
+        asked_m_s.append(state.setpoint_m_s[0])
+        assert state.pids[0].integral_duty == pytest.approx(0.0, abs=1e-9)
+    assert 0.1 < asked_m_s[-1] < 0.2
+    assert state.duty[0] == round(40.0 + 1000.0 * asked_m_s[-1] + 10.0 * 1.0)
+
+
+def test_a_wheel_that_lags_behind_its_ramp_is_pushed_by_the_lag_alone():
+    """Held at 0.2 m/s until any delay is over, seen at 0.15: kp acts on 0.05 m/s, and ki for as long as it lasts."""
+    controller = drive(response_delay_s=0.04)
+    state = controller.at_rest
+    for number in range(1, 51):
+        state = controller.regulate(
+            state, Twist2D(0.2, 0.0), number * 0.02, (3.0, 3.0), 0.02, measured_over_s=0.04
+        )
+    before = state.pids[0].integral_duty
+    state = controller.regulate(state, Twist2D(0.2, 0.0), 1.02, (3.0, 3.0), 0.02, measured_over_s=0.04)
+    assert state.pids[0].integral_duty - before == pytest.approx(50.0 * 0.05 * 0.02)
+    assert state.duty[0] == round(40.0 + 1000.0 * 0.2 + 100.0 * 0.05 + state.pids[0].integral_duty)

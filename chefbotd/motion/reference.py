@@ -1,0 +1,52 @@
+"""The setpoint as the encoders should show it by now, if the wheels followed it.
+
+A measured speed is a mean over a window of readings, and the line and the board add to its age. Held against the
+setpoint of this moment it shows an error on every ramp that is none: a controller that believes it overshoots. So the
+feedback compares what was measured with the setpoint's own mean over the same window, as late. The feedforward needs no
+measurement and keeps to the setpoint itself. It is the idea of the Smith predictor ("Closer control of loops with dead
+time", Chemical Engineering Progress 53, 1957), with the setpoint for a model: the feedforward makes the wheel follow it.
+"""
+
+from typing import NamedTuple
+
+
+class Asked(NamedTuple):
+    """What each wheel's rim was asked for, for so long."""
+
+    duration_s: float
+    setpoint_m_s: tuple[float, ...]
+
+
+History = tuple[Asked, ...]
+"""Newest last; before the first the wheels stood."""
+
+
+def remember(history: History, newest: Asked, over_s: float) -> History:
+    """The history with what was asked for last, cut to what reaches into the last ``over_s``."""
+    kept, age_s = [newest], newest.duration_s
+    for asked in reversed(history):
+        if age_s >= over_s:
+            break
+        kept.append(asked)
+        age_s += asked.duration_s
+    return tuple(reversed(kept))
+
+
+def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ...]:
+    """Each rim's setpoint on the mean over ``over_s`` (> 0), which ended ``delay_s`` ago."""
+    way_m = [0.0] * len(history[-1].setpoint_m_s)
+    age_s = 0.0
+    for asked in reversed(history):
+        begin_s, age_s = age_s, age_s + asked.duration_s
+        inside_s = min(age_s, delay_s + over_s) - max(begin_s, delay_s)
+        if inside_s > 0:
+            way_m = [way + inside_s * speed for way, speed in zip(way_m, asked.setpoint_m_s, strict=True)]
+    return tuple([way / over_s for way in way_m])
+
+
+def caught_up(
+    measured_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], setpoint_m_s: tuple[float, ...]
+) -> tuple[float, ...]:
+    """The rims' speeds of now: on from the measured ones by as much as the setpoints went on from ``asked_m_s``."""
+    wheels = zip(measured_m_s, asked_m_s, setpoint_m_s, strict=True)
+    return tuple([measured + setpoint - asked for measured, asked, setpoint in wheels])
