@@ -1,6 +1,7 @@
 """The composition root: build every part, wire them, run them in one task group, stop the motors on the way out."""
 
 import asyncio
+import gc
 import os
 import random
 import secrets
@@ -248,10 +249,20 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
 async def _serve(daemon: Daemon, *more: Loop) -> None:
     async def report_ready() -> None:
         host, port = await daemon.server.address()
+        settle()
         systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
 
     with daemon.watchdog:
         await daemon.run(report_ready, *more)
+
+
+def settle() -> None:
+    """Let the garbage collector pass over what has been built: it lives as long as the process does.
+
+    A full collection would stop the control loop for as long as it takes to look at every module, class and service.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 async def _serve_simulated(settings: Settings) -> None:
