@@ -5,7 +5,6 @@ import gc
 import os
 import random
 import secrets
-import signal
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
@@ -231,8 +230,8 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
     received: list[str] = []
 
-    def end(number: signal.Signals) -> None:
-        received.append(number.name)
+    def end(name: str) -> None:
+        received.append(name)
         task.cancel()
 
     signals.handle(end)

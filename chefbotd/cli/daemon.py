@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from chefbotd import __version__
+from chefbotd import __version__, signals
 from chefbotd.cli.arguments import Address, address, configuration, positive
 from chefbotd.cli.completion import completion
 from chefbotd.cli.echo import echo
@@ -51,6 +51,7 @@ def run(
     log_level: str | None,
 ) -> None:
     """Run the daemon until SIGINT or SIGTERM."""
+    signals.hold_crashes()  # libraries start threads as they are imported
     if simulated and device is not None:
         raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
     wanted = {

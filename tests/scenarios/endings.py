@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from chefbotd.client import Client, ClientError
-from chefbotd.signals import ENDING
+from chefbotd.signals import CRASHES, ENDING, name_of
 from tests.scenarios.instruments import MOVING_M_S
 from tests.scenarios.process import BLOCKED, OUT_OF_MEMORY, PERIOD_S, SPEED_M_S, Board, Program, driving
 from tests.scenarios.trial import Result, motion
@@ -43,7 +43,7 @@ class Ending:
     fault: str = ""
 
 
-async def _signalled(number: signal.Signals, program: Program, client: Client) -> None:
+async def _signalled(number: int, program: Program, client: Client) -> None:
     del client
     os.kill(program.process.pid, number)
 
@@ -55,8 +55,12 @@ async def _asked(program: Program, client: Client) -> None:
         await client.get_stats()
 
 
+REAL_TIME = range(signal.SIGRTMIN + 1, signal.SIGRTMAX)
+SENT = sorted(ENDING.union(CRASHES).difference(REAL_TIME))
+"""Every signal that can be answered; of the real-time ones the first and the last."""
+
 ENDINGS = (
-    *(Ending(number.name, partial(_signalled, number), 0.25, 0) for number in ENDING),
+    *(Ending(name_of(number), partial(_signalled, number), 0.25, 0) for number in SENT),
     Ending("SIGTSTP (Ctrl-Z)", partial(_signalled, signal.SIGTSTP), None, None),
     Ending("event loop blocked for 1 s", _asked, 0.5, None, BLOCKED),
     Ending("out of memory in a request", _asked, None, None, OUT_OF_MEMORY),
