@@ -1,11 +1,11 @@
-"""The robot's description (URDF) held against its configuration.
+"""The robot's description (URDF): where its joints are, seen from the root link.
 
 A wheel is a joint of its configured name; its radius is that of its link's cylinder, its place that of the joint.
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 from xml.etree import ElementTree
 
@@ -14,12 +14,13 @@ import numpy.typing as npt
 from urdf_parser_py.urdf import URDF, Cylinder
 from urdf_parser_py.xml_reflection.core import ParseError
 
-from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
+from chefbotd.core.geometry import Pose2D
 
 Matrix = npt.NDArray[np.float64]
 
-ALLOWED_M = 0.0005
-"""Descriptions are written by hand, in millimetres."""
+
+NOT_UNDERSTOOD = (ElementTree.ParseError, ParseError, AssertionError, ValueError, TypeError, AttributeError)
+"""What the library raises for bad input: some of it, such as an element without its attribute, by stumbling over it."""
 
 
 class DescriptionError(Exception):
@@ -27,7 +28,7 @@ class DescriptionError(Exception):
 
 
 class Description:
-    """A robot's wheels as its URDF has them."""
+    """A robot's joints as its URDF has them; places and directions are those in the root link's frame."""
 
     def __init__(self, path: Path) -> None:
         """Raises ``DescriptionError`` when there is no URDF at this path."""
@@ -36,12 +37,19 @@ class Description:
             self._root = self._model.get_root()
         except OSError as error:
             raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from error
-        except (ElementTree.ParseError, ParseError, AssertionError) as error:
-            raise DescriptionError(f"{path}: not a URDF: {error}") from error
+        except NOT_UNDERSTOOD as error:
+            raise DescriptionError(f"{path}: not a URDF: {_told(error)}") from error
+        if problem := _problem_of_tree(self._model, self._root):
+            raise DescriptionError(f"{path}: not a URDF: {problem}")
 
     def wheel_names(self) -> list[str]:
         """The joints that turn without end."""
         return [joint.name for joint in self._model.joints if joint.type == "continuous"]
+
+    def joint_type(self, joint: str) -> str | None:
+        """What a joint is (``continuous``, ``fixed``, ...); None where there is none of that name."""
+        found = self._model.joint_map.get(joint)
+        return None if found is None else str(found.type)
 
     def radius_m(self, wheel: str) -> float | None:
         """The radius of the wheel's cylinder; None where it has none."""
@@ -49,13 +57,59 @@ class Description:
         geometry = link.collision.geometry if link.collision else None
         return float(geometry.radius) if isinstance(geometry, Cylinder) else None
 
-    def left_m(self, wheel: str) -> float:
-        """How far left of the robot's middle line the wheel stands, in the root link's frame."""
-        base_from_wheel = np.eye(4)
-        child = self._model.joint_map[wheel].child
-        for name in self._model.get_chain(self._root, child, links=False):
-            base_from_wheel = base_from_wheel @ _transform(self._model.joint_map[name].origin)
-        return float(base_from_wheel[1, 3])
+    def axis(self, joint: str) -> tuple[float, float, float]:
+        """The direction about which the joint turns (right-handed); URDF's own default is its x axis."""
+        own = self._model.joint_map[joint].axis or (1.0, 0.0, 0.0)
+        length = math.hypot(*own) or 1.0
+        x, y, z = self._base_from(joint)[:3, :3] @ (np.array(own) / length)
+        return float(x), float(y), float(z)
+
+    def mount(self, joint: str) -> Pose2D:
+        """Where the joint is, seen from above; its heading is where its x axis points."""
+        base_from_joint = self._base_from(joint)
+        heading_rad = math.atan2(base_from_joint[1, 0], base_from_joint[0, 0])
+        return Pose2D(float(base_from_joint[0, 3]), float(base_from_joint[1, 3]), heading_rad)
+
+    def _base_from(self, joint: str) -> Matrix:
+        base_from_joint = np.eye(4)
+        for name in self._model.get_chain(self._root, self._model.joint_map[joint].child, links=False):
+            base_from_joint = base_from_joint @ _transform(self._model.joint_map[name].origin)
+        return base_from_joint
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, AttributeError | TypeError):
+        return "an element lacks an attribute that it needs"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _problem_of_tree(model: Any, root: str) -> str | None:
+    """What keeps the joints from being one tree of links; the library would go round in a circle of them for ever."""
+    for kind, names in (
+        ("links", [link.name for link in model.links]),
+        ("joints", [j.name for j in model.joints]),
+    ):
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            return f"two {kind} have the name {repeated[0]!r}"
+    parents: dict[str, str] = {}
+    for joint in model.joints:
+        for link in (joint.parent, joint.child):
+            if link not in model.link_map:
+                return f"joint {joint.name!r} names the link {link!r}, which there is not"
+        if joint.child in parents:
+            return f"link {joint.child!r} is the child of two joints"
+        parents[joint.child] = joint.parent
+    return next(
+        (f"link {link!r} is its own ancestor" for link in parents if _is_endless(parents, link, root)), None
+    )
+
+
+def _is_endless(parents: Mapping[str, str], link: str, root: str) -> bool:
+    for _ in parents:
+        if link == root:
+            return False
+        link = parents[link]
+    return link != root
 
 
 def _transform(origin: Any) -> Matrix:
@@ -77,39 +131,3 @@ def _about(axis: int, angle_rad: float) -> Matrix:
     rotation[b, a] = math.sin(angle_rad)
     rotation[a, b] = -rotation[b, a]
     return rotation
-
-
-def differences(description: Description, chassis: ChassisParameters) -> list[str]:
-    """What the description and the configuration do not agree on, each with both values; nothing when they agree."""
-    described, configured = set(description.wheel_names()), {wheel.name for wheel in chassis.wheels}
-    if described != configured:
-        names = f"{_listed(described)}, the configuration {_listed(configured)}"
-        return [f"the description has the wheels {names}"]
-    radii = [found for wheel in chassis.wheels if (found := _radius_difference(description, wheel))]
-    return radii + _track_difference(description, chassis)
-
-
-def _listed(names: set[str]) -> str:
-    return ", ".join(sorted(names)) or "none"
-
-
-def _radius_difference(description: Description, wheel: WheelParameters) -> str | None:
-    radius_m = description.radius_m(wheel.name)
-    if radius_m is not None and abs(radius_m - wheel.radius_m) <= ALLOWED_M:
-        return None
-    has = "has no cylinder" if radius_m is None else f"has a radius of {radius_m:g} m"
-    return f"{wheel.name} {has} in the description, {wheel.radius_m:g} m in the configuration"
-
-
-def _track_difference(description: Description, chassis: ChassisParameters) -> list[str]:
-    sides = {
-        side: fmean(description.left_m(wheel.name) for wheel in chassis.wheels if wheel.side is side)
-        for side in Side
-    }
-    track_m = sides[Side.LEFT] - sides[Side.RIGHT]
-    if abs(track_m - chassis.track_width_m) <= ALLOWED_M:
-        return []
-    return [
-        f"left and right wheels are {track_m:g} m apart in the description, "
-        f"track_width_m is {chassis.track_width_m:g} m in the configuration"
-    ]

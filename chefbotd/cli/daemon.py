@@ -99,7 +99,9 @@ def simulate(
 def check_config(ctx: click.Context, path: Path | None) -> None:
     """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to.
 
-    The robot's description, if it has one, is held against it: wheel names, radii and track.
+    The robot's description, if it has one, is held against it, joint by joint: each wheel's radius, its place left or
+    right of the middle, the direction of its axis, and where the sensors sit. What is compared is what can be measured
+    on the robot: track_multiplier and the radius multipliers change nothing here.
     """
     settings = _load(path, {})
     _check_description(settings)
@@ -123,17 +125,19 @@ def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
 
 
 def _check_description(settings: "Settings") -> None:
-    from chefbotd.description import Description, DescriptionError, differences
+    from chefbotd.description import Description, DescriptionError
+    from chefbotd.description_check import differences
 
     path = settings.robot.description
     if path is None:
         return
     try:
-        found = differences(Description(path), settings.chassis)
+        found = differences(Description(path), settings)
     except DescriptionError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
     if found:
-        raise ProgramError(Exit.BAD_CONFIGURATION, f"{path}: {'; '.join(found)}")
+        told = "\n".join([f"{path} does not describe the robot that is configured:", *found])
+        raise ProgramError(Exit.BAD_CONFIGURATION, told, differences=found)
 
 
 def _assignments(key: str, value: object) -> Iterator[str]:

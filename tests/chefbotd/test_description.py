@@ -1,5 +1,6 @@
 """Descriptions against configurations."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,13 @@ from click.testing import CliRunner
 from chefbotd.cli.daemon import main
 from chefbotd.cli.exits import Exit
 from chefbotd.clock import run_virtual
-from chefbotd.description import Description, DescriptionError, differences
+from chefbotd.description import Description, DescriptionError
+from chefbotd.description_check import differences
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
 
-KHAN = load(packaged("khan")).chassis
+KHAN = load(packaged("khan"))
 
 
 def urdf_of(robot: str) -> Path:
@@ -39,17 +41,34 @@ def spoil(path: Path, old: str, new: str) -> Description:
     return Description(path)
 
 
+def joint(name: str, parent: str, child: str, more: str = "") -> str:
+    """A continuous joint."""
+    links = f"<parent link='{parent}'/><child link='{child}'/>"
+    return f"<joint name='{name}' type='continuous'>{links}{more}</joint>"
+
+
+def tree(*parts: str) -> str:
+    """A robot of the links a, b and c; where they are not joined, c is not there."""
+    links = "".join(f"<link name='{name}'/>" for name in "abc" if name != "c" or "'c'" in "".join(parts))
+    return f"<robot name='r'>{links}{''.join(parts)}</robot>"
+
+
 @pytest.mark.parametrize("robot", ["chefbot", "khan"])
 def test_the_packaged_robots_are_what_they_are_described_as(robot: str) -> None:
-    """Wheel names, radii and track of both URDFs are those of both configurations."""
-    assert differences(Description(urdf_of(robot)), load(packaged(robot)).chassis) == []
+    """Wheels and sensors of both URDFs are those of both configurations."""
+    assert differences(Description(urdf_of(robot)), load(packaged(robot))) == []
 
 
 def test_khan_has_its_published_numbers() -> None:
     """Radius 0.03 m, and 0.189 / 2 = 0.0945 m left and right of the middle."""
     khan = Description(urdf_of("khan"))
-    assert [khan.left_m(name) for name in khan.wheel_names()] == [0.0945, -0.0945, 0.0945, -0.0945]
+    assert [khan.mount(name).y_m for name in khan.wheel_names()] == [0.0945, -0.0945, 0.0945, -0.0945]
     assert {khan.radius_m(name) for name in khan.wheel_names()} == {0.03}
+
+
+CYLINDER = '<collision>\n      <origin rpy="1.570796 0 0"/>\n      <geometry><cylinder radius="0.03" length="0.025"/>'
+TRACK = "of chassis.track_width_m, to the"
+ROUND = "forward is positive"
 
 
 @pytest.mark.parametrize(
@@ -58,29 +77,148 @@ def test_khan_has_its_published_numbers() -> None:
         (
             'name="rear_left_wheel" type',
             'name="hind_left_wheel" type',
-            "the description has the wheels front_left_wheel, front_right_wheel, hind_left_wheel, rear_right_wheel, "
-            "the configuration front_left_wheel, front_right_wheel, rear_left_wheel, rear_right_wheel",
+            [
+                "rear_left_wheel: there is no such joint, expected a continuous one, the wheel's",
+                "hind_left_wheel: a continuous joint, expected none: chassis.wheels has no wheel of that name",
+            ],
         ),
         (
-            '<collision>\n      <origin rpy="1.570796 0 0"/>\n      <geometry><cylinder radius="0.03"',
-            '<collision>\n      <origin rpy="1.570796 0 0"/>\n      <geometry><cylinder radius="0.032"',
-            "front_left_wheel has a radius of 0.032 m in the description, 0.03 m in the configuration",
+            'name="front_left_wheel" type="continuous"',
+            'name="front_left_wheel" type="fixed"',
+            ["front_left_wheel: the joint is fixed, expected a continuous one, the wheel's"],
         ),
         (
-            '<collision>\n      <origin rpy="1.570796 0 0"/>\n      <geometry><cylinder radius="0.03" length="0.025"/>',
-            '<collision>\n      <origin rpy="1.570796 0 0"/>\n      <geometry><sphere radius="0.03"/>',
-            "front_left_wheel has no cylinder in the description, 0.03 m in the configuration",
+            'name="infrared_joint" type="fixed"',
+            'name="infrared_joint" type="continuous"',
+            ["infrared_joint: a continuous joint, expected none: chassis.wheels has no wheel of that name"],
+        ),
+        (
+            CYLINDER,
+            CYLINDER.replace("0.03", "0.032"),
+            ["front_left_wheel: the radius is 0.032 m, expected 0.03 m (its radius_m)"],
+        ),
+        (
+            CYLINDER,
+            CYLINDER.replace('cylinder radius="0.03" length="0.025"', 'sphere radius="0.03"'),
+            ["front_left_wheel: its link has no cylinder, expected one with a radius of 0.03 m"],
         ),
         (
             '"0.0925 0.0945 0"',
             '"0.0925 0.1145 0"',
-            "left and right wheels are 0.199 m apart in the description, track_width_m is 0.189 m in the configuration",
+            [f"front_left_wheel: y is 0.1145 m, expected 0.0945 m (half {TRACK} left)"],
+        ),
+        (
+            '"-0.0925 -0.0945 0"',
+            '"-0.0925 nan 0"',
+            [f"rear_right_wheel: y is nan m, expected -0.0945 m (half {TRACK} right)"],
+        ),
+        (
+            '<axis xyz="0 1 0"/>',
+            '<axis xyz="0 -1 0"/>',
+            [f"front_left_wheel: the axis is (0, -1, 0), expected (0, 1, 0): {ROUND}"],
+        ),
+        (
+            '<axis xyz="0 1 0"/>',
+            "",
+            [f"front_left_wheel: the axis is (1, 0, 0), expected (0, 1, 0): {ROUND}"],
+        ),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 2 0"/>', []),
+        (
+            '"-0.0925 0.0945 0"',
+            '"-0.0925 0.0945 0" rpy="3.14159265 0 0"',
+            [f"rear_left_wheel: the axis is (0, -1, 0), expected (0, 1, 0): {ROUND}"],
+        ),
+        (
+            '"0.06 0 0.05"',
+            '"0.07 0 0.05"',
+            ["infrared_joint: x is 0.07 m, expected 0.06 m (infrared[0].mount_x_m)"],
+        ),
+        (
+            '"0.06 0 0.05"',
+            '"0.06 -0.02 0.05"',
+            ["infrared_joint: y is -0.02 m, expected 0 m (infrared[0].mount_y_m)"],
+        ),
+        (
+            '"0.06 0 0.05"',
+            '"0.06 0 0.05" rpy="0 0 1.5708"',
+            ["infrared_joint: the yaw is 1.571 rad, expected 0 rad (infrared[0].mount_heading_rad)"],
+        ),
+        ('"0.06 0 0.05"', '"0.06 0 0.05" rpy="0 0.3 0"', []),
+        (
+            'name="infrared_joint"',
+            'name="eye_joint"',
+            ["infrared_joint: there is no such joint, expected one for [infrared[0]]"],
         ),
     ],
 )
-def test_a_difference_is_told_with_both_values(spoilt: Path, old: str, new: str, told: str) -> None:
-    """A wheel by another name, a radius, a wheel without one, and a track of (0.1145 + 0.0945) / 2 + 0.0945 m."""
-    assert differences(spoil(spoilt, old, new), KHAN) == [told]
+def test_each_difference_is_a_line_of_its_own(spoilt: Path, old: str, new: str, told: list[str]) -> None:
+    """It names the joint, the value found and the one expected; an axis has no length, a beam may be tilted."""
+    assert differences(spoil(spoilt, old, new), KHAN) == told
+
+
+def test_two_wheels_that_are_wrong_alike_are_told_both(spoilt: Path) -> None:
+    """Left and right both moved 0.02 m to the left: the sides are as far apart as ever, and each wheel is wrong."""
+    spoil(spoilt, '"0.0925 0.0945 0"', '"0.0925 0.1145 0"')
+    moved = spoil(spoilt, '"0.0925 -0.0945 0"', '"0.0925 -0.0745 0"')
+    assert differences(moved, KHAN) == [
+        f"front_left_wheel: y is 0.1145 m, expected 0.0945 m (half {TRACK} left)",
+        f"front_right_wheel: y is -0.0745 m, expected -0.0945 m (half {TRACK} right)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            '"0.15 0 0.1"',
+            '"0.1 0 0.1"',
+            ["ultrasonic_joint: x is 0.1 m, expected 0.15 m (ultrasonic.mount_x_m)"],
+        ),
+        (
+            '<child link="imu_link"/>\n    <origin xyz="0 0 0.1"/>',
+            '<child link="imu_link"/>\n    <origin xyz="0.05 0.01 0.1" rpy="0 0 -1.5708"/>',
+            ["imu_joint: the yaw is -1.571 rad, expected 0 rad (imu.mount_heading_rad)"],
+        ),
+        ('"0 0.15 0"', '"0 -0.15 0"', [f"left_wheel: y is -0.15 m, expected 0.15 m (half {TRACK} left)"]),
+    ],
+)
+def test_chefbots_sensors_and_wheels_are_compared_too(
+    tmp_path: Path, old: str, new: str, told: list[str]
+) -> None:
+    """The ultrasonic's place; the IMU's heading, which is all that is configured of it; a wheel on the other side."""
+    copy = tmp_path / "chefbot.urdf"
+    copy.write_text(urdf_of("chefbot").read_text())
+    assert differences(spoil(copy, old, new), load()) == told
+
+
+def test_a_turned_imu_is_described_as_it_is_configured(tmp_path: Path) -> None:
+    """Half a turn is the same from both sides: pi in the one, -pi in the other."""
+    copy = tmp_path / "chefbot.urdf"
+    copy.write_text(urdf_of("chefbot").read_text())
+    link = '<child link="imu_link"/>\n    <origin xyz="0 0 0.1"'
+    turned = spoil(copy, link, f'{link} rpy="0 0 3.1415926"')
+    assert differences(turned, load(overrides={"imu.mount_heading_rad": -3.1415926})) == []
+
+
+def test_what_calibration_finds_changes_no_description() -> None:
+    """A robot that turns as if it were wider, on wheels that roll farther, is built as it was."""
+    found = {
+        "chassis.track_multiplier": 1.5,
+        "chassis.left_radius_multiplier": 1.01,
+        "chassis.right_radius_multiplier": 0.99,
+    }
+    assert differences(Description(urdf_of("khan")), load(packaged("khan"), overrides=found)) == []
+
+
+def test_of_several_infrared_sensors_each_has_a_joint_by_its_name(spoilt: Path) -> None:
+    """``infrared_NAME_joint``; the one that is not there is told."""
+    front = KHAN.infrared[0]
+    rear = front.model_copy(update={"name": "rear", "channel": 1, "mount_x_m": -0.06})
+    both = KHAN.model_copy(update={"infrared": (front, rear)})
+    described = spoil(spoilt, 'name="infrared_joint"', 'name="infrared_front_joint"')
+    assert differences(described, both) == [
+        "infrared_rear_joint: there is no such joint, expected one for [infrared[1]]"
+    ]
 
 
 def test_a_wheel_stands_where_its_joints_say_together(spoilt: Path) -> None:
@@ -88,15 +226,16 @@ def test_a_wheel_stands_where_its_joints_say_together(spoilt: Path) -> None:
     turned = spoil(
         spoilt, '<origin xyz="0 0 0.03"/>', '<origin xyz="0 0 0.03" rpy="0 0 1.5707963267948966"/>'
     )
-    assert turned.left_m("front_left_wheel") == pytest.approx(0.0925)
-    assert turned.left_m("rear_right_wheel") == pytest.approx(-0.0925)
+    assert turned.mount("front_left_wheel").y_m == pytest.approx(0.0925)
+    assert turned.mount("rear_right_wheel").y_m == pytest.approx(-0.0925)
+    assert turned.axis("front_left_wheel") == pytest.approx((-1.0, 0.0, 0.0))
 
 
 def test_a_joint_may_leave_its_origin_out(spoilt: Path) -> None:
     """It is then at its parent's, and a link without a body has no radius."""
     text = spoilt.read_text()
     spoilt.write_text(text.replace('    <origin xyz="0.0925 0.0945 0"/>\n', ""))
-    assert Description(spoilt).left_m("front_left_wheel") == 0.0
+    assert Description(spoilt).mount("front_left_wheel").y_m == 0.0
     bare = text.replace('<child link="front_left_wheel_link"/>', '<child link="bare"/>').replace(
         "</robot>", '<link name="bare"/></robot>'
     )
@@ -111,10 +250,17 @@ def test_a_joint_may_leave_its_origin_out(spoilt: Path) -> None:
         ("no xml", "not a URDF"),
         ("<robot name='r'><link/></robot>", "not a URDF"),
         ("<robot name='r'/>", "No roots"),
+        (tree(joint("j", "a", "b"), "<link name='a'/>"), "two links have the name 'a'"),
+        (tree(joint("j", "a", "b"), joint("j", "b", "c")), "two joints have the name 'j'"),
+        (tree(joint("j", "a", "nowhere"), joint("k", "a", "b")), "'j' names the link 'nowhere'"),
+        (tree(joint("j", "a", "b"), joint("k", "a", "b")), "'b' is the child of two joints"),
+        (tree(joint("j", "b", "c"), joint("k", "c", "b")), "'[bc]' is its own ancestor"),
+        (tree(joint("j", "a", "b", "<axis/>")), "lacks an attribute"),
+        (tree(joint("j", "a", "b", "<axis xyz='1 0'/>")), "Invalid vector length"),
     ],
 )
 def test_what_is_no_description_is_refused(tmp_path: Path, text: str, told: str) -> None:
-    """Not XML, not a robot, no link: said with the file's name."""
+    """Not XML, not a robot, no link, no tree of links, an element that lacks something: said with the file's name."""
     path = tmp_path / "bad.urdf"
     path.write_text(text)
     with pytest.raises(DescriptionError, match=rf"bad\.urdf: .*{told}"):
@@ -138,10 +284,23 @@ def checked(folder: Path, *, change: tuple[str, str] = ("", ""), urdf: str | Non
 
 
 def test_check_config_holds_the_description_against_the_configuration(tmp_path: Path) -> None:
-    """A track that differs is a configuration that is not valid, with both numbers."""
+    """A track that differs is a configuration that is not valid, with both numbers, a line for each of the wheels."""
     code, output = checked(tmp_path, change=("track_width_m = 0.189", "track_width_m = 0.2"))
     assert code == Exit.BAD_CONFIGURATION
-    assert "0.189 m apart in the description, track_width_m is 0.2 m" in " ".join(output.split())
+    first, *lines = output.splitlines()
+    assert first.endswith("khan.urdf does not describe the robot that is configured:")
+    assert lines[:1] == [f"front_left_wheel: y is 0.0945 m, expected 0.1 m (half {TRACK} left)"]
+    assert len(lines) == 4
+
+
+def test_check_config_tells_scripts_each_difference(tmp_path: Path) -> None:
+    """With ``--json`` they are a list."""
+    path = tmp_path / "robot.toml"
+    path.write_text(packaged("khan").read_text().replace("mount_x_m = 0.06", "mount_x_m = 0.05"))
+    result = CliRunner().invoke(main, ["check-config", "--json", str(path)])
+    assert json.loads(result.stderr)["error"]["differences"] == [
+        "infrared_joint: x is 0.06 m, expected 0.05 m (infrared[0].mount_x_m)"
+    ]
 
 
 def test_check_config_takes_the_description_beside_the_file_first(tmp_path: Path) -> None:

@@ -1,0 +1,113 @@
+"""The robot's description held against its configuration, joint by joint.
+
+Compared are the numbers that can be measured on the robot: radii, ``track_width_m`` and mounts. The multipliers of a
+calibration (``track_multiplier``, ``left_radius_multiplier``) say how its wheels behave, and change no description.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.description import Description
+from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
+from chefbotd.settings import Settings
+
+ALLOWED_M = 0.0005
+"""Descriptions are written by hand, in millimetres."""
+
+ALLOWED_RAD = 0.005
+"""A quarter of a degree: angles are written by hand as well."""
+
+LEFTWARDS = (0.0, 1.0, 0.0)
+"""A wheel that turns positively about this axis rolls forward, as positive speeds do, whatever its wiring is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A sensor as the configuration has it in ``section``; ``placed`` is False where only its heading is configured."""
+
+    joint: str
+    section: str
+    base_from_sensor: Pose2D
+    placed: bool = True
+
+
+def differences(description: Description, settings: Settings) -> list[str]:
+    """What the two do not agree on: a line each, with the joint, the value found and the one expected."""
+    return [*_wheels(description, settings.chassis), *_sensors(description, settings)]
+
+
+def mounts(settings: Settings) -> list[Mount]:
+    """The sensors whose place is configured.
+
+    Their joints are ``ultrasonic_joint``, ``imu_joint`` and ``infrared_joint``, or, of several infrared sensors,
+    ``infrared_NAME_joint``.
+    """
+    found = []
+    if settings.ultrasonic is not None:
+        found.append(Mount("ultrasonic_joint", "ultrasonic", settings.ultrasonic.base_from_sensor))
+    for index, sensor in enumerate(settings.infrared):
+        joint = f"infrared_{sensor.name}_joint" if len(settings.infrared) > 1 else "infrared_joint"
+        found.append(Mount(joint, f"infrared[{index}]", sensor.base_from_sensor))
+    if settings.imu is not None:
+        heading = Pose2D(heading_rad=settings.imu.mount_heading_rad)
+        found.append(Mount("imu_joint", "imu", heading, placed=False))
+    return found
+
+
+def _wheels(description: Description, chassis: ChassisParameters) -> Iterator[str]:
+    configured = {wheel.name for wheel in chassis.wheels}
+    for wheel in chassis.wheels:
+        kind = description.joint_type(wheel.name)
+        if kind == "continuous":
+            yield from _wheel(description, wheel, chassis.track_width_m)
+        else:
+            found = "there is no such joint" if kind is None else f"the joint is {kind}"
+            yield f"{wheel.name}: {found}, expected a continuous one, the wheel's"
+    for name in description.wheel_names():
+        if name not in configured:
+            yield f"{name}: a continuous joint, expected none: chassis.wheels has no wheel of that name"
+
+
+def _wheel(description: Description, wheel: WheelParameters, track_width_m: float) -> Iterator[str]:
+    radius_m = description.radius_m(wheel.name)
+    if radius_m is None:
+        yield f"{wheel.name}: its link has no cylinder, expected one with a radius of {wheel.radius_m:g} m"
+    elif _apart(radius_m, wheel.radius_m):
+        yield f"{wheel.name}: the radius is {radius_m:g} m, expected {wheel.radius_m:g} m (its radius_m)"
+    y_m = description.mount(wheel.name).y_m
+    expected_m = track_width_m / 2 if wheel.side is Side.LEFT else -track_width_m / 2
+    if _apart(y_m, expected_m):
+        half = f"half of chassis.track_width_m, to the {wheel.side}"
+        yield f"{wheel.name}: y is {y_m:g} m, expected {expected_m:g} m ({half})"
+    axis = description.axis(wheel.name)
+    if _apart(math.dist(axis, LEFTWARDS), 0.0, ALLOWED_RAD):
+        yield f"{wheel.name}: the axis is {_vector(axis)}, expected {_vector(LEFTWARDS)}: forward is positive"
+
+
+def _sensors(description: Description, settings: Settings) -> Iterator[str]:
+    for mount in mounts(settings):
+        if description.joint_type(mount.joint) is None:
+            yield f"{mount.joint}: there is no such joint, expected one for [{mount.section}]"
+        else:
+            yield from _mount(description.mount(mount.joint), mount)
+
+
+def _mount(found: Pose2D, mount: Mount) -> Iterator[str]:
+    expected = mount.base_from_sensor
+    for axis, is_m, be_m in (("x", found.x_m, expected.x_m), ("y", found.y_m, expected.y_m)):
+        if mount.placed and _apart(is_m, be_m):
+            yield f"{mount.joint}: {axis} is {is_m:g} m, expected {be_m:g} m ({mount.section}.mount_{axis}_m)"
+    if _apart(wrap_angle(found.heading_rad - expected.heading_rad), 0.0, ALLOWED_RAD):
+        values = f"{found.heading_rad:.4g} rad, expected {expected.heading_rad:.4g} rad"
+        yield f"{mount.joint}: the yaw is {values} ({mount.section}.mount_heading_rad)"
+
+
+def _apart(found: float, expected: float, allowed: float = ALLOWED_M) -> bool:
+    """Whether they differ; what is no number does."""
+    return not abs(found - expected) <= allowed
+
+
+def _vector(axis: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{round(value, 4) + 0.0:g}" for value in axis) + ")"
