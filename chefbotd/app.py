@@ -60,6 +60,7 @@ class Daemon:
         self.bus = Bus()
         self._clock, self._started_s = clock, clock.now_s()
         variant = VARIANTS[settings.robot.wire]
+        names = tuple(wheel.name for wheel in settings.chassis.wheels)
         self.session = BoardSession(
             self.bus,
             clock,
@@ -72,7 +73,7 @@ class Daemon:
         self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
         self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
-        self._quadrature = QuadratureService(self.bus, settings.quadrature, variant.wheels)
+        self._quadrature = QuadratureService(self.bus, settings.quadrature, names)
         self._sensors = SensorService(
             self.bus,
             ultrasonic_parameters=settings.ultrasonic,
@@ -105,7 +106,7 @@ class Daemon:
             settings.api,
             robot_name=settings.robot.name,
             session=secrets.token_hex(4),
-            wheel_names=tuple(wheel.name for wheel in settings.chassis.wheels),
+            wheel_names=names,
             simulated=simulated,
             guard=load_guard(settings.api, os.environ),
         )
@@ -157,6 +158,8 @@ class Daemon:
             board_clock_jitter_s=clock.relation.jitter_s,
             board_clock_suspects=clock.suspects,
             encoder_transitions_illegal=self._quadrature.illegal_transitions,
+            encoder_levels_repeated=self._quadrature.repeated_levels,
+            encoder_edges_lost=self._quadrature.lost_edges,
             bytes_in=session.hearing.bytes_in,
         )
 

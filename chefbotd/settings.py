@@ -22,13 +22,13 @@ from chefbotd.layers import Keys, Misplaced, from_environment, place, read, vari
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
 from chefbotd.motion.drive import DriveParameters
+from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
-from chefbotd.motion.quadrature import QuadratureParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters

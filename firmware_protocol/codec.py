@@ -1,14 +1,13 @@
-"""Line <-> message: one table per direction, made from a robot's variant.
+"""The tables of the wire: one per direction, made from a robot's variant.
 
 The daemon decodes ``from_board`` and encodes ``to_board``; the simulated board does it the other way round
 with the same tables. Another robot is another ``Variant``: another number of wheels, more rows.
 """
 
-import re
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from firmware_protocol.line_codec import RESET_DONE, Framing, LineCodec
 from firmware_protocol.lines import (
     ADC_12_BIT,
     CENTIMETRES,
@@ -17,12 +16,12 @@ from firmware_protocol.lines import (
     DUTY,
     INT16,
     INT32,
-    LEVELS_A_B,
-    NUMERIC,
+    UINT16,
     UINT32,
     Field,
     LineKind,
     Number,
+    PackedLevels,
 )
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -31,19 +30,15 @@ from firmware_protocol.messages import (
     BoardTime,
     DutyEcho,
     EncoderCounts,
-    Malformed,
     Message,
     Orientation,
     QuadratureEdges,
     RawImu,
-    Reason,
     ResetBoard,
     ResetDone,
     SetDuty,
-    Text,
     UltrasonicDistance,
 )
-from firmware_protocol.readers import Reader, reader_of
 
 PUBLISHED_BANNER = (
     "Initializing I2C devices...",
@@ -51,19 +46,19 @@ PUBLISHED_BANNER = (
     "MPU6050 connection successful",
     "MPU6050 connection failed",
 )
-RESET_DONE = "Reset Done"
-
-_UNPRINTABLE = re.compile(rb"[^\t\x20-\x7e]")
-_CUT_NUMBERS = re.compile(rb"[-.\t]*[0-9][-.\t0-9]*")
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own."""
+    """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own.
+
+    ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
+    """
 
     name: str
     wheels: int = 2
     banner: tuple[str, ...] = PUBLISHED_BANNER
+    left_out: tuple[type[Any], ...] = ()
     extra_from_board: tuple[LineKind, ...] = ()
     extra_to_board: tuple[LineKind, ...] = ()
 
@@ -72,11 +67,14 @@ class Variant:
             raise ValueError(f"a robot has at least one wheel, got {self.wheels}")
 
     def speaks(self, message: type[Any]) -> bool:
-        """Whether the board has a line kind of its own for this message."""
-        return any(row.message is message for row in self.extra_from_board)
+        """Whether the board has a line kind for this message."""
+        return any(row.message is message for row in _rows_from_board(self))
 
 
-MOST_EDGES_A_LINE = 16
+MOST_EDGES_A_LINE = 384
+MOST_TIMES_A_LINE = 4
+"""The last edges' times: one of each of the four transitions, so that every one can be held against its like."""
+
 ANALOGUE_INPUTS = 16
 
 ANALOGUE = LineKind(
@@ -85,51 +83,41 @@ ANALOGUE = LineKind(
 
 
 def quadrature(wheels: int) -> tuple[LineKind, ...]:
-    """The rows of ``q`` for so many wheels: one for each number of edges that a line can hold."""
-    wheel = Field("wheel", Number(0, wheels - 1))
+    """The rows of ``q`` for so many wheels: one for each number of gaps that a line can hold."""
+    edges = (
+        Field("wheel", Number(0, wheels - 1)),
+        Field("total", UINT16),
+        Field("states", PackedLevels(MOST_EDGES_A_LINE)),
+        Field("micros", UINT32),
+    )
     return tuple(
-        LineKind(
-            "q",
-            QuadratureEdges,
-            (
-                wheel,
-                Field("states", LEVELS_A_B, edges),
-                Field("micros", UINT32),
-                Field("gaps_us", UINT32, edges - 1),
-            ),
-        )
-        for edges in range(1, MOST_EDGES_A_LINE + 1)
+        LineKind("q", QuadratureEdges, (*edges, Field("gaps_us", UINT32, gaps)))
+        for gaps in range(MOST_TIMES_A_LINE)
     )
 
 
 CLASSIC = Variant("classic", wheels=2)
 FOUR_WHEELS = Variant("four_wheels", wheels=4)
 KHAN = Variant("khan", wheels=4, extra_from_board=(ANALOGUE,))
-KHAN_EDGES = Variant("khan_edges", wheels=4, extra_from_board=(ANALOGUE, *quadrature(4)))
+KHAN_EDGES = Variant(
+    "khan_edges", wheels=4, left_out=(EncoderCounts,), extra_from_board=(ANALOGUE, *quadrature(4))
+)
 VARIANTS = {variant.name: variant for variant in (CLASSIC, FOUR_WHEELS, KHAN, KHAN_EDGES)}
-
-
-@dataclass(frozen=True, slots=True)
-class Framing:
-    """How lines stand in one direction's bytes.
-
-    ``replaced`` (what, by what) is done to the bytes before they are cut at ``end``; no line is longer than
-    ``max_line`` bytes without its end.
-    """
-
-    separator: bytes
-    end: bytes
-    replaced: tuple[bytes, bytes]
-    max_line: int
 
 
 FROM_BOARD = Framing(b"\t", b"\n", replaced=(b"\r\n", b"\n"), max_line=256)
 TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size of the sketch's buffer
 
 
-def from_board(variant: Variant) -> "LineCodec":
+def from_board(variant: Variant) -> LineCodec:
     """What the board says: frames, its banner, and any other text."""
-    rows = (
+    phrases: dict[str, Message] = {text: Banner(text) for text in variant.banner}
+    phrases[RESET_DONE] = ResetDone()
+    return LineCodec(FROM_BOARD, _rows_from_board(variant), phrases, text_end=b"\r\n")
+
+
+def _rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
+    classic = (
         LineKind("t", BoardTime, (Field("micros", UINT32), Field("cycle_s", CYCLE_SECONDS))),
         LineKind("e", EncoderCounts, (Field("counts", INT32, variant.wheels),)),
         LineKind("u", UltrasonicDistance, (Field("distance_cm", CENTIMETRES),)),
@@ -140,126 +128,13 @@ def from_board(variant: Variant) -> "LineCodec":
         ),
         LineKind("b", BatteryLevel, (Field("adc", ADC_12_BIT),)),
     )
-    phrases: dict[str, Message] = {text: Banner(text) for text in variant.banner}
-    phrases[RESET_DONE] = ResetDone()
-    return LineCodec(FROM_BOARD, (*rows, *variant.extra_from_board), phrases, text_end=b"\r\n")
+    return (*(row for row in classic if row.message not in variant.left_out), *variant.extra_from_board)
 
 
-def to_board(variant: Variant) -> "LineCodec":
+def to_board(variant: Variant) -> LineCodec:
     """What the board understands: motor commands and the reset."""
     rows = (
         LineKind("s", SetDuty, (Field("duty", INT16, variant.wheels),)),
         LineKind("r", ResetBoard),
     )
     return LineCodec(TO_BOARD, (*rows, *variant.extra_to_board))
-
-
-class LineCodec:
-    """One direction of the wire.
-
-    Args:
-        framing: how its lines are separated and cut.
-        rows: its line kinds; kinds may share their first field when their numbers differ in count.
-        phrases: lines of text that mean something, exactly as they stand.
-        text_end: the end of a line of text; None where text has no place.
-
-    Raises:
-        ValueError: a row cannot be told from another, or its kind from a number.
-    """
-
-    def __init__(
-        self,
-        framing: Framing,
-        rows: Iterable[LineKind],
-        phrases: Mapping[str, Message] | None = None,
-        text_end: bytes | None = None,
-    ) -> None:
-        self.framing = framing
-        self._text_end = text_end
-        self._phrases = {text.encode(): message for text, message in (phrases or {}).items()}
-        self._rows: dict[bytes, dict[int, LineKind]] = {}
-        self._readers: dict[bytes, Reader] = {}
-        self._writers: dict[type[Any], list[LineKind]] = {}
-        for row in rows:
-            self._add(row)
-
-    def _add(self, row: LineKind) -> None:
-        kind, separator, count = row.kind.encode(), self.framing.separator, len(row.numbers)
-        if not re.fullmatch(r"[A-Za-z_]+", row.kind):
-            raise ValueError(f"a line kind is made of letters, got {row.kind!r}")
-        if count in self._rows.get(kind, {}):
-            raise ValueError(f"two line kinds {row.kind!r} with {count} numbers")
-        if any(other.kind != row.kind for other in self._writers.get(row.message, ())):
-            raise ValueError(f"two line kinds for {row.message.__name__}")
-        self._rows.setdefault(kind, {})[count] = row
-        self._readers[kind + separator * count] = reader_of(row, separator)
-        self._writers.setdefault(row.message, []).append(row)
-
-    def decode(self, line: bytes) -> Message | Malformed:
-        """What a line (without its end) means."""
-        try:
-            # Without its digits a well-formed line of numbers is its kind and its separators: one look-up
-            # finds the reader and proves that nothing else stood there.
-            message: Message = self._readers[line.translate(None, NUMERIC)](line)
-            return message
-        except (KeyError, ValueError):
-            return self._decode_other(line)
-
-    def _decode_other(self, line: bytes) -> Message | Malformed:
-        if line in self._phrases:
-            return self._phrases[line]
-        if unprintable := _UNPRINTABLE.search(line):
-            what = f"byte 0x{line[unprintable.start()]:02x} at {unprintable.start()}"
-            return Malformed(Reason.NOT_ASCII, line, what)
-        kind, *texts = line.split(self.framing.separator)
-        if kind in self._rows:
-            return _explain(self._rows[kind], line, texts)
-        if _CUT_NUMBERS.fullmatch(line):
-            return Malformed(Reason.UNKNOWN, line, "numbers without a kind")
-        if self._text_end is None:
-            return Malformed(Reason.UNKNOWN, line, f"expected one of {b' '.join(self._rows).decode()}")
-        return Text(line.decode())
-
-    def encode(self, message: Message) -> bytes:
-        """The message's line with its end.
-
-        Raises:
-            ValueError: a value does not fit its field; named with its range.
-            TypeError: this direction has no such message.
-        """
-        rows = self._writers.get(type(message))
-        if rows is None:
-            line, end = self._text_line(message)
-        else:
-            row = rows[0] if len(rows) == 1 else _suiting(rows, message)
-            line = self.framing.separator.join(text.encode() for text in row.write(message))
-            end = row.end or self.framing.end
-        if len(line) > self.framing.max_line:
-            raise ValueError(f"a line holds {self.framing.max_line} bytes, got {len(line)}: {message!r}")
-        return line + end
-
-    def _text_line(self, message: Message) -> tuple[bytes, bytes]:
-        if self._text_end is None or not isinstance(message, Banner | ResetDone | Text):
-            raise TypeError(f"no line kind for {type(message).__name__} in this direction")
-        line = (RESET_DONE if isinstance(message, ResetDone) else message.text).encode()
-        if not line or self.decode(line) != message:
-            raise ValueError(f"{line!r} would not be read as {message!r}")
-        return line, self._text_end
-
-
-def _suiting(rows: Iterable[LineKind], message: Message) -> LineKind:
-    """The row for as many numbers as the message has; raises ``ValueError`` when there is none."""
-    for row in rows:
-        if row.suits(message):
-            return row
-    raise ValueError(f"no line holds as many numbers as {message!r}")
-
-
-def _explain(rows: Mapping[int, LineKind], line: bytes, texts: list[bytes]) -> Malformed:
-    """Why a line of a known kind was refused."""
-    row = rows.get(len(texts))
-    if row is None:
-        expected = " or ".join(map(str, rows))
-        return Malformed(Reason.FIELD_COUNT, line, f"expected {expected} numbers, got {len(texts)}")
-    reason, detail = row.explain(texts)
-    return Malformed(reason, line, detail)

@@ -3,7 +3,7 @@
 from collections import Counter
 from typing import Any, TypeAlias
 
-from firmware_protocol.codec import LineCodec
+from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.messages import Malformed, Message, Reason
 
 Decoded: TypeAlias = tuple[bytes, Message | Malformed]

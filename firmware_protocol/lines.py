@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
+from firmware_protocol.levels import is_packed, pack, unpack
 from firmware_protocol.messages import Reason
 
 NUMERIC = b"0123456789.-"
@@ -69,19 +70,49 @@ DUTY = Number(-(2**15), 2**15 - 1, decimals=2)
 CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two uint32 µs is at most 2^32 µs
 COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four
 ADC_12_BIT = Number(0, 4095, decimals=2)
-LEVELS_A_B = Number(0, 3)
+UINT16 = Number(0, 2**16 - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class PackedLevels:
+    """One to ``most`` levels from 0 to 3 in one text (see ``firmware_protocol.levels``), read as a tuple."""
+
+    most: int
+
+    @property
+    def parse(self) -> Callable[[bytes], tuple[int, ...]]:
+        """From the text to the levels."""
+        return unpack
+
+    def explain(self, text: bytes) -> Refusal | None:
+        """Why the text is not such levels; None when it is."""
+        if not is_packed(text):
+            return Reason.NOT_A_NUMBER, f"expected {self.describe()}, got {text.decode()!r}"
+        if len(unpack(text)) > self.most:
+            return Reason.OUT_OF_RANGE, f"expected {self.describe()}, got {len(unpack(text))}"
+        return None
+
+    def write(self, levels: tuple[int, ...]) -> str:
+        """The levels' text; raises ``ValueError`` when there are none, too many, or one is out of range."""
+        if not 1 <= len(levels) <= self.most or any(level not in range(4) for level in levels):
+            raise ValueError(f"expected {self.describe()}, got {levels!r}")
+        return pack(levels)
+
+    def describe(self) -> str:
+        """For people: what is packed, and how much of it."""
+        return f"1 to {self.most} levels from 0 to 3, packed"
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A message's field: one number, or with ``times`` a tuple of so many."""
+    """A message's field: one number (or text of packed levels), or with ``times`` a tuple of so many."""
 
     name: str
-    number: Number
+    number: Number | PackedLevels
     times: int | None = None
 
     @property
-    def numbers(self) -> tuple[Number, ...]:
+    def numbers(self) -> tuple[Number | PackedLevels, ...]:
         """The numbers that it takes on the line."""
         return (self.number,) * (1 if self.times is None else self.times)
 
@@ -111,9 +142,19 @@ class LineKind:
     end: bytes | None = None
 
     @cached_property
-    def numbers(self) -> tuple[Number, ...]:
+    def numbers(self) -> tuple[Number | PackedLevels, ...]:
         """Every number of the line, in order."""
         return tuple(number for field in self.fields for number in field.numbers)
+
+    @cached_property
+    def plain(self) -> tuple[Number, ...]:
+        """Those of them that are numbers indeed: all, unless some are packed levels, which may look like anything."""
+        return tuple(number for number in self.numbers if isinstance(number, Number))
+
+    @property
+    def is_packed(self) -> bool:
+        """Whether some are not."""
+        return len(self.plain) < len(self.numbers)
 
     @cached_property
     def slots(self) -> tuple[int | slice, ...]:
@@ -131,9 +172,8 @@ class LineKind:
         for number, text in zip(self.numbers, texts, strict=True):
             if refusal := number.explain(text):
                 return refusal
-        values = [float(text) for text in texts]
-        if self.unit and not is_unit(values):
-            return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*values):.3f}"
+        if self.unit and not is_unit(map(float, texts)):
+            return Reason.NOT_UNIT, f"expected a norm {_UNIT}, got {math.hypot(*map(float, texts)):.3f}"
         return Reason.OUT_OF_RANGE, f"{self.message.__name__} refuses these numbers itself"
 
     def suits(self, message: object) -> bool:

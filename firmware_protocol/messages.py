@@ -75,14 +75,21 @@ class AnalogueLevel:
 class QuadratureEdges:
     """``q``, an extension: a burst of edges of one wheel's encoder, in the order in which they came.
 
-    ``states`` are the levels after each edge, A in bit 1 and B in bit 0. ``micros`` is the first edge's time,
-    uint32 µs since boot as in ``t``; ``gaps_us`` is the time from each edge to the next, one fewer than states.
+    ``total`` is how many edges this wheel has had since boot (uint16, wraps), up to the last of these and also those
+    that were never told. ``states`` are the levels after each edge, A in bit 1 and B in bit 0. ``micros`` is the last
+    edge's time, uint32 µs since boot as in ``t``, and ``gaps_us`` are the times between the last edges, oldest first;
+    edges before those have no time of their own. More gaps than lie between the edges raise ``ValueError``.
     """
 
     wheel: int
+    total: int
     states: tuple[int, ...]
     micros: int
     gaps_us: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.gaps_us) >= max(len(self.states), 1):
+            raise ValueError(f"{len(self.states)} edges have no {len(self.gaps_us)} gaps between them")
 
 
 @dataclass(frozen=True, slots=True)

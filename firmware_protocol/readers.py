@@ -22,8 +22,8 @@ _REFUSED = "the line does not fit its kind"
 
 def reader_of(row: LineKind, separator: bytes) -> Reader:
     """The fastest reader for a row's shape."""
-    unrolled: Callable[[LineKind, bytes], Reader] = _any
-    if _has_bare_slots(row.message):
+    unrolled: Callable[[LineKind, bytes], Reader] = _packed if row.is_packed else _any
+    if _has_bare_slots(row.message) and not row.is_packed:
         match row.slots, row.unit:
             case (0,), False:
                 unrolled = _one
@@ -47,7 +47,7 @@ def _slot_setters(message: type[Any]) -> list[Callable[[Any, Any], None]]:
 
 def _one(row: LineKind, separator: bytes) -> Reader:
     kind, message, new = row.kind.encode(), row.message, object.__new__
-    (number,) = row.numbers
+    (number,) = row.plain
     parse, low, high = number.parse, number.low, number.high
     (put,) = _slot_setters(message)
 
@@ -65,7 +65,7 @@ def _one(row: LineKind, separator: bytes) -> Reader:
 
 def _two(row: LineKind, separator: bytes) -> Reader:
     kind, message, new = row.kind.encode(), row.message, object.__new__
-    first, second = row.numbers
+    first, second = row.plain
     parse_a, low_a, high_a = first.parse, first.low, first.high
     parse_b, low_b, high_b = second.parse, second.low, second.high
     put_a, put_b = _slot_setters(message)
@@ -86,7 +86,7 @@ def _two(row: LineKind, separator: bytes) -> Reader:
 
 def _pair(row: LineKind, separator: bytes) -> Reader:
     kind, message, new = row.kind.encode(), row.message, object.__new__
-    number = row.numbers[0]
+    number = row.plain[0]
     parse, low, high = number.parse, number.low, number.high
     (put,) = _slot_setters(message)
 
@@ -128,9 +128,9 @@ def _quaternion(row: LineKind, separator: bytes) -> Reader:
 
 def _any(row: LineKind, separator: bytes) -> Reader:
     kind, message, slots, unit = row.kind.encode(), row.message, row.slots, row.unit
-    parsers = [number.parse for number in row.numbers]
-    lows = [number.low for number in row.numbers]
-    highs = [number.high for number in row.numbers]
+    parsers = [number.parse for number in row.plain]
+    lows = [number.low for number in row.plain]
+    highs = [number.high for number in row.plain]
 
     def read(line: bytes) -> Any:
         head, *texts = line.split(separator)
@@ -138,6 +138,20 @@ def _any(row: LineKind, separator: bytes) -> Reader:
         in_range = all(map(le, lows, values)) and all(map(le, values, highs))
         if head != kind or not in_range or (unit and not is_unit(values)):
             raise ValueError(_REFUSED)
+        return message(*[values[slot] for slot in slots])
+
+    return read
+
+
+def _packed(row: LineKind, separator: bytes) -> Reader:
+    """For lines that come with anything in their packed fields: every field is looked at."""
+    kind, message, slots, numbers = row.kind.encode(), row.message, row.slots, row.numbers
+
+    def read(line: bytes) -> Any:
+        head, *texts = line.split(separator)
+        if head != kind or any(number.explain(text) for number, text in zip(numbers, texts, strict=True)):
+            raise ValueError(_REFUSED)
+        values = tuple([number.parse(text) for number, text in zip(numbers, texts, strict=True)])
         return message(*[values[slot] for slot in slots])
 
     return read

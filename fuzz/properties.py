@@ -4,11 +4,14 @@ import json
 from collections.abc import Callable, Mapping
 
 from chefbotd.api.jsonrpc import Failure, Request, error, parse
-from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, LineCodec, from_board, to_board
+from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, KHAN_EDGES, from_board, to_board
 from firmware_protocol.decoder import Decoder
+from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.messages import Malformed
 
-CODECS = tuple(table(variant) for variant in (CLASSIC, FOUR_WHEELS) for table in (from_board, to_board))
+CODECS = tuple(
+    table(variant) for variant in (CLASSIC, FOUR_WHEELS, KHAN_EDGES) for table in (from_board, to_board)
+)
 
 
 def decoding_is_sound(data: bytes) -> None:

@@ -94,21 +94,26 @@ class EncodersCounted:
 
 
 @dataclass(frozen=True, slots=True)
-class WheelEdge:
-    """One edge of a wheel's quadrature encoder: the levels after it, A worth 2 and B worth 1."""
+class EdgeBurst:
+    """Edges of a wheel's quadrature encoder, in their order: ``levels`` after each, A worth 2 and B worth 1.
+
+    ``times_s`` are the board times of the last edges, one or more; those before them have none. ``total`` is how many
+    edges the board has seen up to the last of these, modulo 2^16: what it counted and never told is missing here.
+    """
 
     wheel: int
-    board_s: float
-    levels: int
+    total: int
+    levels: tuple[int, ...]
+    times_s: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class EdgesSeen:
-    """Every edge of a cycle that ended at ``board_s``, those of each wheel in their order; none if no wheel turned."""
+    """The edges of a cycle that ended at ``board_s``, each wheel's bursts in their order; none if no wheel turned."""
 
     stamp_s: float
     board_s: float
-    edges: tuple[WheelEdge, ...]
+    bursts: tuple[EdgeBurst, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,4 +330,6 @@ class StatsSampled:
     service_failures: dict[str, int] = field(default_factory=dict)
     board_clock_suspects: int = 0
     encoder_transitions_illegal: int = 0
+    encoder_levels_repeated: int = 0
+    encoder_edges_lost: int = 0
     bytes_in: int = 0

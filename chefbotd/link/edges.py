@@ -3,11 +3,11 @@
 from collections import deque
 from itertools import accumulate
 
-from chefbotd.core.events import WheelEdge
+from chefbotd.core.events import EdgeBurst
 from chefbotd.link.board_clock import BoardClock
 from firmware_protocol.messages import QuadratureEdges
 
-MOST_BURSTS = 1024
+MOST_BURSTS = 256
 """A board whose `t` lines are all damaged must not fill the memory: beyond this the oldest bursts are lost."""
 
 
@@ -26,18 +26,16 @@ class EdgeBasket:
         """The board restarted: what it told before belongs to another run of its clock."""
         self._bursts.clear()
 
-    def empty(self) -> tuple[WheelEdge, ...]:
-        """Every edge collected since the last time, dated; none before the clock has been read."""
-        edges = tuple(edge for burst in self._bursts for edge in self._dated(burst))
+    def empty(self) -> tuple[EdgeBurst, ...]:
+        """Every burst collected since the last time, dated; none before the clock has been read."""
+        bursts = tuple(dated for burst in self._bursts if (dated := self._dated(burst)) is not None)
         self._bursts.clear()
-        return edges
+        return bursts
 
-    def _dated(self, burst: QuadratureEdges) -> list[WheelEdge]:
-        first_s = self._clock.time_of_s(burst.micros)
-        if first_s is None:
-            return []
-        after_us = accumulate(burst.gaps_us, initial=0)
-        return [
-            WheelEdge(burst.wheel, first_s + us * 1e-6, levels)
-            for us, levels in zip(after_us, burst.states, strict=True)
-        ]
+    def _dated(self, burst: QuadratureEdges) -> EdgeBurst | None:
+        last_s = self._clock.time_of_s(burst.micros)
+        if last_s is None:
+            return None
+        before_us = accumulate(reversed(burst.gaps_us), initial=0)
+        times_s = [last_s - us * 1e-6 for us in before_us]
+        return EdgeBurst(burst.wheel, burst.total, burst.states, tuple(reversed(times_s)))

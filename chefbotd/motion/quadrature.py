@@ -1,20 +1,15 @@
-"""Quadrature edges to counts and speed, for boards that decode nothing themselves.
+"""Quadrature edges to counts, for boards that decode nothing themselves.
 
-Full (4x) decoding by a state table: every edge of A and of B is a count, and a change of both at once is an edge that
-was missed. Speed is by the M/T method (Ohmae et al., "A microprocessor-controlled high-accuracy wide-range speed
-regulator for motor drives", IEEE Trans. Ind. Electron. IE-29, 1982): whole counts over the time between the very edges
-that bound them, so that it is a period at low speed and an average over a window at high speed. Counts become angles
-where those of any board do, in ``motion.encoder``.
+Full (4x) decoding by a state table: every edge of A and of B is a count. What cannot be is counted and moves nothing: a
+change of both levels at once, levels that did not change, and edges that the board counted and nobody told. Counts
+become angles where those of any board do, in ``motion.encoder``; speed is ``motion.edge_speed``'s.
 """
 
-from bisect import bisect_left
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-from pydantic import Field
-
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.events import EdgeBurst
+from chefbotd.motion import edge_speed
+from chefbotd.motion.edge_speed import Mark, QuadratureParameters, Run
 
 STEPS: tuple[tuple[int | None, ...], ...] = (
     # to 00, 01, 10, 11
@@ -25,38 +20,26 @@ STEPS: tuple[tuple[int | None, ...], ...] = (
 )
 """What a change of the levels (A is worth 2, B is worth 1) counts; forward is A before B. None cannot be one edge."""
 
-CYCLE = 4
-"""Counts in a full cycle of both lines: over whole cycles the unequal widths of the phases cancel."""
-
-
-class QuadratureParameters(Parameters):
-    """Speed is averaged over ``window_s`` where that is a cycle; after ``standstill_s`` without an edge it is zero."""
-
-    window_s: float = Field(default=0.04, gt=0, le=1)
-    standstill_s: float = Field(default=0.5, gt=0, le=10)
-
-
-class Edge(NamedTuple):
-    """The levels after a change of one of them, and when it was by the board's clock."""
-
-    board_s: float
-    levels: int
+TOTAL_SPAN = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
 class QuadratureState:
     """One wheel's encoder.
 
-    ``levels`` are None until the first edge, which is the reference and counts nothing. ``times_s`` are the latest edges
-    of the present run, newest last: one ``direction`` (+1, -1, or 0 before the first count) without a rest or a gap.
-    ``illegal`` counts the transitions that no wheel can make.
+    ``levels`` are None until the next edge, which is the reference and counts nothing; ``total`` is the board's, None
+    before it is known. ``illegal`` counts changes of both levels at once: an edge is missing, which way nobody knows.
+    ``repeated`` counts edges after which the levels are as before: a line that bounced, or a whole cycle missing.
+    ``lost`` counts edges that the board saw and that never came.
     """
 
     levels: int | None = None
+    total: int | None = None
     counts: int = 0
-    direction: int = 0
-    times_s: tuple[float, ...] = ()
+    run: Run = edge_speed.START
     illegal: int = 0
+    repeated: int = 0
+    lost: int = 0
 
 
 START = QuadratureState()
@@ -64,60 +47,50 @@ START = QuadratureState()
 
 def rebase(state: QuadratureState) -> QuadratureState:
     """The board restarted: its next edge is a reference again; what was counted stays."""
-    return replace(state, levels=None, direction=0, times_s=())
+    return replace(state, levels=None, total=None, run=edge_speed.START)
 
 
-def decode(params: QuadratureParameters, state: QuadratureState, edges: Iterable[Edge]) -> QuadratureState:
-    """The state after these edges, in the order in which they came; levels are 0 to 3."""
-    levels, counts, direction, illegal = state.levels, state.counts, state.direction, state.illegal
-    run = list(state.times_s)
-    for at_s, new in edges:
+def decode(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurst) -> QuadratureState:
+    """The state after the wheel's next burst; levels are 0 to 3.
+
+    Where edges were lost before it, its first one is a reference. A bounce leaves counts and timing as they are.
+    """
+    state = _account(params, state, burst)
+    levels, counts, run, illegal, repeated = state.levels, state.counts, state.run, 0, 0
+    untimed = len(burst.levels) - len(burst.times_s)
+    for k, new in enumerate(burst.levels):
         step = 0 if levels is None else STEPS[levels][new]
-        levels = new
         if step is None:
             illegal += 1
-            direction, run = 0, []
+            run = edge_speed.broken(params, run)
         elif step:
             counts += step
-            if step != direction or _breaks(params, run, at_s):
-                direction, run = step, []
-            run.append(at_s)
-    return QuadratureState(levels, counts, direction, _recent(params, run), illegal)
+            if step != run.direction:
+                run = edge_speed.turned(run, step)
+            if k >= untimed:
+                run = edge_speed.extend(params, run, Mark(counts, burst.times_s[k - untimed]))
+        elif levels is not None:
+            repeated += 1
+        levels = new
+    return replace(
+        state,
+        levels=levels,
+        counts=counts,
+        run=run,
+        illegal=state.illegal + illegal,
+        repeated=state.repeated + repeated,
+    )
 
 
-def _breaks(params: QuadratureParameters, run: Sequence[float], at_s: float) -> bool:
-    """Whether an edge cannot be timed against the one before: it came after a rest, or not after it at all."""
-    return bool(run) and not 0.0 < at_s - run[-1] <= params.standstill_s
-
-
-def _recent(params: QuadratureParameters, run: Sequence[float]) -> tuple[float, ...]:
-    """As much of a run as a speed can need: the window with the edge before it, or a cycle."""
-    if not run:
-        return ()
-    first = bisect_left(run, run[-1] - params.window_s)
-    return tuple(run[max(0, min(first, len(run) - 1 - CYCLE)) :])
+def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurst) -> QuadratureState:
+    """Hold the board's total against what it has told."""
+    state, known = replace(state, total=burst.total), state.total
+    lost = 0 if known is None else (burst.total - known - len(burst.levels)) % TOTAL_SPAN
+    if not lost:
+        return state
+    return replace(state, levels=None, run=edge_speed.broken(params, state.run), lost=state.lost + lost)
 
 
 def rate_counts_s(params: QuadratureParameters, state: QuadratureState, board_s: float) -> float:
-    """Counts per second at ``board_s``, forward positive.
-
-    While no edge comes the rate decays: a wheel that turned faster than one count in that time would have shown it.
-    """
-    times_s = state.times_s
-    back = _edges_back(params, times_s)
-    if not back:
-        return 0.0
-    rate = back / (times_s[-1] - times_s[-1 - back])
-    quiet_s = board_s - times_s[-1]
-    if quiet_s > params.standstill_s:
-        return 0.0
-    return state.direction * (min(rate, 1.0 / quiet_s) if quiet_s > 0 else rate)
-
-
-def _edges_back(params: QuadratureParameters, times_s: Sequence[float]) -> int:
-    """Over how many counts to measure: whole cycles within the window, or up to one cycle of slower ones."""
-    if not times_s:
-        return 0
-    before = len(times_s) - 1
-    in_window = before - bisect_left(times_s, times_s[-1] - params.window_s)
-    return in_window - in_window % CYCLE or min(CYCLE, before)
+    """Counts per second at ``board_s``, forward positive."""
+    return edge_speed.rate_counts_s(params, state.run, board_s)

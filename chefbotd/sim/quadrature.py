@@ -17,12 +17,23 @@ class Edge(NamedTuple):
     levels: int
 
 
-class EdgeRecorder:
-    """Watches wheels turn, a step at a time, and keeps their edges until they are taken."""
+class Taken(NamedTuple):
+    """A wheel's edges, and how many there have been up to the last of them since the board booted, told or not."""
 
-    def __init__(self, counts_per_turn: float, wheels: int) -> None:
-        self._counts_per_rad = counts_per_turn / math.tau
+    total: int
+    edges: list[Edge]
+
+
+class EdgeRecorder:
+    """Watches wheels turn, a step at a time, and keeps their edges until they are taken.
+
+    The board has room for ``buffer_edges`` of each wheel; later ones it counts and drops.
+    """
+
+    def __init__(self, counts_per_turn: float, wheels: int, buffer_edges: int) -> None:
+        self._counts_per_rad, self._buffer_edges = counts_per_turn / math.tau, buffer_edges
         self._edges: tuple[deque[Edge], ...] = tuple(deque() for _ in range(wheels))
+        self._totals = [0] * wheels
 
     def watch(self, from_s: float, to_s: float, before_rad: Vector, after_rad: Vector) -> None:
         """The wheels turned so in this time, each evenly."""
@@ -30,9 +41,21 @@ class EdgeRecorder:
         for before, after, edges in angles:
             edges.extend(_edges(from_s, to_s, before * self._counts_per_rad, after * self._counts_per_rad))
 
-    def take(self, to_s: float) -> list[list[Edge]]:
+    def boot(self, at_s: float) -> None:
+        """The board's program begins: it has seen nothing of what was before."""
+        self.take(at_s)
+        self._totals = [0] * len(self._totals)
+
+    def take(self, to_s: float) -> list[Taken]:
         """Each wheel's edges up to this time, and not again."""
-        return [_take(edges, to_s) for edges in self._edges]
+        return [self._take(wheel, to_s) for wheel in range(len(self._edges))]
+
+    def _take(self, wheel: int, to_s: float) -> Taken:
+        edges = _take(self._edges[wheel], to_s)
+        kept = edges[: self._buffer_edges]
+        total = self._totals[wheel] + len(kept)
+        self._totals[wheel] += len(edges)
+        return Taken(total, kept)
 
 
 def _edges(from_s: float, to_s: float, before: float, after: float) -> list[Edge]:

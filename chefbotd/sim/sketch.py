@@ -19,11 +19,11 @@ from pydantic import Field
 from chefbotd.core.parameters import Parameters
 from chefbotd.sim.battery import adc_counts
 from chefbotd.sim.infrared import Infrared
-from chefbotd.sim.quadrature import Edge, EdgeRecorder
+from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Imu, ImuParameters, Ultrasonic
 from chefbotd.sim.uart import Uart
-from firmware_protocol.codec import MOST_EDGES_A_LINE, Variant, from_board, to_board
+from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -49,12 +49,15 @@ BANNER = (
 )
 SOUND_M_S = 343.0
 SKETCH_US_PER_CM = 29
-UINT32_SPAN = 1 << 32
+UINT16_SPAN, UINT32_SPAN = 1 << 16, 1 << 32
 INT32_LIMIT = 1 << 31
 
 
 class BoardParameters(Parameters):
-    """The board and what its sketch is built for; ``cycle_s`` is the least time that a cycle takes."""
+    """The board and what its sketch is built for; ``cycle_s`` is the least time that a cycle takes.
+
+    Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next.
+    """
 
     cycle_s: float = Field(0.02, gt=0, le=10)
     line_rate_bytes_s: float = Field(11_520.0, gt=0)
@@ -64,6 +67,7 @@ class BoardParameters(Parameters):
     blocking_ultrasonic: bool = True
     raw_imu: bool = False
     sends_battery: bool = True
+    edge_buffer: int = Field(512, ge=1)
     boot_s: float = Field(0.2, ge=0, le=60)
     reset_delay_s: float = Field(1.0, ge=0, le=60)
     boot_micros: int = Field(0, ge=0, lt=UINT32_SPAN)
@@ -95,7 +99,7 @@ class Sketch:
         self._imu: Imu | None = None
         self._edges: EdgeRecorder | None = None
         if wiring.variant.speaks(QuadratureEdges):
-            self._edges = EdgeRecorder(wiring.counts_per_turn, wiring.variant.wheels)
+            self._edges = EdgeRecorder(wiring.counts_per_turn, wiring.variant.wheels, parameters.edge_buffer)
             wiring.robot.watch(self._edges.watch)
         self.duty: tuple[int, ...] = (0,) * len(self._counts_at_boot)
 
@@ -123,7 +127,7 @@ class Sketch:
         if self._wiring.imu is not None:
             self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion.heading_rad)
         if self._edges is not None:
-            self._edges.take(self._now_s)
+            self._edges.boot(self._now_s)
         for text in BANNER:
             yield from self._print(Banner(text))
 
@@ -165,16 +169,19 @@ class Sketch:
         if self._parameters.sends_battery:
             yield from self._print(self._battery())
 
-    def _print_edges(self, wheels: list[list[Edge]]) -> Iterator[float]:
+    def _print_edges(self, wheels: list[Taken]) -> Iterator[float]:
         """Every wheel's edges, as many a line as one holds."""
-        for wheel, edges in enumerate(wheels):
+        for wheel, (total, edges) in enumerate(wheels):
+            before = total - len(edges)
             for start in range(0, len(edges), MOST_EDGES_A_LINE):
-                yield from self._print(self._burst(wheel, edges[start : start + MOST_EDGES_A_LINE]))
+                line = edges[start : start + MOST_EDGES_A_LINE]
+                yield from self._print(self._burst(wheel, before + start + len(line), line))
 
-    def _burst(self, wheel: int, edges: list[Edge]) -> QuadratureEdges:
-        micros = [self._micros(edge.at_s) for edge in edges]
+    def _burst(self, wheel: int, total: int, edges: list[Edge]) -> QuadratureEdges:
+        micros = [self._micros(edge.at_s) for edge in edges[-MOST_TIMES_A_LINE:]]
         gaps_us = tuple((after - before) % UINT32_SPAN for before, after in pairwise(micros))
-        return QuadratureEdges(wheel, tuple(edge.levels for edge in edges), micros[0], gaps_us)
+        levels = tuple(edge.levels for edge in edges)
+        return QuadratureEdges(wheel, total % UINT16_SPAN, levels, micros[-1], gaps_us)
 
     def _ping(self, ultrasonic: Ultrasonic) -> Iterator[float]:
         """The sketch stands still until the echo is back, or until it gives up."""

@@ -18,13 +18,14 @@ from firmware_protocol.codec import (
     KHAN,
     KHAN_EDGES,
     MOST_EDGES_A_LINE,
+    MOST_TIMES_A_LINE,
     PUBLISHED_BANNER,
     VARIANTS,
-    LineCodec,
     Variant,
     from_board,
     to_board,
 )
+from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.lines import INT16, Field, LineKind, Number
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -51,7 +52,8 @@ HOST = to_board(CLASSIC)
 CODECS = {
     "from_board": BOARD,
     "to_board": HOST,
-    "from_khan": from_board(KHAN_EDGES),
+    "from_khan": from_board(KHAN),
+    "from_khan_edges": from_board(KHAN_EDGES),
     "to_khan": to_board(KHAN_EDGES),
 }
 
@@ -220,13 +222,13 @@ def test_four_wheels_are_the_same_lines_with_four_numbers() -> None:
 
 
 def bursts() -> st.SearchStrategy[QuadratureEdges]:
-    """Bursts of every length that a line holds."""
+    """Bursts of every length that a line holds, with as many times."""
 
     def burst(draw: Any, edges: int) -> QuadratureEdges:
         levels = st.lists(st.integers(0, 3), min_size=edges, max_size=edges)
-        gaps = st.lists(st.integers(0, 2**32 - 1), min_size=edges - 1, max_size=edges - 1)
-        wheel, micros = st.integers(0, 3), st.integers(0, 2**32 - 1)
-        return QuadratureEdges(draw(wheel), tuple(draw(levels)), draw(micros), tuple(draw(gaps)))
+        gaps = st.lists(st.integers(0, 2**32 - 1), max_size=min(edges, MOST_TIMES_A_LINE) - 1)
+        wheel, total, micros = st.integers(0, 3), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
+        return QuadratureEdges(draw(wheel), draw(total), tuple(draw(levels)), draw(micros), tuple(draw(gaps)))
 
     return st.composite(lambda draw: burst(draw, draw(st.integers(1, MOST_EDGES_A_LINE))))()
 
@@ -234,42 +236,63 @@ def bursts() -> st.SearchStrategy[QuadratureEdges]:
 @given(bursts())
 @settings(max_examples=100)
 def test_a_burst_of_edges_survives_its_line_at_any_length(message: QuadratureEdges) -> None:
-    """One to sixteen edges: the row is found by their number when writing as when reading."""
-    codec = CODECS["from_khan"]
+    """One to 384 edges, one to four times: the row is found by their number when writing as when reading."""
+    codec = CODECS["from_khan_edges"]
     assert codec.decode(codec.encode(message).removesuffix(b"\n")) == message
 
 
 @pytest.mark.parametrize(
     ("message", "complaint"),
     [
-        (QuadratureEdges(0, (), 0), "no line holds as many numbers as .*states="),
-        (QuadratureEdges(0, (0,) * 17, 0, (1,) * 16), "no line holds as many numbers"),
-        (QuadratureEdges(0, (0, 1), 0), "no line holds as many numbers"),
-        (QuadratureEdges(4, (0,), 0), "wheel: expected a whole number from 0 to 3, got 4"),
+        (QuadratureEdges(0, 0, (), 0), "states: expected 1 to 384 levels from 0 to 3, packed, got"),
+        (QuadratureEdges(0, 0, (0,) * 385, 0), "states: expected 1 to 384 levels"),
+        (QuadratureEdges(0, 0, (0, 4), 0), r"states: expected 1 to 384 levels .*got \(0, 4\)"),
+        (QuadratureEdges(0, 0, (0,) * 9, 0, (1,) * 4), "no line holds as many numbers as .*states="),
+        (QuadratureEdges(4, 0, (0,), 0), "wheel: expected a whole number from 0 to 3, got 4"),
+        (QuadratureEdges(0, -1, (0,), 0), "total: expected a whole number from 0 to 65535, got -1"),
         (AnalogueLevel(16, 0.0), "channel: expected a whole number from 0 to 15, got 16"),
     ],
 )
 def test_a_burst_that_no_line_holds_is_not_encoded(message: messages.FromBoard, complaint: str) -> None:
-    """None, too many, gaps that do not go with the edges, a wheel or an input that the robot does not have."""
+    """None, too many, too many times, a wheel or an input that the robot does not have."""
     with pytest.raises(ValueError, match=complaint):
-        CODECS["from_khan"].encode(message)
+        CODECS["from_khan_edges"].encode(message)
 
 
-@pytest.mark.parametrize("line", [b"a\t0\t2048.00", b"q\t0\t3\t1000"])
+def test_more_gaps_than_lie_between_its_edges_are_no_burst() -> None:
+    """Two edges have one gap: with two the message cannot be made."""
+    with pytest.raises(ValueError, match="2 edges have no 2 gaps between them"):
+        QuadratureEdges(0, 2, (0, 2), 100, (5, 5))
+
+
+def test_a_refused_burst_says_what_its_levels_should_be() -> None:
+    """The detail names what was expected, and what stood there or how many."""
+    codec = CODECS["from_khan_edges"]
+    garbled, overfull = codec.decode(b"q\t0\t1\t~\t100"), codec.decode(b"q\t0\t1\t" + b"=" * 129 + b"\t100")
+    assert isinstance(garbled, Malformed)
+    assert isinstance(overfull, Malformed)
+    assert garbled.detail == "expected 1 to 384 levels from 0 to 3, packed, got '~'"
+    assert overfull == Malformed(
+        Reason.OUT_OF_RANGE, overfull.line, "expected 1 to 384 levels from 0 to 3, packed, got 387"
+    )
+
+
+@pytest.mark.parametrize("line", [b"a\t0\t2048.00", b"q\t0\t1\t+\t1000"])
 def test_the_classic_robot_never_meets_the_extensions(line: bytes) -> None:
     """Its own wire takes such lines for text, and has no way to write them."""
     assert BOARD.decode(line) == Text(line.decode())
-    message = CODECS["from_khan"].decode(line)
-    assert not isinstance(message, Malformed)
+    message = CODECS["from_khan_edges"].decode(line)
+    assert not isinstance(message, Malformed | Text)
     with pytest.raises(TypeError, match="no line kind for"):
         BOARD.encode(message)
 
 
-def test_a_variant_says_what_it_speaks_beyond_the_classic_lines() -> None:
-    """KHAN's board has an analogue line; only the one that decodes nothing itself sends edges."""
-    assert [KHAN.speaks(AnalogueLevel), KHAN.speaks(QuadratureEdges)] == [True, False]
-    assert [KHAN_EDGES.speaks(AnalogueLevel), KHAN_EDGES.speaks(QuadratureEdges)] == [True, True]
-    assert not CLASSIC.speaks(AnalogueLevel)
+def test_a_variant_says_what_it_speaks() -> None:
+    """KHAN's boards have an analogue line; the one that decodes nothing itself sends edges, and no counts."""
+    of_interest = (UltrasonicDistance, AnalogueLevel, EncoderCounts, QuadratureEdges)
+    assert [CLASSIC.speaks(message) for message in of_interest] == [True, False, True, False]
+    assert [KHAN.speaks(message) for message in of_interest] == [True, True, True, False]
+    assert [KHAN_EDGES.speaks(message) for message in of_interest] == [True, True, False, True]
     assert {name: variant.wheels for name, variant in VARIANTS.items()} == {
         "classic": 2,
         "four_wheels": 4,

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.codec import FROM_BOARD, LineCodec
+from firmware_protocol.codec import FROM_BOARD
+from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.lines import COMPONENT, INT16, Field, LineKind, Number
 from firmware_protocol.messages import Malformed, Reason
 

@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.core.events import AnalogueCounted, EdgesSeen, WheelEdge
+from chefbotd.core.events import AnalogueCounted, EdgesSeen, EncodersCounted
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.edges import MOST_BURSTS, EdgeBasket
 from chefbotd.link.session import BoardSession
@@ -20,7 +20,7 @@ def heard(variant: Variant, *chunks: bytes) -> list[EdgesSeen | AnalogueCounted]
 
     async def scenario() -> list[EdgesSeen | AnalogueCounted]:
         bus, clock = Bus(), ManualClock(100.0)
-        inbox = bus.subscribe(EdgesSeen, AnalogueCounted)
+        inbox = bus.subscribe(EdgesSeen, AnalogueCounted, EncodersCounted)
         session = BoardSession(bus, clock, variant, device="test", setpoints_per_s=200.0)
         FakeSerialTransport(session, lambda data: None)
         await asyncio.sleep(0)
@@ -37,12 +37,15 @@ def test_edges_wait_for_the_time_that_closes_their_cycle():
     first, second = heard(
         KHAN_EDGES,
         b"t\t1000000\t0.02\n",
-        b"q\t2\t2\t3\t1010000\t500\nq\t0\t1\t1012000\nt\t1020000\t0.02\n",
+        b"q\t2\t7\t8\t1010000\t500\nq\t0\t3\tj\t1012000\nt\t1020000\t0.02\n",
     )
     assert first == EdgesSeen(100.0, 100.0, ())
     assert (second.stamp_s, second.board_s) == (100.02, pytest.approx(100.02))
-    assert [(edge.wheel, edge.levels) for edge in second.edges] == [(2, 2), (2, 3), (0, 1)]
-    assert [edge.board_s for edge in second.edges] == pytest.approx([100.01, 100.0105, 100.012])
+    two, none = second.bursts
+    assert (two.wheel, two.total, two.levels) == (2, 7, (2, 3))
+    assert two.times_s == pytest.approx((100.0095, 100.010))
+    assert (none.wheel, none.total, none.levels) == (0, 3, (2, 3, 1))
+    assert none.times_s == pytest.approx((100.012,))
 
 
 def test_edges_are_dated_across_the_wrap_of_the_boards_counter():
@@ -50,11 +53,12 @@ def test_edges_are_dated_across_the_wrap_of_the_boards_counter():
     *_, seen = heard(
         KHAN_EDGES,
         b"t\t4294957296\t0.02\n",
-        b"q\t0\t2\t3\t4294962296\t10000\nt\t10000\t0.02\n",
+        b"q\t0\t2\t8\t5000\t10000\nt\t10000\t0.02\n",
     )
-    before, after = seen.edges
-    assert after.board_s - before.board_s == pytest.approx(0.010)
-    assert seen.board_s - after.board_s == pytest.approx(0.005)
+    (burst,) = seen.bursts
+    before_s, after_s = burst.times_s
+    assert after_s - before_s == pytest.approx(0.010)
+    assert seen.board_s - after_s == pytest.approx(0.005)
 
 
 def test_a_time_in_doubt_keeps_the_edges_for_the_next_cycle():
@@ -62,10 +66,10 @@ def test_a_time_in_doubt_keeps_the_edges_for_the_next_cycle():
     events = heard(
         KHAN_EDGES,
         b"t\t1000000\t0.02\n",
-        b"q\t0\t2\t1010000\nt\t91020000\t0.02\n",
-        b"q\t0\t3\t1030000\nt\t1040000\t0.02\n",
+        b"q\t0\t1\t+\t1010000\nt\t91020000\t0.02\n",
+        b"q\t0\t2\t,\t1030000\nt\t1040000\t0.02\n",
     )
-    assert [len(event.edges) for event in events] == [0, 2]
+    assert [[burst.total for burst in event.bursts] for event in events] == [[], [1, 2]]
 
 
 def test_edges_of_a_board_that_then_restarted_are_forgotten():
@@ -73,10 +77,10 @@ def test_edges_of_a_board_that_then_restarted_are_forgotten():
     events = heard(
         KHAN_EDGES,
         b"t\t1000000\t0.02\n",
-        b"q\t0\t2\t1010000\nMPU6050 connection successful\r\nq\t0\t3\t150000\nt\t160000\t0.02\n",
+        b"q\t0\t9\t+\t1010000\nMPU6050 connection successful\r\nq\t0\t1\t,\t150000\nt\t160000\t0.02\n",
     )
-    (edge,) = events[-1].edges
-    assert edge.levels == 3
+    (burst,) = events[-1].bursts
+    assert (burst.total, burst.levels) == (1, (3,))
 
 
 def test_a_board_that_counts_itself_closes_no_cycles_of_edges():
@@ -90,24 +94,31 @@ def test_edges_that_no_time_follows_are_kept_within_bounds():
     clock.observe(0, 0.0, 50.0)
     basket = EdgeBasket(clock)
     for n in range(2 * MOST_BURSTS):
-        basket.put(QuadratureEdges(0, (2,), n))
-    edges = basket.empty()
-    assert len(edges) == MOST_BURSTS
-    assert edges[-1].board_s == pytest.approx(50.0 + (2 * MOST_BURSTS - 1) * 1e-6)
+        basket.put(QuadratureEdges(0, n, (2,), n))
+    bursts = basket.empty()
+    assert [burst.total for burst in bursts] == list(range(MOST_BURSTS, 2 * MOST_BURSTS))
+    assert bursts[-1].times_s == pytest.approx((50.0 + (2 * MOST_BURSTS - 1) * 1e-6,))
     assert basket.empty() == ()
 
 
 def test_edges_before_any_time_cannot_be_dated():
     """A clock that was never read gives no times, so there are no edges."""
     basket = EdgeBasket(BoardClock())
-    basket.put(QuadratureEdges(0, (2,), 5))
+    basket.put(QuadratureEdges(0, 1, (2,), 5))
     assert basket.empty() == ()
 
 
-def test_a_dated_edge_names_its_wheel_and_levels():
-    """Wheel 3, A and B high, 7 µs after the clock was read."""
+def test_the_gaps_lead_back_from_the_last_edge():
+    """Four edges, the last 7 µs after the clock was read, 20 and 10 µs between the last three: the first has no time."""
     clock = BoardClock()
     clock.observe(100, 0.0, 50.0)
     basket = EdgeBasket(clock)
-    basket.put(QuadratureEdges(3, (3,), 107))
-    assert basket.empty() == (WheelEdge(3, pytest.approx(50.000007), 3),)
+    basket.put(QuadratureEdges(3, 9, (2, 3, 1, 0), 107, (10, 20)))
+    (burst,) = basket.empty()
+    assert (burst.wheel, burst.total, burst.levels) == (3, 9, (2, 3, 1, 0))
+    assert burst.times_s == pytest.approx((49.999977, 49.999987, 50.000007), abs=1e-9)
+
+
+def test_counts_from_a_board_that_sends_edges_are_no_reading():
+    """A wheel has one encoder: on this wire ``e`` is text."""
+    assert heard(KHAN_EDGES, b"t\t1000000\t0.02\n", b"e\t1\t2\t3\t4\n") == [EdgesSeen(100.0, 100.0, ())]

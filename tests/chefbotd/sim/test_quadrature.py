@@ -8,9 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from chefbotd.core.events import EdgeBurst
 from chefbotd.motion import quadrature
+from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.sim.parameters import SimulationParameters, build_launchpad
-from chefbotd.sim.quadrature import Edge, EdgeRecorder
+from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from firmware_protocol.codec import KHAN_EDGES, from_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges
@@ -20,15 +22,15 @@ TURN_RAD = np.array([math.tau])
 
 def recorder() -> EdgeRecorder:
     """One wheel with eight edges a turn."""
-    return EdgeRecorder(8, 1)
+    return EdgeRecorder(8, 1, buffer_edges=100)
 
 
 def test_a_turn_forward_has_its_edges_in_time_and_order() -> None:
     """3.5 edges of 8 in 7 ms from half an edge: at 1, 3, 5 and 7 ms, A before B."""
     watched = recorder()
     watched.watch(1.0, 1.007, TURN_RAD * 0.5 / 8, TURN_RAD * 4 / 8)
-    (edges,) = watched.take(2.0)
-    assert [edge.levels for edge in edges] == [0b10, 0b11, 0b01, 0b00]
+    ((total, edges),) = watched.take(2.0)
+    assert (total, [edge.levels for edge in edges]) == (4, [0b10, 0b11, 0b01, 0b00])
     assert [edge.at_s for edge in edges] == pytest.approx([1.001, 1.003, 1.005, 1.007])
 
 
@@ -36,18 +38,31 @@ def test_the_way_back_has_the_levels_of_the_way_there() -> None:
     """From 1.5 edges back to -0.5: over 1 to level 00, over 0 to 01."""
     watched = recorder()
     watched.watch(0.0, 0.002, TURN_RAD * 1.5 / 8, TURN_RAD * -0.5 / 8)
-    (edges,) = watched.take(1.0)
-    assert [edge.levels for edge in edges] == [0b00, 0b01]
+    ((total, edges),) = watched.take(1.0)
+    assert (total, [edge.levels for edge in edges]) == (2, [0b00, 0b01])
     assert [edge.at_s for edge in edges] == pytest.approx([0.0005, 0.0015])
 
 
 def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
     """What is later stays; a wheel that stands has none."""
-    watched = EdgeRecorder(8, 2)
+    watched = EdgeRecorder(8, 2, buffer_edges=100)
     watched.watch(0.0, 0.004, np.array([0.0, 1.0]), np.array([math.tau * 2 / 8, 1.0]))
-    assert watched.take(0.003) == [[Edge(pytest.approx(0.002), 0b10)], []]
-    assert watched.take(0.003) == [[], []]
-    assert [len(edges) for edges in watched.take(0.004)] == [1, 0]
+    assert watched.take(0.003) == [Taken(1, [Edge(pytest.approx(0.002), 0b10)]), Taken(0, [])]
+    assert watched.take(0.003) == [Taken(1, []), Taken(0, [])]
+    assert [(total, len(edges)) for total, edges in watched.take(0.004)] == [(2, 1), (0, 0)]
+
+
+def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
+    """Five edges and room for three: three are told, total 3, and the next is the sixth. After a boot it is the first."""
+    watched = EdgeRecorder(8, 1, buffer_edges=3)
+    watched.watch(0.0, 0.005, TURN_RAD * 0, TURN_RAD * 5 / 8)
+    watched.watch(1.0, 1.001, TURN_RAD * 5 / 8, TURN_RAD * 6 / 8)
+    (full,), (after,) = watched.take(0.5), watched.take(2.0)
+    assert (full.total, [edge.levels for edge in full.edges]) == (3, [0b10, 0b11, 0b01])
+    assert (after.total, [edge.levels for edge in after.edges]) == (6, [0b11])
+    watched.boot(2.0)
+    watched.watch(2.0, 2.001, TURN_RAD * 6 / 8, TURN_RAD * 7 / 8)
+    assert [total for total, _ in watched.take(3.0)] == [1]
 
 
 @settings(max_examples=50)
@@ -55,18 +70,20 @@ def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=20))
 def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) -> None:
     """However it goes to and fro, the counts are the whole edges between where it began and where it is."""
-    watched, angle = EdgeRecorder(16, 1), 0.001
+    watched, angle = EdgeRecorder(16, 1, buffer_edges=1000), 0.001
     for step, turn in enumerate(turns):
         watched.watch(step, step + 1, np.array([angle]), np.array([angle + turn]))
         angle += turn
-    (edges,) = watched.take(len(turns))
-    parameters = quadrature.QuadratureParameters()
-    start = quadrature.decode(parameters, quadrature.START, [quadrature.Edge(-1.0, 0)])
-    state = quadrature.decode(parameters, start, [quadrature.Edge(*edge) for edge in edges])
+    ((total, edges),) = watched.take(len(turns))
+    parameters = QuadratureParameters()
+    state = quadrature.decode(parameters, quadrature.START, EdgeBurst(0, 0, (0,), (-1.0,)))
+    if edges:
+        times_s, levels = zip(*edges, strict=True)
+        state = quadrature.decode(parameters, state, EdgeBurst(0, total, levels, times_s))
     assert (state.counts, state.illegal) == (math.floor(angle * (16 / math.tau)), 0)
 
 
-def heard(to_s: float, **board: float) -> list[object]:
+def heard(to_s: float, counts_per_turn: float = 800, **board: float) -> list[object]:
     """What a board of KHAN's says that passes its encoders' edges on, and is told to drive after 1 s."""
     launchpad = build_launchpad(
         SimulationParameters.model_validate(
@@ -75,7 +92,7 @@ def heard(to_s: float, **board: float) -> list[object]:
                 "ultrasonic": None,
                 "imu": None,
                 "infrared": [{"channel": 2}],
-                "body": {"wheels_per_side": 2, "counts_per_turn": 800},
+                "body": {"wheels_per_side": 2, "counts_per_turn": counts_per_turn},
                 "board": board,
             }
         )
@@ -99,19 +116,46 @@ def test_a_cycle_is_its_edges_and_then_its_time() -> None:
             assert all(each <= message.micros for each in micros)
             micros = [message.micros]
         elif isinstance(message, QuadratureEdges):
-            assert message.micros >= micros[0]
-            micros.append(message.micros + sum(message.gaps_us))
+            assert message.micros - sum(message.gaps_us) >= micros[0]
+            micros.append(message.micros)
             edges += len(message.states)
     assert edges > 100
 
 
-def test_a_fast_wheel_fills_its_lines() -> None:
-    """With a cycle of 0.1 s some bursts need more than one line of 16 edges, whose times go on from one to the next."""
-    bursts = [message for message in heard(4.0, cycle_s=0.1) if isinstance(message, QuadratureEdges)]
-    assert max(len(burst.states) for burst in bursts) == 16
-    left = [burst for burst in bursts if burst.wheel == 0]
-    ends = [(burst.micros, burst.micros + sum(burst.gaps_us)) for burst in left]
-    assert all(end <= start for (_, end), (start, _) in pairwise(ends))
+def bursts_of_the_left(messages: list[object]) -> list[QuadratureEdges]:
+    """Those of wheel 0."""
+    return [message for message in messages if isinstance(message, QuadratureEdges) and message.wheel == 0]
+
+
+def test_a_line_has_the_times_of_its_last_edges() -> None:
+    """As many as there are up to four; gaps lead back from the last, and lines follow each other in time and total."""
+    left = bursts_of_the_left(heard(4.0))
+    assert {len(burst.gaps_us) for burst in left if len(burst.states) >= 4} == {3}
+    assert all(len(burst.gaps_us) == min(len(burst.states), 4) - 1 for burst in left)
+    for before, after in pairwise(left):
+        assert before.micros <= after.micros - sum(after.gaps_us)
+        assert after.total == before.total + len(after.states)
+
+
+def test_a_long_cycle_fills_its_lines() -> None:
+    """With a cycle of 0.4 s a burst needs more than one line of 384 edges, whose totals go on from one to the next."""
+    left = bursts_of_the_left(heard(4.0, 8000, cycle_s=0.4, edge_buffer=10_000))
+    assert max(len(burst.states) for burst in left) == 384
+    assert all(after.total == before.total + len(after.states) for before, after in pairwise(left))
+
+
+def test_a_board_without_room_tells_by_its_total_what_is_missing() -> None:
+    """Room for 20 edges, more than 20 a cycle: no cycle has more, and the decoder finds every one that is missing."""
+    left = bursts_of_the_left(heard(4.0, 8000, edge_buffer=20))
+    assert max(len(burst.states) for burst in left) == 20
+    state, told = quadrature.START, 0
+    for burst in left:
+        event = EdgeBurst(0, burst.total, burst.states, (float(burst.total),))
+        state = quadrature.decode(QuadratureParameters(), state, event)
+        told += len(burst.states)
+    assert state.lost > 100
+    assert state.lost + told == left[-1].total
+    assert state.illegal == 0
 
 
 def test_a_board_says_nothing_of_what_is_not_wired_to_it() -> None:
