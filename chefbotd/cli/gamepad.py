@@ -1,7 +1,8 @@
 """A gamepad's stick and buttons turned into orders for a robot: the pure half of ``chefbotctl joystick``.
 
 Nothing moves unless the enable button is held, and it must have been seen up before: a pad that is plugged in, or a
-program that starts, with the button held down drives nothing.
+program that starts, with the button held down drives nothing. Letting it go ends this pad's own motion and no other's: a
+button of its own stops the robot, whoever drives it.
 """
 
 import math
@@ -30,6 +31,7 @@ class Button(StrEnum):
 
     ENABLE = "enable"
     TURBO = "turbo"
+    STOP = "stop"
     ESTOP = "estop"
     ARM = "arm"
 
@@ -44,8 +46,9 @@ class Reading:
 
 
 class Demand(StrEnum):
-    """An order that is no velocity."""
+    """An order that is no velocity; ``LET_GO`` ends what the pad has asked for, ``STOP`` what anybody has."""
 
+    LET_GO = "let_go"
     STOP = "stop"
     ESTOP = "estop"
     ARM = "arm"
@@ -53,15 +56,21 @@ class Demand(StrEnum):
 
 Order: TypeAlias = Twist2D | Demand
 
+DEMANDS = ((Button.ESTOP, Demand.ESTOP), (Button.STOP, Demand.STOP), (Button.ARM, Demand.ARM))
+"""What a press demands; of several at once the first counts."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """What the last look left behind; at first every button counts as held, so that each has to be let go once."""
+    """What the last look left behind; at first every button counts as held, so that each has to be let go once.
+
+    ``due_s`` is the next turn of a velocity: turns are on a grid from the first one on, however late a look comes.
+    """
 
     down: frozenset[Button] = frozenset(Button)
     enabled: bool = False
     twist: Twist2D = STANDING
-    sent_s: float = -math.inf
+    due_s: float = -math.inf
 
 
 UNTOUCHED = Pad()
@@ -75,18 +84,25 @@ def step(
     A velocity is repeated every ``repeat_s`` while enabled; letting go of the button or of the stick is told at once.
     """
     if reading is None:
-        return UNTOUCHED, _stop_if(pad.enabled)
+        return UNTOUCHED, _let_go_if(pad.enabled)
     pressed = reading.down - pad.down
-    for button, demand in ((Button.ESTOP, Demand.ESTOP), (Button.ARM, Demand.ARM)):
+    for button, demand in DEMANDS:
         if button in pressed:
-            return Pad(reading.down), (demand,)
+            return Pad(reading.down), (*_let_go_if(pad.enabled and demand is Demand.ARM), demand)
     if not (Button.ENABLE in pressed or (pad.enabled and Button.ENABLE in reading.down)):
-        return Pad(reading.down), _stop_if(pad.enabled)
+        return Pad(reading.down), _let_go_if(pad.enabled)
     wanted = twist(parameters, reading)
-    due = not pad.enabled or now_s - pad.sent_s >= parameters.repeat_s
-    if due or (wanted == STANDING != pad.twist):
-        return Pad(reading.down, True, wanted, now_s), (wanted,)
+    due_s = pad.due_s if pad.enabled else now_s
+    if now_s >= due_s:
+        return Pad(reading.down, True, wanted, _next_turn_s(due_s, parameters.repeat_s, now_s)), (wanted,)
+    if wanted == STANDING != pad.twist:
+        return Pad(reading.down, True, wanted, due_s), (wanted,)
     return replace(pad, down=reading.down), ()
+
+
+def _next_turn_s(due_s: float, repeat_s: float, now_s: float) -> float:
+    """The first turn after now; those that were missed are left out, and not made up for."""
+    return due_s + repeat_s * (math.floor((now_s - due_s) / repeat_s) + 1)
 
 
 def disabled(pad: Pad) -> Pad:
@@ -109,5 +125,5 @@ def deflection(raw: float, dead_zone: float) -> float:
     return math.copysign(beyond, raw) if beyond > 0 else 0.0
 
 
-def _stop_if(enabled: bool) -> tuple[Order, ...]:
-    return (Demand.STOP,) if enabled else ()
+def _let_go_if(driving: bool) -> tuple[Order, ...]:
+    return (Demand.LET_GO,) if driving else ()

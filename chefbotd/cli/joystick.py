@@ -1,6 +1,10 @@
-"""Driving by gamepad: the pad is looked at a hundred times a second, and what it asks for goes to the robot."""
+"""Driving by gamepad: the pad is looked at a hundred times a second, and what it asks for goes to the robot.
+
+Who lets go gives the robot back: the pad's own target is zero at once, and lower sources go on.
+"""
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Protocol
 
@@ -47,7 +51,7 @@ class JoystickPilot:
         self._pad, self._there = UNTOUCHED, True
 
     async def run(self) -> None:
-        """Drive until cancelled; a stop is sent on every way out on which the robot may be moving.
+        """Drive until cancelled; lets go on every way out on which the robot may be moving.
 
         Raises:
             ProgramError: there is no pad to begin with.
@@ -63,7 +67,7 @@ class JoystickPilot:
                 await asyncio.sleep(LOOK_PERIOD_S)
         finally:
             if self._pad.enabled and self._robot.connected:
-                await self._robot.stop()
+                await self._let_go()
 
     async def _take_control(self) -> None:
         try:
@@ -84,7 +88,7 @@ class JoystickPilot:
         reading = self._device.read()
         if self._there != (reading is not None):
             self._there = reading is not None
-            self._say(f"{self._device.name} is {'back' if self._there else 'gone: stopped'}")
+            self._say(f"{self._device.name} is {'back' if self._there else 'gone: it drives no more'}")
         self._pad, orders = step(self._parameters, self._pad, reading, asyncio.get_running_loop().time())
         for order in orders:
             await self._obey(order)
@@ -100,8 +104,11 @@ class JoystickPilot:
             self._say(f"{error.kind}: {error.message}")
 
     async def _ask(self, order: Order) -> None:
-        if order is Demand.STOP:
+        if order is Demand.LET_GO:
+            await self._let_go()
+        elif order is Demand.STOP:
             await self._robot.stop()
+            self._say("Stopped, whoever drove.")
         elif order is Demand.ESTOP:
             await self._robot.estop("asked by joystick")
             self._say("Emergency stop; Start arms again.")
@@ -110,3 +117,12 @@ class JoystickPilot:
             self._say("Armed.")
         else:
             await self._robot.drive(order.linear_m_s, order.angular_rad_s, self._source)
+
+    async def _let_go(self) -> None:
+        """Our own target to zero, then our source given back. Where that is refused, a stop, which never is."""
+        with contextlib.suppress(CallError):  # disarmed, or another's by now: nothing of ours moves the robot
+            await self._robot.drive(0.0, 0.0, self._source)
+        try:
+            await self._robot.release_control()
+        except CallError:
+            await self._robot.stop()

@@ -101,7 +101,9 @@ def joystick(
 ) -> None:
     """Drive by gamepad until interrupted; the robot moves only while the enable button is held.
 
-    The left shoulder button enables, the right one is turbo, the left stick drives, B is the emergency stop, Start arms.
+    The left shoulder button enables, the right one is turbo, the left stick drives. Letting the enable button go ends
+    this motion and gives the robot back to whoever else drives it; X stops it whoever drives, B is the emergency stop,
+    Start arms.
     """
     with extra("joystick", "sdl2"):
         from chefbotd.cli.sdl_pad import HELP, SdlPad

@@ -14,10 +14,13 @@ from chefbotd.cli.gamepad import Button, Reading
 BUTTONS = {
     Button.ENABLE: sdl2.SDL_CONTROLLER_BUTTON_LEFTSHOULDER,
     Button.TURBO: sdl2.SDL_CONTROLLER_BUTTON_RIGHTSHOULDER,
+    Button.STOP: sdl2.SDL_CONTROLLER_BUTTON_X,
     Button.ESTOP: sdl2.SDL_CONTROLLER_BUTTON_B,
     Button.ARM: sdl2.SDL_CONTROLLER_BUTTON_START,
 }
-HELP = "hold LB and move the left stick to drive, RB is turbo, B the emergency stop, Start arms"
+HELP = """\
+Hold LB and move the left stick to drive; RB is turbo. Let LB go, and the robot is given back to whoever else drives it.
+X stops it, whoever drives; B is the emergency stop; Start arms."""
 FULL = 32768
 
 

@@ -25,7 +25,7 @@ class FakeDaemon:
     ``refuse`` maps a method to a kind of refusal; ``hang_up_on`` names a method that ends the connection
     instead; one that ``coasts`` stops only by the dead-man; a ``silent`` one sends no events; ``stuck`` wheels
     do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
-    ``drift_rad_s`` how it turns though they do not.
+    ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class FakeDaemon:
         self.unknown_sources: set[str] = set()
         self.protocol = "1.0"
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
-        self.slip = self.drift_rad_s = 0.0
+        self.slip = self.drift_rad_s = self.latency_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
         self._conversations: set[asyncio.Task[None]] = set()
@@ -132,6 +132,8 @@ class FakeDaemon:
             self.calls.append((now_s, request["method"], request["params"]))
             if request["method"] == self.hang_up_on:
                 break
+            if self.latency_s:
+                await asyncio.sleep(self.latency_s)
             _send(writer, {"id": request["id"], **self._answer(writer, now_s, request)})
         del self._subscribed[writer]
         writer.close()

@@ -1,6 +1,6 @@
 """A gamepad's buttons and stick turned into orders."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import pytest
 from hypothesis import given, settings
@@ -31,11 +31,11 @@ def reading(*down: Button, forward: float = 0.0, left: float = 0.0) -> Reading:
 
 @dataclass
 class Driver:
-    """Holds a pad and remembers what it ordered; each look is 10 ms after the last."""
+    """Holds a pad; each look is 10 ms after the last."""
 
     pad: Pad = UNTOUCHED
     now_s: float = 100.0
-    orders: list[Order] = field(default_factory=list)
+    look_s: float = 0.01
 
     def looks(self, *readings: Reading | None) -> list[Order]:
         """The orders of these looks."""
@@ -43,7 +43,7 @@ class Driver:
         for one in readings:
             self.pad, orders = step(PARAMETERS, self.pad, one, self.now_s)
             asked += orders
-            self.now_s += 0.01
+            self.now_s += self.look_s
         return asked
 
 
@@ -60,11 +60,11 @@ def test_the_button_must_be_seen_up_first() -> None:
     assert driver.looks(reading(), held) == [AHEAD]
 
 
-def test_letting_go_stops_once() -> None:
-    """One stop when the button goes up, whatever the stick says, and then silence."""
+def test_letting_go_is_told_once() -> None:
+    """One order when the button goes up, whatever the stick says, and then silence; it is no stop for everybody."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [Demand.STOP]
+    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [Demand.LET_GO]
 
 
 def test_velocities_are_repeated_at_20_hz() -> None:
@@ -72,6 +72,27 @@ def test_velocities_are_repeated_at_20_hz() -> None:
     driver = Driver()
     driver.looks(reading())
     assert driver.looks(*[reading(Button.ENABLE, forward=1.0)] * 100) == [AHEAD] * 20
+
+
+@pytest.mark.parametrize("look_s", [0.003, 0.011, 0.0125, 0.017, 0.03, 0.049])
+def test_20_hz_do_not_depend_on_when_looks_come(look_s: float) -> None:
+    """In ten seconds 200 turns, one more or less, however the looks fall between them."""
+    driver = Driver(look_s=look_s)
+    driver.looks(reading())
+    asked = driver.looks(*[reading(Button.ENABLE, forward=1.0)] * round(10.0 / look_s))
+    assert len(asked) == pytest.approx(200, abs=1)
+
+
+def test_turns_that_were_missed_are_not_made_up_for() -> None:
+    """After 0.32 s without a look one velocity is asked for, and the next on the old grid, 30 ms later."""
+    driver = Driver()
+    held = reading(Button.ENABLE, forward=1.0)
+    driver.looks(reading(), held)
+    began_s = driver.now_s - driver.look_s
+    driver.now_s = began_s + 0.32
+    assert driver.looks(held, held, held) == [AHEAD]
+    driver.now_s = began_s + 0.3501
+    assert driver.looks(held, held) == [AHEAD]
 
 
 def test_the_stick_let_go_is_told_at_once() -> None:
@@ -90,27 +111,43 @@ def test_turbo_is_twice_as_fast() -> None:
     assert driver.looks(reading(*down, forward=-1.0, left=1.0)) == [Twist2D(-0.4, 1.6)]
 
 
-@pytest.mark.parametrize(("button", "demand"), [(Button.ESTOP, Demand.ESTOP), (Button.ARM, Demand.ARM)])
-def test_presses_that_are_no_velocity(button: Button, demand: Demand) -> None:
-    """Each press is told once, ends the motion, and needs the enable button anew."""
+@pytest.mark.parametrize(
+    ("button", "demands"),
+    [
+        (Button.ESTOP, [Demand.ESTOP]),
+        (Button.STOP, [Demand.STOP]),
+        (Button.ARM, [Demand.LET_GO, Demand.ARM]),
+    ],
+)
+def test_presses_that_are_no_velocity(button: Button, demands: list[Demand]) -> None:
+    """Each press is told once, ends the motion (arming alone would not), and needs the enable button anew."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
     both = reading(Button.ENABLE, button, forward=1.0)
-    assert driver.looks(both, both, reading(Button.ENABLE, forward=1.0)) == [demand]
+    assert driver.looks(both, both, reading(Button.ENABLE, forward=1.0)) == demands
     assert driver.looks(reading(), reading(Button.ENABLE, forward=1.0)) == [AHEAD]
 
 
-def test_estop_goes_before_arm() -> None:
-    """Of both at once the emergency stop counts."""
-    driver = Driver()
-    assert driver.looks(reading(), reading(Button.ESTOP, Button.ARM)) == [Demand.ESTOP]
+@pytest.mark.parametrize("button", [Button.STOP, Button.ESTOP, Button.ARM])
+def test_presses_need_no_enable_button(button: Button) -> None:
+    """Whoever holds the pad can stop the robot that another drives, and arm it."""
+    assert Driver().looks(reading(), reading(button)) == [Demand(button)]
 
 
-def test_a_pad_that_goes_stops() -> None:
-    """Unplugged while driving: one stop; plugged in again with the button held: nothing."""
+def test_of_presses_at_once_the_safest_counts() -> None:
+    """The emergency stop before the stop, the stop before arming."""
+    for buttons, demand in (
+        ((Button.ESTOP, Button.STOP, Button.ARM), Demand.ESTOP),
+        ((Button.STOP, Button.ARM), Demand.STOP),
+    ):
+        assert Driver().looks(reading(), reading(*buttons)) == [demand]
+
+
+def test_a_pad_that_goes_lets_go() -> None:
+    """Unplugged while driving: one order; plugged in again with the button held: nothing."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [Demand.STOP]
+    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [Demand.LET_GO]
 
 
 def test_after_a_refusal_the_button_is_needed_anew() -> None:

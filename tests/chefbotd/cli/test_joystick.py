@@ -64,8 +64,8 @@ async def drive(pad: FakePad) -> None:
     await asyncio.sleep(0.5)
 
 
-def test_it_drives_at_20_hz_and_stops(daemon: FakeDaemon) -> None:
-    """Some ten commands in half a second, as ``joystick``; the stop follows within a look of 10 ms."""
+def test_it_drives_and_lets_go(daemon: FakeDaemon) -> None:
+    """Commands as ``joystick``; a look of 10 ms after the button its own target is zero, and its source given back."""
 
     async def script(pad: FakePad) -> None:
         await drive(pad)
@@ -73,17 +73,70 @@ def test_it_drives_at_20_hz_and_stops(daemon: FakeDaemon) -> None:
         await asyncio.sleep(1.0)
 
     asked = fly(daemon, script)
-    driven = [call for call in asked if call[1] == "drive"]
-    assert len(driven) == pytest.approx(10, abs=1)
-    assert {source for _, _, source in driven} == {"joystick"}
-    assert [(at_s, name) for at_s, name, _ in asked if name != "drive"] == [
-        (pytest.approx(0.56, abs=0.01), "stop")
-    ]
+    speeds = [given["linear_m_s"] for _, name, given in daemon.calls if name == "drive"]
+    assert speeds == [0.2] * (len(speeds) - 1) + [0.0]
+    assert {source for _, name, source in asked if name == "drive"} == {"joystick"}
+    assert [name for _, name, _ in asked][-2:] == ["drive", "release_control"]
+    assert [at_s for at_s, _, _ in asked][-2:] == [pytest.approx(0.56, abs=0.011)] * 2
+    assert "stop" not in daemon.methods()
 
 
-def test_its_end_stops_the_robot(daemon: FakeDaemon) -> None:
-    """Ended while the button is held, its last word is a stop."""
-    assert fly(daemon, drive)[-1][1] == "stop"
+@pytest.mark.parametrize("latency_s", [0.0, 0.001, 0.004, 0.03])
+def test_it_drives_at_20_hz(daemon: FakeDaemon, latency_s: float) -> None:
+    """In ten seconds 200 commands, one more or less, whatever time their answers take."""
+    daemon.latency_s = latency_s
+
+    async def script(pad: FakePad) -> None:
+        pad.reading = HELD
+        await asyncio.sleep(10.0)
+
+    driven = [call for call in fly(daemon, script) if call[1] == "drive"]
+    assert len(driven) == pytest.approx(201, abs=1)  # and the zero at the end
+
+
+def test_a_hang_is_followed_by_no_burst(daemon: FakeDaemon) -> None:
+    """Answers that take 0.3 s are waited for: no tenth of a second has more than its own two turns and a late one."""
+    daemon.latency_s = 0.3
+
+    async def script(pad: FakePad) -> None:
+        pad.reading = HELD
+        await asyncio.sleep(1.0)
+        daemon.latency_s = 0.0
+        await asyncio.sleep(0.5)
+
+    times_s = [at_s for at_s, name, _ in fly(daemon, script) if name == "drive"]
+    assert len(times_s) > 10
+    assert all(sum(at_s <= other_s < at_s + 0.1 for other_s in times_s[:-1]) <= 3 for at_s in times_s)
+
+
+def test_its_end_lets_go(daemon: FakeDaemon) -> None:
+    """Ended while the button is held, its last words are a target of zero and its source given back."""
+    asked = fly(daemon, drive)
+    assert [name for _, name, _ in asked][-2:] == ["drive", "release_control"]
+    assert daemon.calls[-2][2]["linear_m_s"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("refused", "kind", "last"),
+    [
+        ("release_control", "rate_limited", ["drive", "release_control", "stop"]),
+        ("drive", "lease_held", ["drive", "release_control"]),
+    ],
+)
+def test_letting_go_that_is_refused(daemon: FakeDaemon, refused: str, kind: str, last: list[str]) -> None:
+    """A target that is another's by now is left alone; a source that cannot be given back ends in a stop."""
+
+    async def script(pad: FakePad) -> None:
+        await drive(pad)
+        await asyncio.sleep(0.02)  # between two turns
+        daemon.refuse[refused] = kind
+        pad.reading = Reading()
+        await asyncio.sleep(0.2)
+
+    said: list[str] = []
+    asked = [name for _, name, _ in fly(daemon, script, said)]
+    assert asked[-len(last) :] == last
+    assert said == []
 
 
 def test_a_robot_without_that_source(daemon: FakeDaemon) -> None:
@@ -104,21 +157,21 @@ def test_a_source_that_was_asked_for(daemon: FakeDaemon) -> None:
     assert said == ["unknown_source: it will not"]
 
 
-def test_estop_and_arm(daemon: FakeDaemon) -> None:
+def test_stop_estop_and_arm(daemon: FakeDaemon) -> None:
     """Each is one call, and told."""
     said: list[str] = []
 
     async def script(pad: FakePad) -> None:
-        for button in (Button.ESTOP, Button.ARM):
+        for button in (Button.STOP, Button.ESTOP, Button.ARM):
             pad.reading = Reading(down=frozenset({button}))
             await asyncio.sleep(0.1)
 
-    assert [name for _, name, _ in fly(daemon, script, said)] == ["estop", "arm"]
-    assert said == ["Emergency stop; Start arms again.", "Armed."]
+    assert [name for _, name, _ in fly(daemon, script, said)] == ["stop", "estop", "arm"]
+    assert said == ["Stopped, whoever drove.", "Emergency stop; Start arms again.", "Armed."]
 
 
 def test_an_unplugged_pad(daemon: FakeDaemon) -> None:
-    """The robot is stopped, the driver told, and told again when the pad is back."""
+    """It lets go, the driver is told, and told again when the pad is back."""
     said: list[str] = []
 
     async def script(pad: FakePad) -> None:
@@ -128,8 +181,8 @@ def test_an_unplugged_pad(daemon: FakeDaemon) -> None:
         pad.reading = HELD
         await asyncio.sleep(0.1)
 
-    assert [name for _, name, _ in fly(daemon, script, said)][-2:] == ["drive", "stop"]
-    assert said == ["Pad is gone: stopped", "Pad is back"]
+    assert [name for _, name, _ in fly(daemon, script, said)][-2:] == ["drive", "release_control"]
+    assert said == ["Pad is gone: it drives no more", "Pad is back"]
 
 
 def test_a_refusal_is_told_once(daemon: FakeDaemon) -> None:

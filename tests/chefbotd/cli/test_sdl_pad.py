@@ -57,6 +57,8 @@ def test_a_pad_is_read(pad: SdlPad) -> None:
     assert reading.down == {Button.ENABLE, Button.ESTOP}
     virtual.set(0.0, 0.0, sdl2.SDL_CONTROLLER_BUTTON_RIGHTSHOULDER, sdl2.SDL_CONTROLLER_BUTTON_START)
     assert pad.read() == Reading(down=frozenset({Button.TURBO, Button.ARM}))
+    virtual.set(0.0, 0.0, sdl2.SDL_CONTROLLER_BUTTON_X)
+    assert pad.read() == Reading(down=frozenset({Button.STOP}))
     virtual.unplug()
 
 
@@ -80,5 +82,5 @@ def test_the_command_without_a_pad(control: Control, pad: SdlPad) -> None:
     """It says how it would be driven, and that there is no pad."""
     result = control("joystick")
     assert result.exit_code == Exit.FAILED
-    assert "hold LB" in result.stderr
+    assert "Hold LB" in result.stderr
     assert "no gamepad found" in result.stderr
