@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import random
+import ssl
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 
@@ -39,8 +40,13 @@ class SimulatedRobot:
 
 
 @contextlib.asynccontextmanager
-async def simulated_robot(settings: Settings | None = None) -> AsyncIterator[SimulatedRobot]:
-    """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between."""
+async def simulated_robot(
+    settings: Settings | None = None, *, token: str | None = None, tls: ssl.SSLContext | None = None
+) -> AsyncIterator[SimulatedRobot]:
+    """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between.
+
+    ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket.
+    """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
     board = BoardRunner(build_launchpad(simulation_of(settings)), lambda data: device.feed(data), LoopClock())
@@ -50,18 +56,20 @@ async def simulated_robot(settings: Settings | None = None) -> AsyncIterator[Sim
         settings, clock=LoopClock(), opener=device.open, simulated=True, rng=random.Random(settings.sim.seed)
     )
     try:
-        async with _running(daemon) as client:
+        async with _running(daemon, token, tls) as client:
             yield SimulatedRobot(client, device, board, daemon)
     finally:
         await _end(living)
 
 
 @contextlib.asynccontextmanager
-async def _running(daemon: Daemon) -> AsyncIterator[Client]:
+async def _running(
+    daemon: Daemon, token: str | None = None, tls: ssl.SSLContext | None = None
+) -> AsyncIterator[Client]:
     task = asyncio.create_task(daemon.run())
     try:
         host, port = await daemon.server.address()
-        async with Client.connect(host, port) as client:
+        async with Client.connect(host, port, token=token, tls=tls) as client:
             yield client
     finally:
         await _end(task)

@@ -56,3 +56,20 @@ class FrameCount:
 
     def _frames(self) -> int:
         return sum(self._session.frames.values())
+
+
+class StepCount:
+    """Encoder frames that the session took from now on, and that neither led to a control step nor were refused."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+        self._before = self._behind()
+
+    @property
+    def missed(self) -> int:
+        """So many; the last of them may be on its way."""
+        return max(self._behind() - self._before - 1, 0)
+
+    def _behind(self) -> int:
+        driving = self._robot.daemon.driving
+        return self._robot.daemon.session.frames["EncoderCounts"] - driving.steps - driving.readings_refused

@@ -10,7 +10,7 @@ from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.scenarios.wires import Rewrite, frozen, rewire
+from tests.scenarios.wires import Rewrite, frozen, rewire, slipping
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
 
@@ -182,19 +182,6 @@ def test_no_duty_follows_the_reset_of_a_driving_robots_board():
         assert set(lines) == {b"s 0 0", b"r", b""}
 
     on_robot(load(), scenario)
-
-
-def slipping(index: int, extra_counts: int = 40) -> Rewrite:
-    """A wheel that loses its grip every second for a quarter of one: it turns so much farther in each reading."""
-    heard = spun = 0
-
-    def rewrite(counts: list[bytes]) -> list[bytes]:
-        nonlocal heard, spun
-        heard += 1
-        spun += extra_counts if heard % 50 < 12 else 0
-        return [*counts[:index], b"%d" % (int(counts[index]) + spun), *counts[index + 1 :]]
-
-    return rewrite
 
 
 @pytest.mark.parametrize("wheel", range(4))

@@ -5,19 +5,23 @@ commanding at 20 Hz, whatever it is answered, so whatever stands still does so a
 """
 
 import asyncio
-import contextlib
-from collections.abc import Callable, Mapping
-from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass, field
+import math
+from collections.abc import AsyncIterator, Callable, Mapping, MutableMapping
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, asynccontextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from structlog.testing import capture_logs
 
 from chefbotd.client import CallError, Client, ClientError
 from chefbotd.clock import run_virtual
-from chefbotd.services.supervisor import ServiceLost
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.scenarios.instruments import FrameCount, Stopwatch, is_moving
+from tests.scenarios.doors import Door, unguarded
+from tests.scenarios.driver import Driver
+from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving
 
-PERIOD_S = 0.05
+ROBOTS = ("chefbot", "khan")
 RUN_UP_S, LEAVING_S = 1.5, 1.5
 AHEAD = (0.2, 0.0)
 """Metres and radians per second."""
@@ -32,11 +36,20 @@ class Expected:
 
     ``mode`` and ``kind`` (the fault that latched, or what limits the motion) are those of the topic ``safety`` while it
     lasts; zero is on the motors within ``zero_within_s`` of its beginning and stays there (None: it drives on).
+    ``logged`` are entries of the log.
     """
 
     mode: str = "armed"
     kind: str | None = None
     zero_within_s: float | None = None
+    logged: tuple[str, ...] = ()
+
+    @property
+    def log(self) -> tuple[str, ...]:
+        """Every entry that must be there: a latch and a limit are always logged."""
+        if self.mode in ("disarmed", "estopped"):
+            return ("safety mode changed", *self.logged)
+        return ("motion limited", *self.logged) if self.kind is not None else self.logged
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,38 +69,9 @@ class Result:
     wrong: tuple[str, ...]
 
 
-class Driver:
-    """The stubborn client."""
-
-    def __init__(self, robot: SimulatedRobot, twist: tuple[float, float]) -> None:
-        self._robot, self.twist = robot, twist
-        self.talks = True
-        self.gone = False
-        self._task = asyncio.create_task(self._run())
-
-    @property
-    def lost(self) -> bool:
-        """Whether its connection ended and it was not its own doing."""
-        return self._task.done() and not self.gone
-
-    async def leave(self) -> None:
-        """Close the connection in mid-drive."""
-        self.gone = True
-        self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
-
-    def come_back(self) -> None:
-        """Connect again."""
-        self.gone, self._task = False, asyncio.create_task(self._run())
-
-    async def _run(self) -> None:
-        host, port = await self._robot.daemon.server.address()
-        async with Client.connect(host, port, name="driver") as client:
-            while True:
-                if self.talks:
-                    with contextlib.suppress(CallError):
-                        await client.drive(*self.twist)
-                await asyncio.sleep(PERIOD_S)
+def broken(robot_name: str, fault_name: str, error: Exception) -> Result:
+    """Of a trial that could not be carried through."""
+    return Result(robot_name, fault_name, None, None, None, 0, 0, (f"no outcome: {error!r}",))
 
 
 @dataclass(slots=True)
@@ -96,6 +80,7 @@ class Trial:
 
     robot: SimulatedRobot
     driver: Driver
+    door: Door
     wrong: list[str] = field(default_factory=list)
 
     async def told(self) -> tuple[str, str | None]:
@@ -105,6 +90,23 @@ class Trial:
         except ClientError:
             return ENDED, None
         return safety["mode"], safety["fault"] or safety["limited_by"]
+
+    async def topic(self, name: str) -> dict[str, Any]:
+        """A topic's latest data."""
+        data: dict[str, Any] = (await self.robot.client.get_state())["topics"][name]["data"]
+        return data
+
+    async def odometry_error_m(self) -> float:
+        """How far odometry is from the truth."""
+        odometry, true = await self.topic("odometry"), self.robot.board.truth(0.0).world_from_base
+        return math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m))
+
+    @asynccontextmanager
+    async def another(self, name: str, role: str = "drive") -> AsyncIterator[Client]:
+        """One more client, with a name and what it needs to come in."""
+        host, port = await self.robot.daemon.server.address()
+        async with Client.connect(host, port, name=name, **self.door.key(role)) as client:
+            yield client
 
     def check(self, holds: bool, complaint: str) -> None:
         """Note what is not as it should be."""
@@ -119,9 +121,11 @@ Inject = Callable[[Trial], AbstractAsyncContextManager[None]]
 class Fault:
     """Entering ``inject`` makes it happen, leaving it ``lasts_s`` later takes it away.
 
-    ``leave`` is the twist by which the robot shows that it is as good as new. Only faults ``on_wire`` may cost frames.
+    ``row`` is how its row of docs/safety.md begins. ``leave`` is the twist by which the robot shows that it is as good
+    as new. Only faults ``on_wire`` may cost frames.
     """
 
+    row: str
     name: str
     inject: Inject
     expected: Expected
@@ -130,6 +134,8 @@ class Fault:
     leave: tuple[float, float] = AHEAD
     on_wire: bool = False
     overrides: Mapping[str, object] = field(default_factory=dict)
+    robots: tuple[str, ...] = ROBOTS
+    door: Callable[[], AbstractContextManager[Door]] = unguarded
 
 
 def motion(
@@ -142,25 +148,33 @@ def motion(
 def attempt(fault: Fault, robot_name: str) -> Result:
     """Let it happen to a fresh robot."""
     results: list[Result] = []
+    wrong: list[str] = []
+    with capture_logs() as log, fault.door() as door:
+        settings = load(packaged(robot_name), overrides={**fault.overrides, **door.overrides})
 
-    async def run() -> None:
-        async with simulated_robot(load(packaged(robot_name), overrides=fault.overrides)) as robot:
-            await asyncio.sleep(1.0)
-            trial = Trial(robot, Driver(robot, fault.twist))
-            results.append(await _measured(fault, robot_name, trial))
-            await trial.driver.leave()
+        async def run() -> None:
+            async with simulated_robot(settings, **door.key()) as robot:
+                await asyncio.sleep(1.0)
+                trial = Trial(robot, Driver(robot, fault.twist, door.key("drive")), door, wrong)
+                results.append(await _measured(fault, robot_name, trial))
+                await trial.driver.leave()
 
-    try:
-        run_virtual(run())
-    except* ServiceLost:
-        if fault.expected.mode != ENDED:
-            raise
-    return results[0]
+        try:
+            run_virtual(run())
+        except* Exception:  # whatever ended the daemon, where it must end
+            if fault.expected.mode != ENDED:
+                raise
+    return replace(results[0], wrong=(*wrong, *_unlogged(fault.expected, log)))
+
+
+def _unlogged(expected: Expected, log: list[MutableMapping[str, Any]]) -> list[str]:
+    entries = {entry["event"] for entry in log}
+    return [f"log has no {event!r}" for event in expected.log if event not in entries]
 
 
 async def _measured(fault: Fault, robot_name: str, trial: Trial) -> Result:
     """The fault, what it does, and the way out of it."""
-    frames = FrameCount(trial.robot)
+    frames, steps = FrameCount(trial.robot), StepCount(trial.robot)
     await asyncio.sleep(RUN_UP_S)
     trial.check(is_moving(trial.robot), "did not drive in the first place")
     async with fault.inject(trial):
@@ -177,8 +191,9 @@ async def _measured(fault: Fault, robot_name: str, trial: Trial) -> Result:
     frames_lost, clients_lost = 0 if ended else frames.lost, trial.driver.lost + ended
     trial.check(ended or not clients_lost, "lost a client")
     trial.check(fault.on_wire or not frames_lost, f"lost {frames_lost} frames")
+    trial.check(ended or fault.on_wire or not steps.missed, f"missed {steps.missed} control steps")
     moved = motion(watch.zero_s, watch.rest_s, speed_m_s, stops=fault.expected.zero_within_s is not None)
-    return Result(robot_name, fault.name, *moved, frames_lost, clients_lost, tuple(trial.wrong))
+    return Result(robot_name, fault.name, *moved, frames_lost, clients_lost, ())
 
 
 def _check_motion(expected: Expected, trial: Trial, watch: Stopwatch) -> None:
@@ -193,9 +208,9 @@ def _check_motion(expected: Expected, trial: Trial, watch: Stopwatch) -> None:
 async def _leave(fault: Fault, trial: Trial) -> None:
     """Arm where it latched, see that nothing moves by that, and drive as if nothing had been."""
     robot, driver, (linear_m_s, _) = trial.robot, trial.driver, fault.leave
-    driver.twist = fault.leave
+    driver.twist, driver.says = fault.leave, driver.drive
     if fault.expected.mode != "armed":
-        driver.talks = False
+        driver.says = None
         await asyncio.sleep(0.5)
         try:
             await robot.client.arm()
@@ -203,7 +218,7 @@ async def _leave(fault: Fault, trial: Trial) -> None:
             trial.check(False, f"cannot be armed: {refusal}")
         await asyncio.sleep(0.3)
         trial.check(not any(robot.board.duty) and not is_moving(robot), "jumps when armed")
-    driver.talks = True
+        driver.says = driver.drive
     await asyncio.sleep(LEAVING_S)
     off_m_s = abs(robot.board.truth(0.0).twist.linear_m_s - linear_m_s)
     trial.check(off_m_s < 0.05 * abs(linear_m_s), "does not drive again")

@@ -1,9 +1,11 @@
 """What may be wrong between the simulated robot and its daemon: broken encoders, false readings, a bad cable."""
 
+import math
 from collections.abc import Callable
 
 from chefbotd.sim.faults import BadCable, CableParameters
 from chefbotd.testing.daemon import SimulatedRobot
+from chefbotd.testing.transport import FakeSerialTransport
 
 Rewrite = Callable[[list[bytes]], list[bytes] | None]
 
@@ -20,6 +22,19 @@ def rewire(robot: SimulatedRobot, kind: bytes, rewrite: Rewrite) -> None:
         return b"" if changed is None else b"\t".join([kind, *changed]) + b"\n"
 
     robot.device.transport.feed = lambda data: feed(b"".join(line(t) for t in data.splitlines()))
+
+
+def rewire_motor(robot: SimulatedRobot, index: int) -> None:
+    """From now on this wheel turns the other way than it is told."""
+    write = robot.device.on_write
+
+    def line(text: bytes) -> bytes:
+        kind, *duties = text.split(b" ")
+        if kind == b"s":
+            duties[index] = b"%d" % -int(duties[index])
+        return b" ".join([kind, *duties]) + b"\r"
+
+    robot.device.on_write = lambda data: write(b"".join(line(text) for text in data.split(b"\r")[:-1]))
 
 
 def frozen(index: int) -> Rewrite:
@@ -55,6 +70,46 @@ def jumping(index: int) -> Rewrite:
         return [*counts[:index], elsewhere, *counts[index + 1 :]]
 
     return rewrite
+
+
+def slipping(index: int, extra_counts: int = 40) -> Rewrite:
+    """A wheel that loses its grip every second for a quarter of one: it turns so much farther in each reading."""
+    heard = spun = 0
+
+    def rewrite(counts: list[bytes]) -> list[bytes]:
+        nonlocal heard, spun
+        heard += 1
+        spun += extra_counts if heard % 50 < 12 else 0
+        return [*counts[:index], b"%d" % (int(counts[index]) + spun), *counts[index + 1 :]]
+
+    return rewrite
+
+
+def transport_of(robot: SimulatedRobot) -> FakeSerialTransport:
+    """The cable, which must be plugged in."""
+    transport = robot.device.transport
+    assert transport is not None
+    return transport
+
+
+def misread(data: bytes, ratio: float) -> bytes:
+    """What a UART reads of 8N1 bytes that come without a pause, sent at ``ratio`` times its own rate."""
+    line = [level for byte in data for level in (0, *(byte >> bit & 1 for bit in range(8)), 1)]
+    read, at = bytearray(), 0
+    while (start := _falling_edge(line, at)) is not None:
+        samples = [start + (bit + 0.5) * ratio for bit in range(10)]
+        levels = [line[int(sample)] if sample < len(line) else 1 for sample in samples]
+        read.append(sum(level << bit for bit, level in enumerate(levels[1:9])))
+        at = math.ceil(samples[9])
+    return bytes(read)
+
+
+def _falling_edge(line: list[int], at: int) -> int | None:
+    """Where the next start bit begins; the line is high when nothing is sent."""
+    for index in range(at, len(line)):
+        if line[index] == 0 and (index == 0 or line[index - 1] == 1):
+            return index
+    return None
 
 
 def damage(robot: SimulatedRobot, shares: dict[str, float], seed: int) -> None:

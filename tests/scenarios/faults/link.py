@@ -1,0 +1,351 @@
+"""What happens to the link, the board, and what comes over the wire."""
+
+import asyncio
+import random
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
+
+from chefbotd.core.events import LinkClosed, LinkOpened
+from tests.scenarios.faults.outcomes import (
+    AT_ONCE_S,
+    DRIVES_ON,
+    SLACK_S,
+    STALE,
+    STALE_S,
+    drives_on,
+    estopped,
+    latched,
+)
+from tests.scenarios.trial import Expected, Fault, Trial
+from tests.scenarios.wires import damage, misread, transport_of
+
+MISSING_M = 0.03
+"""0.2 m/s, a few readings of 20 ms, and as many that have to agree with an unlikely one."""
+
+REPLUG_S = 1.0
+LONGEST_BACKOFF_S = 2.0
+REPLUGS = 100
+BACKOFF_OPENS = 8
+"""In three seconds: after 0.1, 0.2, 0.4, 0.8 and then every 2 s, each varied by a fifth."""
+
+GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+BEGUN_LINE = b"e\t50\t4"
+NOT_THE_BOARD = "this does not sound like the board"
+
+
+@asynccontextmanager
+async def unheard(trial: Trial) -> AsyncIterator[None]:
+    """Nothing that the board says arrives."""
+    transport = transport_of(trial.robot)
+    feed, transport.feed = transport.feed, lambda data: None
+    yield
+    transport.feed = feed
+
+
+@asynccontextmanager
+async def heard_as(condition: str, trial: Trial) -> AsyncIterator[None]:
+    """At the end of this context the link's topic says what the port sounds like."""
+    yield
+    told = await trial.topic("link")
+    trial.check((told["condition"], told["healthy"]) == (condition, False), f"heard as {told['condition']}")
+
+
+@asynccontextmanager
+async def silent(trial: Trial) -> AsyncIterator[None]:
+    """The board says nothing for so long that the port is told to be silent."""
+    async with unheard(trial), heard_as("silent", trial):
+        yield
+
+
+@asynccontextmanager
+async def _instead(said: bytes, period_s: float, trial: Trial) -> AsyncIterator[None]:
+    """This comes in, again and again, and nothing of the board's."""
+    transport = transport_of(trial.robot)
+    feed = transport.feed
+
+    async def talk() -> None:
+        while True:
+            feed(said)
+            await asyncio.sleep(period_s)
+
+    async with unheard(trial):
+        talking = asyncio.create_task(talk())
+        yield
+        talking.cancel()
+
+
+@asynccontextmanager
+async def other_device(trial: Trial) -> AsyncIterator[None]:
+    """What comes in is a satellite receiver's."""
+    async with _instead(GPS, 0.1, trial), heard_as("wrong_device", trial):
+        yield
+
+
+@asynccontextmanager
+async def noise(trial: Trial) -> AsyncIterator[None]:
+    """A megabyte a second, and nothing else."""
+    async with _instead(random.Random(3).randbytes(10_000), 0.01, trial):
+        yield
+
+
+@asynccontextmanager
+async def wrong_baud(board_baud: int, trial: Trial) -> AsyncIterator[None]:
+    """The board's program talks at another rate than the port's 115200."""
+    transport = transport_of(trial.robot)
+    feed = transport.feed
+    transport.feed = lambda data: feed(misread(data, board_baud / 115_200))
+    async with heard_as("wrong_baud", trial):
+        yield
+    transport.feed = feed
+
+
+@asynccontextmanager
+async def damaged(share: str, trial: Trial) -> AsyncIterator[None]:
+    """One byte in a hundred suffers, both ways."""
+    transport, device = transport_of(trial.robot), trial.robot.device
+    feed, write = transport.feed, device.on_write
+    damage(trial.robot, {share: 0.01}, seed=7)
+    yield
+    transport.feed, device.on_write = feed, write
+
+
+@asynccontextmanager
+async def misheard(share: str, trial: Trial) -> AsyncIterator[None]:
+    """The same, but only what the board says: odometry loses no more than the readings that are still missing."""
+    write, off_m = trial.robot.device.on_write, await trial.odometry_error_m()
+    async with damaged(share, trial):
+        trial.robot.device.on_write = write
+        yield
+        worse_m = await trial.odometry_error_m() - off_m
+        trial.check(worse_m < MISSING_M, f"odometry is {worse_m:.3f} m worse")
+
+
+@asynccontextmanager
+async def unplugged(trial: Trial) -> AsyncIterator[None]:
+    """The cable is pulled, and put back a second later."""
+    device = trial.robot.device
+    device.unplug()
+    asyncio.get_running_loop().call_later(REPLUG_S, device.plug)
+    yield
+
+
+@asynccontextmanager
+async def replugged(trial: Trial) -> AsyncIterator[None]:
+    """The cable is pulled and put back a hundred times: no task is left over."""
+    device, daemon = trial.robot.device, trial.robot.daemon
+    events = daemon.bus.subscribe(LinkOpened, LinkClosed, size=2 * REPLUGS)
+    before = len(asyncio.all_tasks())
+    for _ in range(REPLUGS):
+        device.unplug()
+        await events.get()
+        device.plug()
+        await events.get()
+        await asyncio.sleep(SLACK_S)
+    events.close()
+    left = len(asyncio.all_tasks()) - before
+    trial.check(not left, f"{left} tasks more than before")
+    yield
+
+
+@asynccontextmanager
+async def opens_and_closes(trial: Trial) -> AsyncIterator[None]:
+    """The port is lost as soon as it is open, for three seconds: it is tried ever more rarely."""
+    robot = trial.robot
+    opened, before = robot.daemon.bus.subscribe(LinkOpened), robot.daemon.session.opens
+
+    async def close_again() -> None:
+        transport_of(robot).lose(OSError("gone again"))
+        async for _ in opened:
+            transport_of(robot).lose(OSError("gone again"))
+
+    closing = asyncio.create_task(close_again())
+    yield
+    closing.cancel()
+    opened.close()
+    opens = robot.daemon.session.opens - before
+    trial.check(1 < opens <= BACKOFF_OPENS, f"opened {opens} times")
+    await asyncio.sleep(LONGEST_BACKOFF_S * 1.2)
+
+
+@asynccontextmanager
+async def reset(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts because somebody asks for it: a stop first, and the reset right behind it."""
+    said: list[bytes] = []
+    write = trial.robot.device.on_write
+    trial.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
+    await trial.robot.client.reset_board()
+    yield
+    trial.robot.device.on_write = write
+    stop = b"s" + b" 0" * len(trial.robot.board.duty) + b"\r"
+    before = said[: said.index(b"r\r")]
+    trial.check(before[-1:] == [stop], f"wrote {before}")
+
+
+@asynccontextmanager
+async def reset_by_itself(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts in the middle of a line, as when its voltage sags."""
+    transport_of(trial.robot).feed(BEGUN_LINE)
+    trial.robot.board.receive(b"r\r")
+    yield
+
+
+@asynccontextmanager
+async def reset_without_banner(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts and not a word of its banner arrives: only its clock tells."""
+    transport = transport_of(trial.robot)
+    feed = transport.feed
+    lines = lambda data: (line for line in data.splitlines(keepends=True) if line[1:2] == b"\t")  # noqa: E731
+    transport.feed = lambda data: feed(b"".join(lines(data)))
+    trial.robot.board.receive(b"r\r")
+    yield
+    transport.feed = feed
+
+
+@asynccontextmanager
+async def power_cycle(trial: Trial) -> AsyncIterator[None]:
+    """The cable is pulled, and meanwhile the board loses its power and has it again."""
+    before = trial.robot.daemon.session.board_restarts
+    trial.robot.board.receive(b"r\r")
+    async with unplugged(trial):
+        yield
+        trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
+
+
+@asynccontextmanager
+async def deaf_board(trial: Trial) -> AsyncIterator[None]:
+    """The board reads nothing for half a second, in which somebody presses stop in earnest."""
+    transport = transport_of(trial.robot)
+    transport.stall()
+    asyncio.get_running_loop().call_later(0.5, transport.drain)
+    await trial.robot.client.estop("trial")
+    yield
+
+
+@asynccontextmanager
+async def deaf_behind_a_buffer(trial: Trial) -> AsyncIterator[None]:
+    """The same, but the kernel takes all that is written: a handful of motions, and the stop."""
+    device = trial.robot.device
+    kernel: list[bytes] = []
+    read, device.on_write = device.on_write, kernel.append
+
+    def read_again() -> None:
+        device.on_write = read
+        read(b"".join(kernel))
+
+    await asyncio.sleep(2.0)
+    trial.check(0 < len(kernel) <= 20, f"{len(kernel)} lines wait in the kernel")
+    asyncio.get_running_loop().call_later(0.5, read_again)
+    await trial.robot.client.estop("trial")
+    yield
+
+
+@asynccontextmanager
+async def nothing(trial: Trial) -> AsyncIterator[None]:
+    """What happens is in the overrides."""
+    yield
+
+
+PULLED_S = REPLUG_S + LONGEST_BACKOFF_S + SLACK_S
+REBOOT_S = 1.2
+"""A second that the sketch waits, and the reset itself: until then the duty stays in force."""
+
+FAULTS = (
+    Fault("Encoders silent for a moment", "board silent for 1 s", unheard, STALE, lasts_s=1.0, on_wire=True),
+    Fault(
+        "Encoders silent for longer",
+        "board silent for longer",
+        silent,
+        latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+        on_wire=True,
+    ),
+    Fault(
+        "Nothing on the port, or another device",
+        "another device talks",
+        other_device,
+        latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+        on_wire=True,
+    ),
+    *(
+        Fault(
+            "Wrong baud rate",
+            f"board talks at {baud} baud",
+            partial(wrong_baud, baud),
+            latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+            on_wire=True,
+        )
+        for baud in (9600, 57_600, 230_400)
+    ),
+    Fault(
+        "Wrong baud rate",
+        "noise at 1 MB/s for 1 s",
+        noise,
+        Expected("armed", "encoders_stale", STALE_S, ("line refused",)),
+        lasts_s=1.0,
+        on_wire=True,
+    ),
+    *(
+        Fault(
+            "1 % of all bytes",
+            f"1 % of bytes {way}: {share}",
+            partial(inject, f"{share}_share"),
+            drives_on("line refused"),
+            on_wire=True,
+        )
+        for way, inject in (("both ways", damaged), ("from the board", misheard))
+        for share in ("flip", "drop", "double")
+    ),
+    Fault(
+        "Cable pulled",
+        "cable pulled for 1 s",
+        unplugged,
+        Expected("disarmed", "link_lost", PULLED_S, ("link lost", "lines around a fault")),
+        lasts_s=4.0,
+        on_wire=True,
+    ),
+    Fault("Cable pulled", "cable pulled a hundred times", replugged, latched("link_lost"), on_wire=True),
+    Fault(
+        "Port that opens and closes",
+        "port opens and closes for 3 s",
+        opens_and_closes,
+        latched("link_lost", 0.2 + SLACK_S, "link lost"),
+        on_wire=True,
+    ),
+    Fault("Reset asked for while driving", "board reset on request", reset, latched("board_restarted")),
+    Fault(
+        "Board restarts",
+        "board restarts in the middle of a line",
+        reset_by_itself,
+        latched("board_restarted", REBOOT_S + SLACK_S, "lines around a fault"),
+        on_wire=True,
+    ),
+    Fault(
+        "Board restarts",
+        "board restarts without a banner",
+        reset_without_banner,
+        latched("board_restarted", REBOOT_S + SLACK_S),
+        on_wire=True,
+    ),
+    Fault(
+        "Cable and power out",
+        "cable and power out for 1 s",
+        power_cycle,
+        latched("link_lost", PULLED_S),
+        lasts_s=4.0,
+        on_wire=True,
+    ),
+    Fault("Board does not read", "board reads nothing for 0.5 s", deaf_board, estopped(0.5 + AT_ONCE_S)),
+    Fault(
+        "Board talks but no longer reads",
+        "board reads nothing, the kernel takes all",
+        deaf_behind_a_buffer,
+        estopped(0.5 + AT_ONCE_S),
+    ),
+    Fault(
+        "Board's clock wraps",
+        "board's clock wraps",
+        nothing,
+        DRIVES_ON,
+        overrides={"sim.board.boot_micros": 2**32 - 3_000_000},
+    ),
+)

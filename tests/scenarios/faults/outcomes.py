@@ -1,0 +1,39 @@
+"""The outcomes that there are, and the times that they are made of.
+
+Every bound on the time to zero is the sum of what must pass before it, which stands beside it, and of some slack:
+one board cycle and one period of the driver.
+"""
+
+from tests.scenarios.trial import ENDED, Expected
+
+SLACK_S = 0.1
+AT_ONCE_S = SLACK_S
+RAMP_S = 0.3
+"""0.2 m/s at 1 m/s2, and the wheels' last bit of way."""
+
+DEAD_MAN_S = 0.5
+STALE_S = 0.25 + SLACK_S
+
+DRIVES_ON = Expected()
+ENDS = Expected(ENDED, None, AT_ONCE_S)
+STALE = Expected("armed", "encoders_stale", STALE_S)
+
+
+def latched(kind: str, within_s: float = AT_ONCE_S, logged: str | None = None) -> Expected:
+    """Disarmed by a fault."""
+    return Expected("disarmed", kind, within_s, () if logged is None else (logged,))
+
+
+def estopped(within_s: float = AT_ONCE_S) -> Expected:
+    """Somebody pressed it."""
+    return Expected("estopped", None, within_s)
+
+
+def rests(within_s: float) -> Expected:
+    """Comes to rest, and nothing latches."""
+    return Expected(zero_within_s=within_s)
+
+
+def drives_on(*logged: str) -> Expected:
+    """As if nothing had been, but for the log."""
+    return Expected(logged=logged)

@@ -1,0 +1,72 @@
+"""What happens inside the program: steps that fail, services that raise or are cancelled, tasks that are lost."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
+
+from chefbotd.core.events import BatteryCounted, EdgesSeen, EncodersCounted
+from tests.scenarios.faults.outcomes import ENDS, latched
+from tests.scenarios.trial import Fault, Trial
+
+
+@asynccontextmanager
+async def failing_step(trial: Trial) -> AsyncIterator[None]:
+    """Counts for a wheel that there is not break a control step."""
+    now_s = asyncio.get_running_loop().time()
+    trial.robot.daemon.bus.publish(EncodersCounted(now_s, now_s, (1, 2, 3, 4, 5)))
+    yield
+
+
+@asynccontextmanager
+async def failing_service(times: int, trial: Trial) -> AsyncIterator[None]:
+    """A reading that breaks the sensors' service."""
+    for _ in range(times):
+        trial.robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
+        await asyncio.sleep(0)
+    yield
+
+
+@asynccontextmanager
+async def failing_decoder(trial: Trial) -> AsyncIterator[None]:
+    """An edge that is none breaks a part that cannot be missed."""
+    trial.robot.daemon.bus.publish(EdgesSeen(0.0, 0.0, ("edge",)))
+    yield
+
+
+@asynccontextmanager
+async def cancelled(task_name: str, trial: Trial) -> AsyncIterator[None]:
+    """Somebody cancels one of the daemon's tasks."""
+    next(task for task in asyncio.all_tasks() if task.get_name() == task_name).cancel()
+    yield
+
+
+STEP, SERVICE = "Error in a control step", "A service raises"
+LOST = "Six service failures in a minute"
+
+FAULTS = (
+    Fault(
+        STEP, "control step fails", failing_step, latched("internal_error", logged="a control step failed")
+    ),
+    Fault(
+        SERVICE,
+        "service raises",
+        partial(failing_service, 1),
+        latched("service_failed", logged="a service has failed"),
+    ),
+    *(
+        Fault(
+            SERVICE,
+            f"service cancelled: {service}",
+            partial(cancelled, service),
+            latched("service_failed", logged="a service has failed"),
+        )
+        for service in ("odometry", "sensors", "stats", "fault log")
+    ),
+    Fault(LOST, "service cannot run", partial(failing_service, 6), ENDS),
+    Fault(LOST, "part that cannot be missed raises", failing_decoder, ENDS),
+    *(
+        Fault(LOST, f"task lost: {task}", partial(cancelled, task), ENDS)
+        for task in ("drive", "link", "server", "quadrature")
+    ),
+)

@@ -1,0 +1,103 @@
+"""With ``rearm = "auto"``: what has passed is left without anybody's doing, and what needs a person is not."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
+
+from chefbotd.core.events import SafetyChanged
+from tests.scenarios.faults.link import REPLUG_S, reset, unplugged
+from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
+from tests.scenarios.faults.program import failing_step
+from tests.scenarios.faults.wheels import broken_encoder, critical_battery
+from tests.scenarios.trial import Fault, Trial
+from tests.scenarios.wires import frozen
+
+AUTO = {"safety.rearm": "auto"}
+ROW = '`safety.rearm = "auto"`'
+
+
+@asynccontextmanager
+async def told_and_left(trial: Trial) -> AsyncIterator[None]:
+    """The cable is pulled for a second: it latches as ever before it is left."""
+    changes = trial.robot.daemon.bus.subscribe(SafetyChanged, size=64)
+    async with unplugged(trial):
+        yield
+    told = [changes.take().fault for _ in range(len(changes))]
+    changes.close()
+    trial.check("link_lost" in told, f"told as {told}")
+
+
+@asynccontextmanager
+async def counted_and_left(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts: it is counted, and left in the same moment."""
+    before = trial.robot.daemon.session.board_restarts
+    async with reset(trial):
+        yield
+    trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
+
+
+@asynccontextmanager
+async def estop_then_replug(trial: Trial) -> AsyncIterator[None]:
+    """Somebody presses stop in earnest and goes; then the cable is pulled and put back, and the board restarts."""
+    async with trial.another("Eve") as eve:
+        await eve.estop("smoke")
+    async with unplugged(trial):
+        await asyncio.sleep(REPLUG_S + 2.0)
+        await trial.robot.client.reset_board()
+        await asyncio.sleep(2.0)
+        trial.check(not any(trial.robot.board.duty), "moves again")
+        yield
+
+
+FAULTS = (
+    Fault(
+        ROW,
+        "cable pulled for 1 s, rearm auto",
+        told_and_left,
+        DRIVES_ON,
+        lasts_s=5.0,
+        on_wire=True,
+        overrides=AUTO,
+    ),
+    Fault(
+        ROW,
+        "board restarts, rearm auto",
+        counted_and_left,
+        DRIVES_ON,
+        lasts_s=5.0,
+        overrides=AUTO,
+    ),
+    Fault(
+        "Wheel blocked",
+        "encoder unplugged, rearm auto",
+        broken_encoder(partial(frozen, 0)),
+        latched("wheel_stalled", 2.2),
+        on_wire=True,
+        overrides=AUTO,
+    ),
+    Fault(
+        "Battery critical",
+        "battery critical, rearm auto",
+        critical_battery,
+        latched("battery_critical", 5.0 + SLACK_S),
+        lasts_s=7.0,
+        on_wire=True,
+        overrides=AUTO,
+    ),
+    Fault(
+        "Error in a control step",
+        "control step fails, rearm auto",
+        failing_step,
+        latched("internal_error"),
+        overrides=AUTO,
+    ),
+    Fault(
+        "`estop`",
+        "estop, its client gone, cable and board back",
+        estop_then_replug,
+        estopped(AT_ONCE_S),
+        on_wire=True,
+        overrides=AUTO,
+    ),
+)

@@ -1,0 +1,198 @@
+"""What happens to the wheels, the battery and the way ahead."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from functools import partial
+
+from chefbotd.client import Client
+from chefbotd.core.events import SafetyChanged
+from chefbotd.settings import load, packaged
+from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, latched
+from tests.scenarios.trial import Expected, Fault, Inject, Trial
+from tests.scenarios.wires import (
+    Rewrite,
+    frozen,
+    jumping,
+    reversed_from_now,
+    rewire,
+    rewire_motor,
+    slipping,
+    transport_of,
+)
+
+RANGE_LINE = {"chefbot": b"u", "khan": b"a"}
+
+
+@asynccontextmanager
+async def rewired(kind: bytes, rewrite: Rewrite, trial: Trial) -> AsyncIterator[None]:
+    """What the board says of this kind is something else."""
+    transport = transport_of(trial.robot)
+    feed = transport.feed
+    rewire(trial.robot, kind, rewrite)
+    yield
+    transport.feed = feed
+
+
+def broken_encoder(broken: Callable[[], Rewrite]) -> Inject:
+    """This encoder counts wrongly."""
+    return lambda trial: rewired(b"e", broken(), trial)
+
+
+def swapped_encoders(trial: Trial) -> AbstractAsyncContextManager[None]:
+    """Left and right are exchanged."""
+    return rewired(b"e", lambda counts: counts[::-1], trial)
+
+
+@asynccontextmanager
+async def reversed_motor(index: int, trial: Trial) -> AsyncIterator[None]:
+    """This motor's wires were exchanged."""
+    device = trial.robot.device
+    write = device.on_write
+    rewire_motor(trial.robot, index)
+    yield
+    device.on_write = write
+
+
+@asynccontextmanager
+async def left_out(index: int, trial: Trial) -> AsyncIterator[None]:
+    """This wheel slips again and again: it is named, and odometry does without it."""
+    names = (await trial.topic("wheels"))["name"]
+    said: set[str] = set()
+
+    async def listen() -> None:
+        async for event in trial.robot.client.subscribe("wheels", policy="ordered"):
+            said.update(event.data["left_out"])
+
+    listening = asyncio.create_task(listen())
+    async with rewired(b"e", slipping(index), trial):
+        yield
+        trial.check(said == {names[index]}, f"left out: {said}")
+    listening.cancel()
+    await asyncio.gather(listening, return_exceptions=True)
+
+
+def critical_battery(trial: Trial) -> AbstractAsyncContextManager[None]:
+    """The ADC says 0.3 V less than the critical voltage."""
+    battery = load(packaged(trial.robot.client.hello.robot)).battery
+    share = (battery.critical_v - 0.3) / (battery.reference_v * battery.divider_ratio)
+    return rewired(b"b", lambda _: [b"%.2f" % (share * battery.adc_full_scale)], trial)
+
+
+@asynccontextmanager
+async def wall(trial: Trial) -> AsyncIterator[None]:
+    """A wall comes near: the fault begins with the first metre per second that the guard takes away."""
+    seen = trial.robot.daemon.bus.subscribe(SafetyChanged, size=16)
+    async with asyncio.timeout(20.0):
+        async for event in seen:
+            if event.limited_by is not None:
+                break
+    yield
+
+
+@asynccontextmanager
+async def wall_before_wheels(trial: Trial) -> AsyncIterator[None]:
+    """The same, where the wheels are commanded each on its own."""
+    names = (await trial.topic("wheels"))["name"]
+    wheel = load(packaged(trial.robot.client.hello.robot)).chassis.wheels[0]
+    velocity_rad_s = dict.fromkeys(names, trial.driver.twist[0] / wheel.radius_m)
+
+    async def turn(client: Client) -> None:
+        await client.set_wheel_velocities(velocity_rad_s)
+
+    trial.driver.says = turn
+    async with wall(trial):
+        yield
+
+
+def blind(trial: Trial) -> AbstractAsyncContextManager[None]:
+    """The range sensor says nothing more."""
+    return rewired(RANGE_LINE[trial.robot.client.hello.robot], lambda _: None, trial)
+
+
+BROKEN_ENCODERS = (
+    ("Wheel blocked", "encoder unplugged", frozen, latched("wheel_stalled", 2.2)),
+    (
+        "Encoder or motor wired backwards",
+        "encoder reversed",
+        reversed_from_now,
+        latched("wheel_reversed", 0.6),
+    ),
+    (
+        "Encoder that jumps",
+        "encoder jumps",
+        jumping,
+        latched("encoder_jumps", 0.5, "impossible encoder jump refused"),
+    ),
+)
+OBSTACLE = Expected("armed", "obstacle:front", 3.0)
+
+FAULTS = (
+    *(
+        Fault(
+            row,
+            f"{what}, wheel {wheel}",
+            broken_encoder(partial(broken, wheel)),
+            expected,
+            on_wire=True,
+            robots=("chefbot", "khan") if wheel < 2 else ("khan",),
+        )
+        for wheel in range(4)
+        for row, what, broken, expected in BROKEN_ENCODERS
+    ),
+    *(
+        Fault(
+            "Encoder or motor wired backwards",
+            f"motor reversed, wheel {wheel}",
+            partial(reversed_motor, wheel),
+            latched("wheel_reversed", 1.0),
+            robots=("chefbot", "khan") if wheel < 2 else ("khan",),
+        )
+        for wheel in range(4)
+    ),
+    Fault(
+        "Encoder or motor wired backwards",
+        "encoders swapped",
+        swapped_encoders,
+        latched("wheel_reversed", 1.2),
+        twist=(0.0, 1.0),
+        on_wire=True,
+    ),
+    *(
+        Fault(
+            "A wheel of four disagrees",
+            f"wheel {wheel} slips",
+            partial(left_out, wheel),
+            drives_on("wheels disagree with their mates and are left out of odometry"),
+            on_wire=True,
+            robots=("khan",),
+        )
+        for wheel in range(4)
+    ),
+    Fault(
+        "Battery critical",
+        "battery critical",
+        critical_battery,
+        latched("battery_critical", 5.0 + SLACK_S),
+        lasts_s=7.0,
+        on_wire=True,
+    ),
+    Fault("Obstacle ahead", "wall ahead", wall, OBSTACLE, lasts_s=5.0, leave=(-0.2, 0.0)),
+    Fault(
+        "Wheel commands towards an obstacle",
+        "wall ahead, wheels commanded",
+        wall_before_wheels,
+        OBSTACLE,
+        lasts_s=5.0,
+        leave=(-0.2, 0.0),
+    ),
+    Fault("A range sensor falls silent", "range sensor silent", blind, DRIVES_ON, on_wire=True),
+    Fault(
+        "A range sensor falls silent",
+        "range sensor silent, taken for an obstacle",
+        blind,
+        Expected("armed", "obstacle:front", 0.5 + 0.3 + SLACK_S),
+        on_wire=True,
+        overrides={"safety.guard.silent_is_obstacle": True},
+    ),
+)
