@@ -5,6 +5,7 @@ import random
 import pytest
 
 from chefbotd.link.health import Condition, Health, HealthWatch, Heard, show
+from tests.scenarios.wires import misread
 
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9*47\r\n"
 
@@ -81,3 +82,14 @@ def test_shown_bytes_are_printable_and_bounded():
     """Tabs and line ends by their names, the rest in hexadecimal, and an ellipsis for what was cut."""
     assert show(b"e\t1\r\n\x00\xff") == "e\\t1\\r\\n\\x00\\xff"
     assert show(b"x" * 65) == "x" * 64 + "..."
+
+
+@pytest.mark.parametrize("baud", [9600, 19_200, 38_400, 57_600, 230_400, 460_800, 921_600])
+def test_a_boards_lines_at_another_baud_rate_are_told_as_such(baud: int):
+    """What a port at 115200 makes of them is text by chance at most; however it falls, the baud rate is suspected."""
+    said = b"".join(b"t\t%d\t0.02\ne\t%d\t%d\nu\t57\n" % (20_000 * n, 77 * n, -81 * n) for n in range(1, 100))
+    heard = misread(said, baud / 115_200)
+    for start in range(0, len(heard) - 128, 61):
+        health = judged(Heard(5000, 20, 0), heard[start : start + 128])
+        assert health is not None
+        assert health.condition is Condition.WRONG_BAUD
