@@ -83,7 +83,9 @@ class Doorway:
             if isinstance(admitted, Failure):
                 self._send_away(newcomer, admitted)
             else:
-                group.create_task(self._let_in(newcomer, admitted))
+                handshake = group.create_task(self._let_in(newcomer, admitted))
+                if self._tls is not None:
+                    self._lobby.shakes_hands(admitted, handshake.cancel)
             await asyncio.sleep(0)
 
     def _send_away(self, newcomer: socket.socket, failure: Failure) -> None:

@@ -1,7 +1,8 @@
 """Everyone who is connected: let in while there is room, held to the time limits, seen off at the end.
 
 Where there is no room, a few places are left in which a client may do nothing but stop the robot: whoever fills all
-the others does not keep the emergency stop from anybody. When these are taken too, who has been there longest goes.
+the others does not keep the emergency stop from anybody. When these are taken too, who has been there longest goes,
+be it still in its TLS handshake.
 """
 
 import resource
@@ -48,6 +49,7 @@ class Lobby:
         self.refused: Counter[str] = Counter()
         self._fanout, self._control, self._greet, self._role = fanout, control, greet, role
         self._sessions: dict[Session, Connection | None] = {}  # by arrival; None: on its way, as during TLS
+        self._handshakes: dict[Session, Callable[[], object]] = {}
         self._most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
@@ -81,22 +83,35 @@ class Lobby:
         places = self.parameters.stop_places
         if descriptor >= self._most_descriptors + places:
             return False
-        taken = [c for s, c in self._sessions.items() if s.stops_only and not (c is not None and c.closing)]
-        if len(taken) < places:
-            return True
-        oldest = next((connection for connection in taken if connection is not None), None)
-        if oldest is not None:
-            oldest.end(Failure(ErrorKind.TOO_MANY_CLIENTS, "gave way to a newcomer"))
-        return oldest is not None
+        taken = [s for s, c in self._sessions.items() if s.stops_only and not (c is not None and c.closing)]
+        return len(taken) < places or any(self._give_way(session) for session in taken)
+
+    def _give_way(self, session: Session) -> bool:
+        """Whether a client's place could be freed; not in the moment between its arrival and its greeting."""
+        failure = Failure(ErrorKind.TOO_MANY_CLIENTS, "gave way to a newcomer")
+        connection, break_off = self._sessions[session], self._handshakes.get(session)
+        if connection is not None:
+            connection.end(failure)
+        elif break_off is not None:
+            self.ended(session, failure)
+            self.leave(session)
+            break_off()
+        return connection is not None or break_off is not None
+
+    def shakes_hands(self, session: Session, break_off: Callable[[], object]) -> None:
+        """A client that was admitted is in its TLS handshake; it gives way by ``break_off``."""
+        self._handshakes[session] = break_off
 
     def leave(self, session: Session) -> None:
         """A client is gone; its leases end with it."""
         self._sessions.pop(session, None)
+        self._handshakes.pop(session, None)
         self._control.release(session, self.clock.now_s())
 
     def welcome(self, connection: Connection) -> bytes:
         """Take in a client that was admitted; the greeting for it."""
         self._sessions[connection.session] = connection
+        self._handshakes.pop(connection.session, None)
         return self._greet()
 
     def _connected(self) -> list[Connection]:

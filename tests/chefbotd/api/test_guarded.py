@@ -1,6 +1,7 @@
 """A socket behind tokens and TLS: what opens it, who may do what, and what never leaves it."""
 
 import asyncio
+import contextlib
 import json
 import socket
 import ssl
@@ -202,6 +203,8 @@ def test_who_does_not_authenticate_in_time_is_cut_off() -> None:
             assert served.server.clients == 1
             await asyncio.sleep(0.6)
             assert (await stranger.read())["error"]["data"]["kind"] == "timed_out"
+            with pytest.raises(EOFError):
+                await stranger.read()
             assert served.server.clients == 0
 
     with capture_logs():
@@ -327,3 +330,30 @@ def test_a_tls_handshake_that_never_comes_is_cut_off_and_counts_meanwhile() -> N
 
     with capture_logs():
         run_virtual(main())
+
+
+@BOTH_LOOPS
+def test_silent_tls_handshakes_keep_nobody_from_stopping(run: Run) -> None:
+    """Ten connections that say nothing fill the room and the places kept for stops: the oldest there give way."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard(), max_clients=1, stop_places=4) as served:
+            with contextlib.ExitStack() as stack:
+                silent = [
+                    stack.enter_context(socket.create_connection((served.host, served.port), timeout=1.0))
+                    for _ in range(10)
+                ]
+                await asyncio.sleep(0.1)
+                assert served.server.clients == 5
+                assert [gone.recv(1) for gone in silent[1:6]] == [b""] * 5
+                async with Client.connect(
+                    served.host, served.port, token=TOKENS["observe"], tls=trusting()
+                ) as robot:
+                    await robot.estop("smoke")
+                    assert served.robot.calls == [("estop", "smoke")]
+                    assert served.server.clients == 5
+                await asyncio.sleep(0.1)
+                assert (served.server.clients, served.server.refused) == (4, {"too_many_clients": 6})
+
+    with capture_logs():
+        run(main())
