@@ -16,6 +16,7 @@ from typing import Any, Self
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from chefbotd.api.parameters import ApiParameters
+from chefbotd.combinations import complaints
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.layers import Keys, Misplaced, from_environment, place, read, variable
@@ -107,29 +108,9 @@ class Settings(Parameters):
         return gains
 
     @model_validator(mode="after")
-    def _fits_its_wire(self) -> Self:
-        wheels, named = VARIANTS[self.robot.wire].wheels, len(self.chassis.wheels)
-        if wheels != named:
-            raise ValueError(f"the wire {self.robot.wire!r} has {wheels} wheels, the chassis names {named}")
-        return self
-
-    @model_validator(mode="after")
-    def _stays_in_the_duty_range(self) -> Self:
-        for name, gains in self.gains().items():
-            if gains.output_limit > self.drive.max_duty:
-                raise ValueError(
-                    f"output_limit_duty {gains.output_limit} of {name} is beyond drive.max_duty {self.drive.max_duty}"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _tells_sensors_apart(self) -> Self:
-        names = list(self.range_mounts())
-        if len(names) < len(self.infrared) + (self.ultrasonic is not None):
-            raise ValueError(f"range sensors need names of their own, there are {', '.join(names)}")
-        channels = [sensor.channel for sensor in self.infrared]
-        if len(set(channels)) < len(channels):
-            raise ValueError(f"infrared sensors need analogue inputs of their own, got channels {channels}")
+    def _goes_together(self) -> Self:
+        if found := list(complaints(self)):
+            raise ValueError("; ".join(found))
         return self
 
     def range_mounts(self) -> dict[str, Pose2D]:
@@ -234,8 +215,12 @@ def _explain(error: ValidationError, origins: Mapping[Keys, str], file: str) -> 
     for problem in error.errors():
         loc = tuple(map(str, problem["loc"]))
         origin = next((origins[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in origins), file)
+        expected = _expectation(problem["type"], problem["msg"])
+        if not loc:  # of the whole configuration, which nobody wants to read again
+            lines.append(f"{origin}{expected}")
+            continue
         given = "" if problem["type"] == "missing" else f" (got {problem['input']!r})"
-        lines.append(f"{origin}{'.'.join(loc)}: {_expectation(problem['type'], problem['msg'])}{given}")
+        lines.append(f"{origin}{'.'.join(loc)}: {expected}{given}")
     return "\n".join(lines)
 
 
@@ -244,4 +229,5 @@ def _expectation(kind: str, message: str) -> str:
         return "there is no such key"
     if kind == "missing":
         return "this key is required"
+    message = message.removeprefix("Value error, ")
     return message[0].lower() + message[1:]

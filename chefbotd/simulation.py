@@ -1,5 +1,6 @@
 """The simulated robot that a configuration describes."""
 
+from chefbotd.link.line_load import BITS_A_BYTE
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.settings import Settings
@@ -8,14 +9,17 @@ from chefbotd.sim.parameters import SimulationParameters
 
 
 def simulation_of(settings: Settings) -> SimulationParameters:
-    """What to simulate for this robot: its own wire, chassis, divider and sensors, the rest from ``[sim]``."""
-    chassis, sim = settings.chassis, settings.sim
+    """What to simulate for this robot: its own wire, line, chassis, divider and sensors, the rest from ``[sim]``."""
+    chassis, sim, board = settings.chassis, settings.sim, settings.sim.board
+    if "line_rate_bytes_s" not in board.model_fields_set:
+        board = board.model_copy(update={"line_rate_bytes_s": settings.link.baud / BITS_A_BYTE})
     divider = {
         "adc_reference_v": settings.battery.reference_v,
         "divider_ratio": settings.battery.divider_ratio,
     }
     parts = {
         "wire": settings.robot.wire,
+        "board": board,
         "battery": sim.battery.model_copy(update=divider),
         "ultrasonic": settings.ultrasonic and _ultrasonic(settings.ultrasonic, sim.ultrasonic),
         "infrared": tuple(map(_infrared, settings.infrared)),

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.settings import SettingsError, load, packaged
+from firmware_protocol.codec import VARIANTS, Variant
+from firmware_protocol.messages import Orientation, RawImu, UltrasonicDistance
 
 
 @pytest.fixture
@@ -242,12 +244,84 @@ def test_the_packaged_khan_has_the_published_numbers():
             {"infrared": [{"name": "a"}, {"name": "b"}]},
             r"need analogue inputs of their own, got channels \[0, 0\]",
         ),
+        (
+            {"robot.wire": "four_wheels"},
+            r"\[\[infrared\]\] front needs a line that the wire 'four_wheels' does not have; "
+            "those with one: khan, khan_edges$",
+        ),
+        (
+            {"quadrature.window_s": 0.1},
+            r"\[quadrature\] needs a line that the wire 'khan' does not have; those with one: khan_edges$",
+        ),
+        (
+            {"infrared": [], "safety.guard.silent_is_obstacle": True},
+            r"\[safety.guard\] has no sensor to guard with: configure \[ultrasonic\] or \[\[infrared\]\]",
+        ),
     ],
 )
 def test_parts_that_do_not_go_together_are_refused(overrides: dict[str, object], told: str):
-    """A wire that is not this robot's, and sensors that could not be told apart."""
+    """A wire that is not this robot's, sensors that could not be told apart, and sections that nothing would feed."""
     with pytest.raises(SettingsError, match=told):
         load(packaged("khan"), overrides=overrides)
+
+
+@pytest.mark.parametrize(
+    ("section", "left_out"), [("ultrasonic", (UltrasonicDistance,)), ("imu", (Orientation, RawImu))]
+)
+def test_a_sensor_whose_line_the_board_leaves_out_is_refused(
+    monkeypatch: pytest.MonkeyPatch, section: str, left_out: tuple[type, ...]
+):
+    """A board of one's own without the line: the section is named, and the wires that have it."""
+    monkeypatch.setitem(VARIANTS, "mute", Variant("mute", left_out=left_out))
+    with pytest.raises(
+        SettingsError, match=rf"\[{section}\] needs a line that the wire 'mute' does not have; .*: classic,"
+    ):
+        load(overrides={"robot.wire": "mute"})
+
+
+def test_all_that_does_not_go_together_is_told_at_once():
+    """In one line, without the whole configuration after it."""
+    with pytest.raises(SettingsError) as error:
+        load(packaged("khan"), overrides={"robot.wire": "classic"})
+    path = packaged("khan")
+    assert str(error.value) == (
+        f"{path}: the wire 'classic' has 2 wheels, the chassis names 4; [[infrared]] front needs a line that the wire "
+        "'classic' does not have; those with one: khan, khan_edges"
+    )
+
+
+EDGES = {"robot.wire": "khan_edges"}
+
+
+@pytest.mark.parametrize(
+    "fits", [{}, {"link.baud": 57_600, "drive.max_rim_speed_m_s": 0.15}, {"quadrature.window_s": 0.1}]
+)
+def test_edges_that_fit_their_line_are_accepted(fits: dict[str, object]):
+    """KHAN's 898 counts a turn need 11,320 of 11,520 bytes/s at 1.1 m/s; at half the baud rate, 0.15 m/s still do."""
+    assert load(packaged("khan"), overrides={**EDGES, **fits}).robot.wire == "khan_edges"
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (
+            {"link.baud": 57_600},
+            "898 .* 36.7 rad/s .*max_rim_speed_m_s 1.1.* need 11320 bytes/s, .*57600 carries 5760",
+        ),
+        (
+            {"encoders.counts_per_turn": 4200},
+            "4200 encoders.counts_per_turn .* need .* bytes/s, .*115200 carries 11520",
+        ),
+        ({"drive.max_rim_speed_m_s": 1.3}, "at 43.3 rad/s"),
+        ({"chassis.left_radius_multiplier": 0.9}, "at 40.7 rad/s"),
+    ],
+)
+def test_edges_that_do_not_fit_their_line_are_refused(more: dict[str, object], told: str):
+    """A slower line, finer encoders, faster or smaller wheels: counts, speed, and bytes needed and there are named."""
+    with pytest.raises(
+        SettingsError, match=f"the wire 'khan_edges' cannot carry every edge: 4 wheels of .*{told}"
+    ):
+        load(packaged("khan"), overrides={**EDGES, **more})
 
 
 def test_gains_beyond_the_duty_range_are_refused(chefbot: Path):

@@ -26,3 +26,10 @@ def test_turning_is_simulated_with_the_effective_track() -> None:
     """A robot that behaves 1.5 times as wide does so on the simulated floor."""
     simulated = simulation_of(load(packaged("khan"), overrides={"chassis.track_multiplier": 1.5}))
     assert simulated.body.track_width_m == 0.189 * 1.5
+
+
+def test_the_simulated_line_is_as_fast_as_the_configured_one() -> None:
+    """8N1: ten bits a byte, so 57,600 baud are 5,760 bytes a second; what ``[sim.board]`` says goes before it."""
+    assert simulation_of(load(overrides={"link.baud": 57_600})).board.line_rate_bytes_s == 5760.0
+    slower = load(overrides={"link.baud": 57_600, "sim.board.line_rate_bytes_s": 1000.0})
+    assert simulation_of(slower).board.line_rate_bytes_s == 1000.0

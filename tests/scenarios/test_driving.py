@@ -15,9 +15,6 @@ from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
 
-EDGES = {"robot.wire": "khan_edges", "encoders.counts_per_turn": 80}
-"""KHAN with slotted discs on its wheels, on a board that decodes nothing itself."""
-
 
 @pytest.fixture(params=["chefbot", "khan"])
 def settings(request: pytest.FixtureRequest) -> Settings:
@@ -151,25 +148,6 @@ def test_too_fast_a_curve_is_slowed_and_not_straightened(settings: Settings):
         assert twist.linear_m_s / twist.angular_rad_s == pytest.approx(0.5, rel=0.02)
 
     on_robot(scenario, unguarded(settings))
-
-
-@pytest.mark.parametrize("linear_m_s", [0.05, -0.2, 0.6])
-def test_edges_alone_drive_as_well_as_counts(linear_m_s: float):
-    """A board that decodes nothing, 80 edges a turn: the true speed is the one asked for within 2 % and 2 mm/s.
-
-    When it stands again odometry's way is the true one within two edges of 2.4 mm, and no transition was illegal.
-    """
-
-    async def scenario(robot: SimulatedRobot) -> None:
-        await drive(robot, linear_m_s, 0.0, 2.0)
-        assert truth(robot).twist.linear_m_s == pytest.approx(linear_m_s, rel=0.02, abs=0.002)
-        await robot.client.stop()
-        await asyncio.sleep(1.0)
-        odometry = await topic(robot, "odometry")
-        assert odometry["x_m"] == pytest.approx(truth(robot).world_from_base.x_m, abs=0.005)
-        assert (await robot.client.get_stats())["encoder_transitions_illegal"] == 0
-
-    on_robot(scenario, load(packaged("khan"), overrides=EDGES))
 
 
 def test_a_square_closes_and_odometry_knows_where_the_robot_is(settings: Settings):

@@ -99,7 +99,7 @@ def test_after_a_rest_the_first_edge_has_no_speed_and_the_second_has() -> None:
 
 
 def test_a_wheel_that_slows_or_starts_suddenly_is_not_averaged_with_what_it_did() -> None:
-    """3 counts/s, then 3 s until an edge: 0.33, no more at the edge than before it; then 80, known by the second edge."""
+    """3 counts/s, then 3 s until an edge: 0.33, no more at the edge than before it; then 80, by its second edge."""
     run = run_of(1, times_s(3.0, EVEN, 4))
     first_s = run.marks[-1].at_s + 3.0
     run = run_of(1, [first_s], run, first=5)

@@ -53,7 +53,7 @@ def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
 
 
 def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
-    """Five edges and room for three: three are told, total 3, and the next is the sixth. After a boot it is the first."""
+    """Five edges and room for three: three told, total 3, and the next is the sixth. After a boot it is the first."""
     watched = EdgeRecorder(8, 1, buffer_edges=3)
     watched.watch(0.0, 0.005, TURN_RAD * 0, TURN_RAD * 5 / 8)
     watched.watch(1.0, 1.001, TURN_RAD * 5 / 8, TURN_RAD * 6 / 8)

@@ -1,0 +1,103 @@
+"""What the parts of a configuration ask of each other: sections that are right each, and wrong together."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
+from chefbotd.motion.kinematics import Kinematics
+from firmware_protocol.codec import VARIANTS
+from firmware_protocol.messages import (
+    AnalogueLevel,
+    Orientation,
+    QuadratureEdges,
+    RawImu,
+    UltrasonicDistance,
+)
+
+if TYPE_CHECKING:
+    from chefbotd.settings import Settings
+
+
+def complaints(settings: "Settings") -> Iterator[str]:
+    """Everything that does not go together, each with the values."""
+    yield from _wheels(settings)
+    yield from _lines(settings)
+    yield from _load(settings)
+    yield from _duty(settings)
+    yield from _names(settings)
+    yield from _guard(settings)
+
+
+def _wheels(settings: "Settings") -> Iterator[str]:
+    wire = settings.robot.wire
+    wheels, named = VARIANTS[wire].wheels, len(settings.chassis.wheels)
+    if wheels != named:
+        yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
+
+
+def _lines(settings: "Settings") -> Iterator[str]:
+    """A section for what the board never tells would be a sensor that is for ever silent, and nobody knows."""
+    needs = {
+        "[ultrasonic]": (settings.ultrasonic is not None, (UltrasonicDistance,)),
+        "[[infrared]] " + " ".join(sensor.name for sensor in settings.infrared): (
+            bool(settings.infrared),
+            (AnalogueLevel,),
+        ),
+        "[imu]": (settings.imu is not None, (Orientation, RawImu)),
+        "[quadrature]": ("quadrature" in settings.model_fields_set, (QuadratureEdges,)),
+    }
+    for section, (is_there, messages) in needs.items():
+        speakers = [name for name, each in VARIANTS.items() if any(map(each.speaks, messages))]
+        if is_there and settings.robot.wire not in speakers:
+            yield (
+                f"{section} needs a line that the wire {settings.robot.wire!r} does not have; "
+                f"those with one: {', '.join(speakers)}"
+            )
+
+
+def _load(settings: "Settings") -> Iterator[str]:
+    """Every edge must fit the line at the highest speed that a wheel is driven at."""
+    variant, there = VARIANTS[settings.robot.wire], settings.link.baud // BITS_A_BYTE
+    if not variant.speaks(QuadratureEdges) or variant.wheels != len(settings.chassis.wheels):
+        return
+    rim_m_s, counts = settings.drive.max_rim_speed_m_s, settings.encoders.counts_per_turn
+    wheels_rad_s = [rim_m_s / radius_m for radius_m in Kinematics(settings.chassis).radii_m]
+    needed = needed_bytes_s(
+        variant,
+        [wheel_rad_s * counts / math.tau for wheel_rad_s in wheels_rad_s],
+        analogue_inputs=len(settings.infrared),
+        ultrasonic=settings.ultrasonic is not None,
+        imu=settings.imu is not None,
+    )
+    if needed > there:
+        yield (
+            f"the wire {variant.name!r} cannot carry every edge: {variant.wheels} wheels of {counts:g} "
+            f"encoders.counts_per_turn at {max(wheels_rad_s):.1f} rad/s (drive.max_rim_speed_m_s {rim_m_s:g}) need "
+            f"{needed:.0f} bytes/s, and link.baud {settings.link.baud} carries {there}; use a faster line, "
+            "slower wheels, or a board that counts its encoders itself"
+        )
+
+
+def _duty(settings: "Settings") -> Iterator[str]:
+    for name, gains in settings.gains().items():
+        if gains.output_limit > settings.drive.max_duty:
+            yield (
+                f"output_limit_duty {gains.output_limit} of {name} "
+                f"is beyond drive.max_duty {settings.drive.max_duty}"
+            )
+
+
+def _names(settings: "Settings") -> Iterator[str]:
+    names = list(settings.range_mounts())
+    if len(names) < len(settings.infrared) + (settings.ultrasonic is not None):
+        yield f"range sensors need names of their own, there are {', '.join(names)}"
+    channels = [sensor.channel for sensor in settings.infrared]
+    if len(set(channels)) < len(channels):
+        yield f"infrared sensors need analogue inputs of their own, got channels {channels}"
+
+
+def _guard(settings: "Settings") -> Iterator[str]:
+    guard = settings.safety.guard
+    if guard.enabled and "guard" in settings.safety.model_fields_set and not settings.range_mounts():
+        yield "[safety.guard] has no sensor to guard with: configure [ultrasonic] or [[infrared]], or enabled = false"
