@@ -1,7 +1,9 @@
 """One client's connection: bytes to lines, lines to the dispatcher, and backpressure in both directions.
 
-Requests are taken only while their answers find room, and only so many in a row before others have their
-turn; until then the socket is not read. So a client costs at most its buffers and its outbox.
+Requests are served in order, while their answers find room, and only so many in a row before others have their turn.
+Stops do not wait for that: a client that is behind is read on, within a bound, and what has been read is looked through
+for them. When a connection ends, whatever ends it, what has come by then is looked through once more. So a client costs
+at most its buffers and its outbox, and no stop that has reached the socket is lost.
 """
 
 import asyncio
@@ -11,12 +13,18 @@ from collections.abc import Callable
 from typing import Protocol, cast
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.backlog import Backlog
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.outbox import Outbox
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.session import Session
 from chefbotd.clock import Clock
+
+LAST_LOOK_S = 0.2
+"""How long a client whose connection is being ended is still read; what the kernel holds is there at once."""
+LAST_LOOK_BYTES = 524_288
+"""How much: more than the kernel (twice ``backlog_bytes`` and a segment) and TLS (256 KiB) can hold."""
 
 
 class House(Protocol):
@@ -41,12 +49,19 @@ class House(Protocol):
 
 
 class Connection(asyncio.Protocol):
-    """The server's end of one socket."""
+    """The server's end of one socket; ``plain`` is that socket, where what it holds is not encrypted."""
 
-    def __init__(self, house: House, session: Session) -> None:
-        self._house, self.session = house, session
-        self._unread = bytearray()
+    def __init__(self, house: House, session: Session, plain: socket.socket | None = None) -> None:
+        self._house, self.session, self._plain = house, session, plain
+        self._backlog = Backlog(house.parameters.max_request_bytes, house.dispatcher.hint)
         self._turn: asyncio.Handle | None = None
+        self._is_ours = False  # its first line was no other protocol's
+        self._hears = True
+        self._at_last: Callable[[], None] | None = (
+            None  # once nothing more is heard, and all has been seen to
+        )
+        self._last_look: asyncio.TimerHandle | None = None
+        self._last_bytes = LAST_LOOK_BYTES
         self._outbox: Outbox
         self._transport: asyncio.Transport
         self.reply: Callable[[bytes], None]
@@ -63,85 +78,160 @@ class Connection(asyncio.Protocol):
         self.reply, self.telemetry = self._outbox.reply, self._outbox.telemetry
         self.reply(self._house.welcome(self))
 
-    def end(self, failure: Failure) -> None:
-        """Send this error, and close."""
-        self._house.ended(self.session, failure)
-        self.reply(jsonrpc.error(failure))
-        self.close()
-
-    def _give_up(self) -> None:
-        """The client reads nothing: it would not read an error either."""
-        stuck_s = self._house.parameters.stuck_s
-        self._house.ended(self.session, Failure(ErrorKind.TIMED_OUT, f"read nothing for {stuck_s:g} s"))
-        self.abort()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Asyncio: the client is gone, in good order or not."""
-        self._outbox.lost()
-        self._unread.clear()
-        self._house.farewell(self)
-
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
-        self._unread += data
+        if not self._hears:
+            return
         self.session.heard(self._house.clock.now_s())
-        self._take_requests()
+        self._backlog.add(data)
+        if self.closing:
+            self._last_bytes -= len(data)
+            if self._last_bytes < 0:
+                self._hear_no_more()
+        if self._turn is None:
+            self._take_turn()
 
-    def _take_requests(self) -> None:
-        """Serve waiting lines, at most one turn's worth, while their answers find room."""
+    def _take_turn(self) -> None:
+        """Serve what waits, then look through the rest for stops: one turn's worth of each."""
         self._turn = None
+        more = self._serve()
+        if self._look() or more:
+            self._take_another_turn()
+        elif not self._hears and not self._backlog and self._at_last is not None:
+            at_last, self._at_last = self._at_last, None
+            at_last()
+        self.session.waits_for_line_end(self._backlog.unfinished)
+        self._read_on()
+
+    def _take_another_turn(self) -> None:
+        if self._turn is None:
+            self._turn = asyncio.get_running_loop().call_soon(self._take_turn)
+
+    def _serve(self) -> bool:
+        """Serve in order, while there is room for answers; whether it was a whole turn's worth."""
         for _ in range(self._house.parameters.requests_per_turn):
-            line = None if self._outbox.blocked or self._outbox.closing else self._next_line()
+            if self.closing:
+                return False
+            if self._backlog.too_long:
+                longest = self._house.parameters.max_request_bytes
+                self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
+                return False
+            line = None if self._outbox.blocked else self._backlog.take()
             if line is None:
-                break
-            if line:
-                self._house.dispatcher.serve(self, line)
+                return False
+            self.session.waits_for_line_end(False)
+            if line.text:
+                self._house.dispatcher.serve(self, line.text, overtaken=line.overtaken)
             elif not self.session.forgive(self._house.clock.now_s()):
                 self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
-        else:
-            self._turn = asyncio.get_running_loop().call_soon(self._take_requests)
-        self._read_if(self._turn is None and not self._outbox.blocked)
+            self._is_ours = True
+        return True
 
-    def _next_line(self) -> bytearray | None:
-        """The next line without its end; None when it is not complete, or too long to ever be."""
-        end = self._unread.find(b"\n")
-        longest = self._house.parameters.max_request_bytes
-        if end > longest or (end < 0 and len(self._unread) > longest):
-            self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
-            return None
-        self.session.waits_for_line_end(end < 0 and bool(self._unread))
-        if end < 0:
-            return None
-        line = self._unread[:end]
-        del self._unread[: end + 1]
-        return line.strip()
+    def _look(self) -> bool:
+        """Carry out the stops that wait, before their turn or, at the end, instead of it; whether there may be more."""
+        if self.session.role is None and not self.closing:
+            return False  # the token comes first
+        dispatcher, more = self._house.dispatcher, True
+        for _ in range(self._house.parameters.requests_per_turn):
+            line = self._backlog.find()
+            if line is None:
+                more = False
+                break
+            if dispatcher.is_early(self.session, line):
+                self._backlog.take_found()
+                dispatcher.serve(self, line)
+        if self.closing:
+            self._backlog.drop_seen()
+        return more
 
-    def _read_if(self, ready: bool) -> None:
-        if self._outbox.closing:
+    def _read_on(self) -> None:
+        """Read, unless a turn's worth still waits or, of a client that is behind, as much as may."""
+        if not self._hears:
             return
-        if ready:
+        full = self._outbox.blocked and len(self._backlog) > self._house.parameters.backlog_bytes
+        if full:
+            self._outbox.hurry()
+        if self._turn is None and not full:
             self._transport.resume_reading()
         else:
             self._transport.pause_reading()
 
     def pause_writing(self) -> None:
-        """Asyncio: the client does not read; neither do we."""
+        """Asyncio: the client does not read; nothing is served that would need an answer."""
         self._outbox.pause()
-        self._read_if(False)
 
     def resume_writing(self) -> None:
         """Asyncio: the client has read; it gets what waited, then its further requests are taken."""
         self._outbox.resume()
         if self._turn is None:
-            self._take_requests()
+            self._take_turn()
 
     def eof_received(self) -> bool:
         """Asyncio: the client has closed its sending side, and so its last line; it gets its answers, and we close."""
-        if self._unread:
-            self._unread += b"\n"
-            self._take_requests()
-        self.close()
-        return False
+        if self._at_last is None:
+            self._at_last = self.close
+        self._hear_no_more()
+        return self._at_last is not None and self._plain is not None  # TLS cannot be closed by halves
+
+    def _hear_no_more(self) -> None:
+        """Nothing more comes, or is wanted: the last line has ended, and it remains to see to what waits."""
+        self._hears = False
+        self._backlog.finish()
+        if self._turn is None:
+            self._take_turn()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Asyncio: the client is gone, in good order or not; what it still has to say is looked through for stops."""
+        self._outbox.lost()
+        if self._last_look is not None:
+            self._last_look.cancel()
+        if self._hears and self._plain is not None:
+            self._backlog.add(_rest(self._plain))
+        if not self._is_ours and (self._backlog.too_long or self._is_foreign()):
+            self._backlog.clear()
+        self._house.farewell(self)
+        self._hears, self._at_last = False, None
+        self._backlog.finish()
+        self._take_another_turn()
+
+    def _is_foreign(self) -> bool:
+        return self._house.dispatcher.is_foreign(self._backlog.first())
+
+    def _give_up(self) -> None:
+        """The client reads nothing: it would not read an error either."""
+        if self.closing and self._at_last is not None:
+            return  # it is being ended; how long it may take to read the rest counts from then
+        why = f"read nothing for {self._outbox.patience_s:g} s"
+        self._house.ended(self.session, Failure(ErrorKind.TIMED_OUT, why))
+        if self.closing:
+            self.abort()
+        else:
+            self._look_for_the_last_time(self.abort)
+
+    def end(self, failure: Failure) -> None:
+        """Send this error, carry out what stops have come by now, and close."""
+        if self.closing:  # the last look has come upon something that ends it
+            self._backlog.clear()
+            return
+        self._house.ended(self.session, failure)
+        self.reply(jsonrpc.error(failure))
+        if self._is_hopeless(failure):
+            self.close()
+        else:
+            self._look_for_the_last_time(self.close)
+
+    def _is_hopeless(self, failure: Failure) -> bool:
+        """Whether a client that is ended for this may not stop the robot either: a web page, or one without a token."""
+        kind = failure.kind
+        foreign = kind in (ErrorKind.PARSE_ERROR, ErrorKind.NOT_UTF8)
+        endless = kind is ErrorKind.REQUEST_TOO_LARGE and not self._is_ours
+        return foreign or endless or (kind is ErrorKind.WRONG_TOKEN and self.session.role is None)
+
+    def _look_for_the_last_time(self, then: Callable[[], None]) -> None:
+        self._outbox.shut()
+        self._at_last = then
+        self._last_look = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
+        self._take_another_turn()
 
     @property
     def closing(self) -> bool:
@@ -149,9 +239,20 @@ class Connection(asyncio.Protocol):
         return self._outbox.closing
 
     def close(self) -> None:
-        """Close once the client has what was already on its way."""
+        """Close once the client has what was already on its way; it is not heard any more."""
+        self._hears = False
+        self._backlog.clear()
         self._outbox.close()
 
     def abort(self) -> None:
         """Close now."""
+        self._hears = False
         self._transport.abort()
+
+
+def _rest(connected: socket.socket) -> bytes:
+    """What the kernel still holds of a client that is gone: Linux keeps that, even after a reset."""
+    try:
+        return connected.recv(LAST_LOOK_BYTES)
+    except OSError:  # it holds nothing, or has been closed
+        return b""

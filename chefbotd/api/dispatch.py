@@ -25,24 +25,47 @@ WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 
 
 class Dispatcher:
-    """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have."""
+    """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have.
+
+    ``hint`` is found in every line for which ``is_early`` can be true, however it is escaped.
+    """
 
     def __init__(self, methods: Mapping[str, Method], clock: Clock) -> None:
         self._methods, self._clock = methods, clock
         self.faults: Counter[str] = Counter()
+        early = [
+            re.escape(n.encode()) for n, method in methods.items() if method.urgent or method.role is None
+        ]
+        self.hint = re.compile(rb'"(?:%b)"|\\u' % b"|".join(early))
 
-    def serve(self, caller: Caller, line: bytes | bytearray) -> None:
-        """Carry out one line, and answer it unless it is a notification."""
-        request = jsonrpc.parse(line)
-        if isinstance(request, Failure):
-            request = self._urgent_in(line) or request
+    def serve(self, caller: Caller, line: bytes | bytearray, *, overtaken: bool = False) -> None:
+        """Carry out one line, and answer it unless it is a notification.
+
+        What moves the robot is not carried out when it was ``overtaken`` by a stop.
+        """
+        request = self._read(line)
         if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
         caller.session.proven = True
-        failure = self._carry_out(caller, request)
+        failure = self._carry_out(caller, request, overtaken)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
+
+    def is_early(self, session: Session, line: bytes | bytearray) -> bool:
+        """Whether a line need not wait for its turn: a stop, or the token that it takes; ``hint`` is found in it."""
+        request = self._read(line)
+        method = None if isinstance(request, Failure) else self._methods.get(request.method)
+        return method is not None and (method.urgent or (session.role is None and method.role is None))
+
+    def is_foreign(self, line: bytes | bytearray) -> bool:
+        """Whether a line is of another protocol."""
+        request = self._read(line)
+        return isinstance(request, Failure) and _is_foreign(line, request)
+
+    def _read(self, line: bytes | bytearray) -> Request | Failure:
+        request = jsonrpc.parse(line)
+        return (self._urgent_in(line) or request) if isinstance(request, Failure) else request
 
     def _urgent_in(self, line: bytes | bytearray) -> Request | None:
         """A request to stop, in a line that was refused for its form."""
@@ -60,10 +83,12 @@ class Dispatcher:
         elif wants_answer:
             caller.reply(jsonrpc.error(failure))
 
-    def _carry_out(self, caller: Caller, request: Request) -> Failure | None:
+    def _carry_out(self, caller: Caller, request: Request, overtaken: bool) -> Failure | None:
         answered = False
         try:
             method = self._admit(caller.session, request)
+            if overtaken and method.moves:
+                raise Unserved(ErrorKind.OVERTAKEN, f"a later stop came before this {request.method}")
             params = _checked(method, request)
             body = method.handle(caller, params).model_dump_json().encode()
             if request.wants_answer:

@@ -49,6 +49,8 @@ class Doorway:
             for family, _, _, _, address in dict.fromkeys(found):
                 listener = socket.create_server(address, family=family, backlog=BACKLOG)
                 self._listeners.append(listener)
+                # Newcomers inherit it: what the kernel holds of a client's requests is bounded, as what we hold is.
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self._lobby.parameters.backlog_bytes)
                 listener.setblocking(False)
         except OSError as error:
             self.close()
@@ -97,7 +99,7 @@ class Doorway:
         patience_s = None if self._tls is None else self._lobby.parameters.authenticate_s
         try:
             await asyncio.get_running_loop().connect_accepted_socket(
-                lambda: Connection(self._lobby, session),
+                lambda: Connection(self._lobby, session, newcomer if self._tls is None else None),
                 newcomer,
                 ssl=self._tls,
                 ssl_handshake_timeout=patience_s,

@@ -44,6 +44,7 @@ class ErrorKind(StrEnum):
     RATE_LIMITED = "rate_limited"
     FLOODING = "flooding"
     TIMED_OUT = "timed_out"
+    OVERTAKEN = "overtaken"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,9 @@ ERRORS: Mapping[str, ErrorClass] = {
     ),
     ErrorKind.TIMED_OUT: ErrorClass(
         -32026, "the client took too long; the connection is closed", closes=True
+    ),
+    ErrorKind.OVERTAKEN: ErrorClass(
+        -32027, "a stop that the client sent later came first; this one was not carried out"
     ),
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),

@@ -39,8 +39,9 @@ class Unserved(Exception):
 class Method:
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
-    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit, and is
-    never refused for its form. One that is served ``when_crowded`` can also be called from a place kept for stops.
+    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit, is
+    never refused for its form, and may overtake others; one that ``moves`` the robot, or lets it move, is not carried
+    out when it was overtaken. One that is served ``when_crowded`` can also be called from a place kept for stops.
     """
 
     role: Role | None
@@ -49,6 +50,7 @@ class Method:
     handle: Callable[[Caller, Any], BaseModel]
     afterwards: Callable[[Caller, Any], None] | None = None
     urgent: bool = False
+    moves: bool = False
     when_crowded: bool = False
 
     @property

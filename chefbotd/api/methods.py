@@ -58,15 +58,15 @@ class Methods:
                 observe, models.SubscribeParams, models.Subscribed, self._subscribe, self._send_snapshots
             ),
             "unsubscribe": Method(observe, models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
-            "drive": Method(drive, models.DriveParams, done, self._drive),
+            "drive": Method(drive, models.DriveParams, done, self._drive, moves=True),
             "set_wheel_velocities": Method(
-                drive, models.SetWheelVelocitiesParams, done, self._set_wheel_velocities
+                drive, models.SetWheelVelocitiesParams, done, self._set_wheel_velocities, moves=True
             ),
             "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
             "release_control": Method(drive, nothing, models.Released, self._release_control),
             "stop": Method(observe, StopParams, done, self._stop, urgent=True, when_crowded=True),
             "estop": Method(observe, EstopParams, done, self._estop, urgent=True, when_crowded=True),
-            "arm": Method(arm_role, nothing, done, self._arm),
+            "arm": Method(arm_role, nothing, done, self._arm, moves=True),
             "get_pid": Method(observe, nothing, models.Wheels, self._get_pid),
             "set_pid": Method(admin, models.SetPidParams, models.Wheels, self._set_pid),
             "undo_pid": Method(admin, nothing, models.Wheels, self._undo_pid),

@@ -3,7 +3,8 @@
 While the transport takes bytes they go straight to it. When it says that the client is behind, telemetry waits
 here; under the policy ``latest`` an event replaces its topic's older one, and beyond ``outbox_bytes`` the oldest
 goes. What was given up is counted, and told to the client as soon as there is room again. Replies always go to the
-transport: no request is taken from a client that is behind, so at most one of them exceeds the buffer.
+transport: of a client that is behind nothing is served but stops, and their answers are the only ones for which there
+may be no room: beyond twice the buffer they are left out.
 """
 
 import asyncio
@@ -15,11 +16,14 @@ from chefbotd.api import jsonrpc
 from chefbotd.api.models import Dropped
 from chefbotd.api.parameters import ApiParameters
 
+FULL_S = 1.0
+"""How long a client may read nothing once as many of its requests wait as may."""
+
 
 class Outbox:
     """The way out to one client; ``drops`` counts, by topic, what all clients together have lost.
 
-    ``give_up`` is called when the client has read nothing for ``stuck_s``, and ends the connection.
+    ``give_up`` is called when the client has read nothing for ``patience_s``, and ends the connection.
     """
 
     def __init__(
@@ -36,13 +40,18 @@ class Outbox:
         self._order = itertools.count(1)
         self._dropped: Counter[str] = Counter()
         self._watch: asyncio.TimerHandle | None = None
+        self._unread_bytes = 0
+        self.patience_s = parameters.stuck_s
         self.blocked = self.closing = False
         transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
 
     def reply(self, line: bytes) -> None:
-        """An answer: written at once."""
-        if not self.closing:
-            self._transport.write(line)
+        """An answer: written at once, if need be beyond the buffer's limit, within another of the same size."""
+        room = 2 * self._parameters.write_buffer_bytes
+        if self.closing or (self.blocked and self._transport.get_write_buffer_size() > room):
+            return
+        self._unread_bytes += len(line)
+        self._transport.write(line)
 
     def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
         """An event: written at once, or kept for later by the policy."""
@@ -67,7 +76,12 @@ class Outbox:
     def pause(self) -> None:
         """The client is behind; from now on it is watched."""
         self.blocked = True
-        self._expect_progress(self._transport.get_write_buffer_size())
+        self._expect_progress(self._parameters.stuck_s)
+
+    def hurry(self) -> None:
+        """No more can be taken from the client until it reads; that is not waited for as long."""
+        if self.patience_s > FULL_S:
+            self._expect_progress(FULL_S)
 
     def resume(self) -> None:
         """The client has caught up: it hears what it lost, then what waited."""
@@ -84,27 +98,30 @@ class Outbox:
             self._waiting_bytes -= len(line)
             self._transport.write(line)
 
-    def close(self) -> None:
-        """Send what the transport already has, and no more; give up after ``stuck_s`` without progress."""
+    def shut(self) -> None:
+        """Take no more."""
         self.closing = True
         self._waiting.clear()
+
+    def close(self) -> None:
+        """Send what the transport already has, and no more; give up after ``stuck_s`` without progress."""
+        self.shut()
         self._transport.close()
-        self._expect_progress(self._transport.get_write_buffer_size())
+        self._expect_progress(self._parameters.stuck_s)
 
     def lost(self) -> None:
         """The connection is gone."""
         self.closing = True
         self._stop_watching()
 
-    def _expect_progress(self, unread_bytes: int) -> None:
+    def _expect_progress(self, patience_s: float) -> None:
         self._stop_watching()
-        loop = asyncio.get_running_loop()
-        self._watch = loop.call_later(self._parameters.stuck_s, self._check_progress, unread_bytes)
+        self.patience_s, self._unread_bytes = patience_s, self._transport.get_write_buffer_size()
+        self._watch = asyncio.get_running_loop().call_later(patience_s, self._check_progress)
 
-    def _check_progress(self, unread_before: int) -> None:
-        unread_bytes = self._transport.get_write_buffer_size()
-        if unread_bytes < unread_before:
-            self._expect_progress(unread_bytes)
+    def _check_progress(self) -> None:
+        if self._transport.get_write_buffer_size() < self._unread_bytes:
+            self._expect_progress(self.patience_s)
         else:
             self._give_up()
 

@@ -10,7 +10,7 @@ from chefbotd.core.parameters import Parameters
 
 
 class ApiParameters(Parameters):
-    """The command socket's guards and limits; a client's memory is at most the two buffers and one request."""
+    """The command socket's guards and limits; a client's memory is at most what these buffers hold."""
 
     token_file: Path | None = Field(
         None, description="a line per token, ROLE TOKEN; readable by its owner only"
@@ -31,6 +31,9 @@ class ApiParameters(Parameters):
         8, ge=0, le=16, description="kept for stop and estop where there is no room otherwise"
     )
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
+    backlog_bytes: int = Field(
+        65_536, ge=4096, le=131_072, description="requests that wait for a client that reads no answers"
+    )
     requests_per_turn: int = Field(32, ge=1, le=1024, description="then others have a turn")
     requests_per_s: float = Field(
         2000.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"

@@ -5,8 +5,10 @@ import json
 import socket
 
 from chefbotd.api.connection import Connection
+from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.session import Session
 from chefbotd.clock import run_virtual
+from chefbotd.core.geometry import Twist2D
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
 from tests.fakes.transport import FakeTransport
@@ -14,6 +16,16 @@ from tests.fakes.transport import FakeTransport
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 STOP = b'{"jsonrpc":"2.0","id":2,"method":"stop"}\n'
 DESCRIBE = b'{"jsonrpc":"2.0","id":3,"method":"describe"}\n'
+ESTOP = b'{"jsonrpc":"2.0","id":4,"method":"estop","params":{"reason":"smoke"}}\n'
+ARM = b'{"jsonrpc":"2.0","id":5,"method":"arm"}\n'
+DRIVE = b'{"jsonrpc":"2.0","id":6,"method":"drive","params":{"linear_m_s":%.1f,"angular_rad_s":0}}\n'
+ESTOPPED = ("estop", "smoke")
+BEHIND = b"x" * 5000  # more than the buffer takes before it pauses, and less than twice as much
+
+
+def drove(linear_m_s: float) -> tuple[object, ...]:
+    """The call that ``DRIVE`` leads to."""
+    return ("drive", "teleop", Twist2D(linear_m_s, 0.0))
 
 
 def connected() -> tuple[Connection, FakeTransport, FakeRobot]:
@@ -74,31 +86,164 @@ def test_many_requests_at_once_do_not_keep_the_loop() -> None:
     run_virtual(scenario())
 
 
+def kinds(transport: FakeTransport) -> list[str]:
+    """What was written: ``ok``, or the kind of error."""
+    messages = [json.loads(line) for line in transport.written]
+    return [message["error"]["data"]["kind"] if "error" in message else "ok" for message in messages]
+
+
 def test_who_reads_no_answers_is_asked_no_more_and_loses_nothing() -> None:
     """One answer overfills the buffer: the next request waits until there is room, then is served."""
 
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
-        connection.data_received(DESCRIBE + STOP)
-        assert (answers(transport), transport.is_read, robot.calls) == (1, False, [])
+        connection.data_received(DESCRIBE + ARM)
+        assert (answers(transport), transport.is_read, robot.calls) == (1, True, [])
         transport.client_takes(1_000_000)
-        assert (answers(transport), transport.is_read, robot.calls) == (2, True, [("stop",)])
+        assert (answers(transport), transport.is_read, robot.calls) == (2, True, [("arm",)])
 
     run_virtual(scenario())
 
 
-def test_who_falls_behind_on_telemetry_is_not_read() -> None:
-    """Nor do unread requests pile up on our side when it is telemetry that fills the buffer."""
+def test_a_stop_does_not_wait_for_a_client_that_is_behind() -> None:
+    """It is carried out in the call that brings it, and answered at once; what was asked before it still waits."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.telemetry("text", True, BEHIND)
+        connection.data_received(PING + ESTOP[:20])
+        assert (answers(transport), robot.calls) == (1, [])
+        connection.data_received(ESTOP[20:] + STOP)
+        assert robot.calls == [ESTOPPED, ("stop",)]
+        transport.client_takes(1_000_000)
+        assert [json.loads(line)["id"] for line in transport.written[1:]] == [4, 2, 1]
+
+    run_virtual(scenario())
+
+
+def test_no_motion_that_was_asked_for_before_a_stop_is_carried_out_after_it() -> None:
+    """What a stop has overtaken and would move is refused as such; what was asked for after the stop is not."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE + ARM + DRIVE % 0.1 + PING + STOP + DRIVE % 0.2)
+        transport.written.clear()
+        transport.client_takes(1_000_000)
+        assert robot.calls == [("stop",), drove(0.2)]
+        assert kinds(transport) == ["overtaken", "overtaken", "ok", "ok"]
+
+    run_virtual(scenario())
+
+
+def test_within_a_turn_requests_are_served_in_their_order() -> None:
+    """A stop among a few requests of a client that reads its answers overtakes none of them."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        connection.data_received(ARM + DRIVE % 0.1 + STOP + DRIVE % 0.2 + ESTOP)
+        assert robot.calls == [("arm",), drove(0.1), ("stop",), drove(0.2), ESTOPPED]
+        assert kinds(transport) == ["ok"] * 5
+
+    run_virtual(scenario())
+
+
+def test_a_stop_behind_many_requests_is_carried_out_after_one_turn() -> None:
+    """Not after all of those before it."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        connection.data_received(PING * 17 + DRIVE % 0.1 + PING * 500 + ESTOP)
+        assert (answers(transport), robot.calls) == (17, [ESTOPPED])
+        for _turn in range(40):
+            await asyncio.sleep(0)
+        assert (answers(transport), robot.calls) == (519, [ESTOPPED])
+
+    run_virtual(scenario())
+
+
+def test_looking_for_stops_keeps_the_loop_no_longer_than_serving_does() -> None:
+    """Of 500 lines that merely look like a stop 16 are read in a turn; the stop behind them comes in time."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE + b'{"jsonrpc":"2.0","method":"stop it","x":"stop"}\n' * 500 + STOP)
+        for _turn in range(31):
+            assert (robot.calls, transport.is_read) == ([], False)
+            await asyncio.sleep(0)
+        assert (robot.calls, transport.is_read) == ([("stop",)], True)
+
+    run_virtual(scenario())
+
+
+def test_answers_to_stops_that_are_not_read_are_bounded() -> None:
+    """Who leans on the stop key and reads nothing gets so many answers, and is obeyed all the same."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE)
+        before = transport.unread_bytes
+        for _ in range(1000):
+            connection.data_received(STOP * 10)
+        assert robot.calls == [("stop",)] * 10_000
+        assert transport.unread_bytes <= max(before, 2 * 4096 + 100)
+
+    run_virtual(scenario())
+
+
+def test_what_waits_for_a_client_that_is_behind_is_bounded() -> None:
+    """At 64 KiB of requests it is not read any more; it has a second then, and is given up."""
 
     async def scenario() -> None:
         connection, transport, _ = connected()
         transport.client_reads = False
-        connection.telemetry("text", True, b"x" * 5000)
-        assert not transport.is_read
+        connection.data_received(DESCRIBE)
+        read_bytes = 0
+        while transport.is_read:
+            connection.data_received(PING * 100)
+            read_bytes += len(PING) * 100
+        assert 65_536 < read_bytes <= 65_536 + len(PING) * 100
+        await asyncio.sleep(0.9)
+        assert not connection.closing
+        await asyncio.sleep(0.2)
+        assert (connection.closing, transport.is_read, transport.aborted) == (True, True, False)
+        await asyncio.sleep(0.2)
+        assert transport.aborted
+
+    run_virtual(scenario())
+
+
+def test_who_reads_a_little_is_waited_for() -> None:
+    """As much waiting as may is no offence while the client makes progress."""
+
+    async def scenario() -> None:
+        connection, transport, _ = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE + PING * 2000)
+        for _ in range(10):
+            await asyncio.sleep(0.9)
+            transport.client_takes(10)
+        assert (transport.is_read, connection.closing) == (False, False)
+
+    run_virtual(scenario())
+
+
+def test_who_falls_behind_on_telemetry_can_stop_the_robot() -> None:
+    """Also when it is not by its own requests."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.telemetry("text", True, BEHIND)
         connection.telemetry("text", True, b"waits")
-        transport.client_takes(5000)
-        assert (transport.written[-1], transport.is_read) == (b"waits", True)
+        connection.data_received(PING + STOP)
+        assert (robot.calls, answers(transport)) == ([("stop",)], 2)
+        transport.client_takes(6000)
+        assert (transport.written[2], answers(transport)) == (b"waits", 4)
 
     run_virtual(scenario())
 
@@ -120,29 +265,111 @@ def test_catching_up_within_a_turn_keeps_the_turns() -> None:
 
 
 def test_a_stuck_client_is_cut_off() -> None:
-    """Five seconds with unread output and no progress end the connection."""
+    """Five seconds with unread output and no progress end the connection; stops that come meanwhile are carried out."""
 
     async def scenario() -> None:
-        connection, transport, _ = connected()
+        connection, transport, robot = connected()
         transport.client_reads = False
         connection.data_received(DESCRIBE)
         await asyncio.sleep(4.9)
-        assert not transport.aborted
+        assert not connection.closing
         await asyncio.sleep(0.2)
+        assert (connection.closing, transport.aborted) == (True, False)
+        connection.data_received(DRIVE % 0.1 + STOP)
+        assert robot.calls == [("stop",)]
+        await asyncio.sleep(0.1)
         assert transport.aborted
 
     run_virtual(scenario())
 
 
 def test_a_lost_connection_leaves_nothing_behind() -> None:
-    """Requests that waited are not served, and no timer is left."""
+    """Of the requests that waited none but a stop is served, and no timer is left."""
 
     async def scenario() -> None:
         connection, transport, robot = connected()
-        connection.data_received(PING * 16 + STOP)
+        connection.data_received(PING * 16 + ARM + STOP[:-5])
+        connection.data_received(STOP[-5:].strip() + ARM)
         connection.connection_lost(None)
         await asyncio.sleep(60.0)
-        assert (robot.calls, transport.aborted) == ([], False)
+        assert (robot.calls, transport.aborted, answers(transport)) == ([], False, 16)
+
+        connection, transport, robot = connected()
+        connection.data_received(PING * 16 + ARM + STOP.strip())
+        connection.connection_lost(None)
+        await asyncio.sleep(60.0)
+        assert (robot.calls, transport.aborted, answers(transport)) == ([("stop",)], False, 16)
+
+    run_virtual(scenario())
+
+
+def test_what_is_ended_is_looked_through_for_a_while() -> None:
+    """0.2 s, so that a stop behind what ended the connection is carried out; then nothing is listened to any more."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        connection.data_received(PING + b"x" * 5000)
+        assert (kinds(transport), transport.closed) == (["ok", "request_too_large"], False)
+        await asyncio.sleep(0)
+        connection.data_received(b"x\n" + ARM + STOP)
+        assert (robot.calls, answers(transport)) == ([("stop",)], 2)
+        await asyncio.sleep(0.3)
+        assert transport.closed
+        connection.data_received(STOP)
+        assert robot.calls == [("stop",)]
+
+    run_virtual(scenario())
+
+
+def test_what_is_ended_is_not_looked_through_without_end() -> None:
+    """Half a megabyte is more than can have been on its way; then the connection is closed."""
+
+    async def scenario() -> None:
+        connection, transport, _ = connected()
+        connection.data_received(PING + b"x" * 5000)
+        await asyncio.sleep(0)
+        for _ in range(8):
+            assert not transport.closed
+            connection.data_received(b"x" * 65536)
+        connection.data_received(b"x")
+        assert transport.closed
+
+    run_virtual(scenario())
+
+
+def test_who_is_stuck_while_being_ended_is_still_looked_through() -> None:
+    """That its patience ends in that very moment does not cut the last look short."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE)
+        await asyncio.sleep(4.9)
+        connection.end(Failure(ErrorKind.TIMED_OUT, "for another reason"))
+        await asyncio.sleep(0.15)
+        connection.data_received(STOP)
+        assert (robot.calls, transport.closed, transport.aborted) == ([("stop",)], False, False)
+        await asyncio.sleep(0.1)
+        assert (transport.closed, transport.aborted) == (True, False)
+        await asyncio.sleep(5.0)
+        assert transport.aborted
+
+    run_virtual(scenario())
+
+
+def test_the_end_of_the_requests_waits_for_those_that_wait() -> None:
+    """A client that half-closes while it is behind gets every answer as it reads, and then our side closes."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.telemetry("text", True, BEHIND)
+        connection.data_received(PING + ARM + STOP.strip())
+        connection.eof_received()
+        assert (robot.calls, transport.closed) == ([("stop",)], False)
+        transport.client_takes(1_000_000)
+        del transport.written[0]
+        assert (kinds(transport), transport.closed) == (["ok", "ok", "overtaken"], True)
 
     run_virtual(scenario())
 

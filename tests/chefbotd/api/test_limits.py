@@ -222,15 +222,18 @@ def test_an_estop_finds_a_place_where_everything_is_taken(limits: dict[str, int]
 
 
 def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
-    """Whoever asks for more there is told that there is no room, and gone; a free place is one for everything again."""
+    """Whoever asks for more there is told that there is no room, and gone, but not before its stop is carried out.
+
+    A free place is one for everything again.
+    """
 
     async def scenario(served: Served, client: LineClient) -> None:
         async with line_client(served) as late:
             assert "result" in await late.ask("introduce", client="Ann")
-            late.request("subscribe", topics=["text"])
+            late.request("arm")
             late.send(STOP.strip())
             assert await last_kind(late) == "too_many_clients"
-            assert (served.server.clients, served.robot.calls) == (1, [])
+            assert (served.server.clients, served.robot.calls) == (1, [("stop",)])
         client.half_close()
         await asyncio.sleep(0.01)
         async with line_client(served) as again:
