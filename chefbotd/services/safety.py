@@ -118,7 +118,7 @@ class SafetyKeeper:
         """The board is back, gone, or another: a fault that is left by arming, or by itself where configured."""
         if isinstance(event, LinkOpened):
             self._link_open = True
-            self._silence = SilenceState(event.stamp_s)
+            self._silence = SilenceState()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
             self._link_open = False

@@ -154,6 +154,27 @@ def test_a_command_is_on_the_wire_before_the_call_returns():
     on_rig(scenario)
 
 
+def test_nothing_moves_before_the_first_reading_of_a_link():
+    """Newly opened, or opened again after a drive: only stops until the encoders are heard, and that is told."""
+
+    async def scenario(rig: Rig) -> None:
+        for _ in range(2):
+            before = len(rig.written)
+            rig.service.command("teleop", AHEAD)
+            await asyncio.sleep(0.1)
+            rig.service.command("teleop", AHEAD)
+            assert {duty for _, duty in rig.written[before:]} <= {(0, 0)}
+            assert [rig.safety.take() for _ in range(len(rig.safety))][-1].limited_by == "encoders_stale"
+            await rig.drive_for(0.1)
+            assert any(rig.duty)
+            rig.bus.publish(LinkClosed(rig.clock.now_s(), "fake", "unplugged"))
+            await asyncio.sleep(0)
+            await rig.open_link()
+            rig.service.arm()
+
+    on_rig(scenario)
+
+
 def test_speed_ramps_up_within_the_acceleration_limit():
     """At 1 m/s² the setpoint is 0.1 m/s after 0.1 s and 0.2 m/s from 0.2 s on."""
 
