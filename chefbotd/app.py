@@ -23,6 +23,7 @@ from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import BoardLink, Opener
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
+from chefbotd.motion.allowance import Allowance
 from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
 from chefbotd.services.drive import DriveService
@@ -100,6 +101,7 @@ class Daemon:
                 settings.safety.default_source,
                 _description(settings.robot.description),
                 tuple(settings.safety.sources),
+                Allowance(settings.drive, settings.chassis, settings.limits),
             ),
             self.bus,
             clock,

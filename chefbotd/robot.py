@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.link.session import BoardSession
+from chefbotd.motion.allowance import Allowance
 from chefbotd.motion.pid import PidParameters
 from chefbotd.services.drive import DriveService
 from chefbotd.services.odometry import OdometryService
@@ -26,14 +27,20 @@ class WiredRobot:
     default_source: str
     description: str | None
     sources: tuple[str, ...]
+    allowance: Allowance
 
-    def drive(self, source: str, twist: Twist2D) -> None:
+    def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
         """Take a velocity command."""
         self.driving.command(source, twist)
+        return self.allowance.of_twist(twist)
 
-    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
+    def set_wheel_velocities(
+        self, source: str, velocity_rad_s: Mapping[str, float]
+    ) -> Allowed[Mapping[str, float]]:
         """Take a command for each wheel."""
-        self.driving.command(source, self.driving.wheel_velocities(velocity_rad_s))
+        wanted = self.driving.wheel_velocities(velocity_rad_s)
+        self.driving.command(source, wanted)
+        return self.allowance.of_wheels(wanted)
 
     def release(self, source: str) -> None:
         """Forget a source's command."""

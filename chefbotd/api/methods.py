@@ -58,9 +58,13 @@ class Methods:
                 observe, models.SubscribeParams, models.Subscribed, self._subscribe, self._send_snapshots
             ),
             "unsubscribe": Method(observe, models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
-            "drive": Method(drive, models.DriveParams, done, self._drive, moves=True),
+            "drive": Method(drive, models.DriveParams, models.Driven, self._drive, moves=True),
             "set_wheel_velocities": Method(
-                drive, models.SetWheelVelocitiesParams, done, self._set_wheel_velocities, moves=True
+                drive,
+                models.SetWheelVelocitiesParams,
+                models.WheelsDriven,
+                self._set_wheel_velocities,
+                moves=True,
             ),
             "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
             "release_control": Method(drive, nothing, models.Released, self._release_control),
@@ -141,21 +145,27 @@ class Methods:
             if name not in known:
                 raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(known)}")
 
-    def _drive(self, caller: Caller, params: models.DriveParams) -> models.Done:
+    def _drive(self, caller: Caller, params: models.DriveParams) -> models.Driven:
         """Move so until the command is replaced or too old; repeat it to keep moving."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
         self._control.require(source, caller.session, now_s)
-        self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
+        allowed = self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
         self._control.renew(source, caller.session, now_s)
-        return DONE
+        twist = allowed.command
+        return models.Driven(
+            linear_m_s=twist.linear_m_s, angular_rad_s=twist.angular_rad_s, limited_by=allowed.limited_by
+        )
 
-    def _set_wheel_velocities(self, caller: Caller, params: models.SetWheelVelocitiesParams) -> models.Done:
+    def _set_wheel_velocities(
+        self, caller: Caller, params: models.SetWheelVelocitiesParams
+    ) -> models.WheelsDriven:
         """Turn each wheel so, as ``drive`` moves the whole robot; wheels that are not named stand."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
         self._control.require(source, caller.session, now_s)
-        self._robot.set_wheel_velocities(source, params.by_name())
+        allowed = self._robot.set_wheel_velocities(source, params.by_name())
         self._control.renew(source, caller.session, now_s)
-        return DONE
+        speeds = [allowed.command[name] for name in params.name]
+        return models.WheelsDriven(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
 
     def _take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""

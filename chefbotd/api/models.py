@@ -164,6 +164,29 @@ class Done(Result):
     ok: Literal[True] = True
 
 
+class Limited(Done):
+    """It is carried out as far as the configured limits allow; ``limited_by`` is the key of the tightest."""
+
+    limited_by: str | None = Field(
+        None,
+        description="null where it is carried out as it was asked; what holds it up now is told by safety",
+    )
+
+
+class Driven(Limited):
+    """The velocity that the robot goes for."""
+
+    linear_m_s: float
+    angular_rad_s: float
+
+
+class WheelsDriven(Limited):
+    """The velocities that the named wheels go for, in the order in which they were named."""
+
+    name: list[str]
+    velocity_rad_s: list[float]
+
+
 class Known(Result):
     """Who this client is to the daemon, and what it may do."""
 

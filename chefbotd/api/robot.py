@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Protocol
 
+from chefbotd.core.commands import Allowed
 from chefbotd.core.events import StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
@@ -29,12 +30,14 @@ class Robot(Protocol):
         """The robot's URDF; None where it has none."""
         ...
 
-    def drive(self, source: str, twist: Twist2D) -> None:
-        """Take a velocity command from one of the configured sources."""
+    def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
+        """Take a velocity command from one of the configured sources; what the limits allow of it."""
         ...
 
-    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
-        """Take a command for each wheel by name; wheels that are not named stand."""
+    def set_wheel_velocities(
+        self, source: str, velocity_rad_s: Mapping[str, float]
+    ) -> Allowed[Mapping[str, float]]:
+        """Take a command for each wheel by name; wheels that are not named stand. What the limits allow of it."""
         ...
 
     def release(self, source: str) -> None:

@@ -1,5 +1,6 @@
 """The commands of chefbotctl that drive: for a while, by keyboard, along a square."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -27,7 +28,8 @@ def drive(
 ) -> None:
     """Drive forward at V m/s, turning left at W rad/s; always ends with a stop.
 
-    Negative numbers go backwards and to the right. Exit code 6 means that odometry saw next to no motion.
+    Negative numbers go backwards and to the right. What is beyond the robot's limits is slowed, and told. Exit code 6
+    means that odometry saw next to no motion.
     """
     from rich.console import Console
 
@@ -39,13 +41,15 @@ def drive(
             chat, "drive", lambda robot: drive_for(robot, twist, seconds, report), takes_over=takes_over
         )
     moved = {"x_m": done.moved.x_m, "y_m": done.moved.y_m, "heading_rad": done.moved.heading_rad}
+    allowed = facts.twist(done.allowed.linear_m_s, done.allowed.angular_rad_s)
     output.say(
         chat.as_json,
-        {"moved": moved, "happened": done.happened},
-        f"Moved, seen from the start: {facts.pose(done.moved)}",
+        {"moved": moved, "happened": done.happened, "allowed": asdict(done.allowed), **asdict(done.told)},
+        f"{done.told.clipped(allowed)}Moved, seen from the start: {facts.pose(done.moved)}",
     )
     if not done.happened:
-        raise ProgramError(Exit.NOT_DONE, "the robot was told to move, and odometry saw next to no motion")
+        told = "the robot was told to move, and odometry saw next to no motion"
+        raise ProgramError(Exit.NOT_DONE, f"{told}{done.told.because}")
 
 
 @click.command()

@@ -45,10 +45,31 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """What was asked for, and what odometry says happened: the end seen from the start, and the way there."""
+class Told:
+    """What the daemon said of a command.
 
-    twist: Twist2D
+    ``limited_by`` is the configured limit that the command is beyond, ``held_by`` what held the robot up besides.
+    """
+
+    limited_by: str | None = None
+    held_by: str | None = None
+
+    def clipped(self, allowed: str) -> str:
+        """A line for a command that was beyond a limit, with what was allowed; nothing for any other."""
+        return "" if self.limited_by is None else f"Limited by {self.limited_by} to {allowed}.\n"
+
+    @property
+    def because(self) -> str:
+        """What may be the reason, at the end of a sentence about a robot that did not move."""
+        return "" if self.held_by is None else f"; held up by {self.held_by}"
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What was allowed of a command, and what odometry says happened: the end seen from the start, and the way there."""
+
+    allowed: Twist2D
+    told: Told
     seconds: float
     moved: Pose2D
     went_m: float
@@ -56,10 +77,29 @@ class Drive:
 
     @property
     def happened(self) -> bool:
-        """Whether the robot moved at all, as far as it was asked to."""
-        asked_m = abs(self.twist.linear_m_s) * self.seconds
-        asked_rad = abs(self.twist.angular_rad_s) * self.seconds
-        return self.went_m >= MOVED_SHARE * asked_m and abs(self.turned_rad) >= MOVED_SHARE * asked_rad
+        """Whether the robot moved at all, as far as it was allowed to."""
+        allowed_m = abs(self.allowed.linear_m_s) * self.seconds
+        allowed_rad = abs(self.allowed.angular_rad_s) * self.seconds
+        return self.went_m >= MOVED_SHARE * allowed_m and abs(self.turned_rad) >= MOVED_SHARE * allowed_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """What was allowed of wheels that were each asked for a speed, and how fast each wheel turned at the end."""
+
+    allowed_rad_s: Mapping[str, float]
+    told: Told
+    turned_rad_s: Mapping[str, float]
+
+    @property
+    def stuck(self) -> list[str]:
+        """The wheels that were allowed to turn, and did next to nothing of it."""
+        turned = self.turned_rad_s
+        return [
+            name
+            for name, allowed in self.allowed_rad_s.items()
+            if abs(turned.get(name, 0.0)) < MOVED_SHARE * abs(allowed)
+        ]
 
 
 async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
@@ -68,32 +108,52 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
     The stop is sent on every way out: the end, an error, a cancellation. Raises the client's errors.
     """
     way = Way(pose(await odometry(robot)))
+    answer: dict[str, Any] = {}
+    told = Told()
 
     async def command() -> None:
-        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
-        way.look(pose(await odometry(robot)))
+        nonlocal answer, told
+        answer = await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+        state = await robot.get_state()
+        told = _told(answer, state)
+        way.look(pose(_latest(state, "odometry")))
 
     try:
         await _repeat(command, seconds, report)
     finally:
         await robot.stop()
     await _settle(robot, way)
-    return Drive(twist, seconds, way.moved, way.went_m, way.turned_rad)
+    allowed = Twist2D(answer["linear_m_s"], answer["angular_rad_s"])
+    return Drive(allowed, told, seconds, way.moved, way.went_m, way.turned_rad)
 
 
 async def turn_for(
     robot: Client, velocity_rad_s: Mapping[str, float], seconds: float, report: Callable[[float], None]
-) -> dict[str, float]:
+) -> Turning:
     """Turn wheels, telling ``report`` the seconds gone by, then stop: how fast each wheel turned before that.
 
     The stop is sent on every way out. Raises the client's errors.
     """
+    answer: dict[str, Any] = {}
+
+    async def command() -> None:
+        nonlocal answer
+        answer = await robot.set_wheel_velocities(velocity_rad_s)
+
     try:
-        await _repeat(lambda: robot.set_wheel_velocities(velocity_rad_s), seconds, report)
-        reading = (await robot.get_state())["topics"].get("wheels", {}).get("data", {})
+        await _repeat(command, seconds, report)
+        state = await robot.get_state()
     finally:
         await robot.stop()
-    return dict(zip(reading.get("name", ()), reading.get("velocity_rad_s", ()), strict=True))
+    return Turning(_by_name(answer), _told(answer, state), _by_name(_latest(state, "wheels")))
+
+
+def _told(answer: Mapping[str, Any], state: Mapping[str, Any]) -> Told:
+    return Told(answer["limited_by"], state["safety"]["limited_by"])
+
+
+def _by_name(speeds: Mapping[str, Any]) -> dict[str, float]:
+    return dict(zip(speeds.get("name", ()), speeds.get("velocity_rad_s", ()), strict=True))
 
 
 async def _repeat(
@@ -121,8 +181,11 @@ async def _settle(robot: Client, way: Way) -> None:
 
 async def odometry(robot: Client) -> dict[str, Any]:
     """The latest reading of the topic ``odometry``; empty when there has been none yet."""
-    state = await robot.get_state()
-    reading: dict[str, Any] = state["topics"].get("odometry", {}).get("data", {})
+    return _latest(await robot.get_state(), "odometry")
+
+
+def _latest(state: Mapping[str, Any], topic: str) -> dict[str, Any]:
+    reading: dict[str, Any] = state["topics"].get(topic, {}).get("data", {})
     return reading
 
 

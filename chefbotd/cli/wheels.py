@@ -1,5 +1,7 @@
 """The command of chefbotctl that turns wheels each on its own."""
 
+from dataclasses import asdict
+
 import click
 
 from chefbotd.cli import output
@@ -19,23 +21,34 @@ def wheels(
 ) -> None:
     """Turn each named wheel at RAD_S rad/s, forward positive, while the others stand; always ends with a stop.
 
-    Exit code 6 means that a wheel was told to turn and turned next to nothing.
+    What is beyond the robot's limits is slowed, and told. Exit code 6 means that a wheel was told to turn and turned
+    next to nothing of what the limits allow.
     """
     from rich.console import Console
 
-    from chefbotd.cli.timed_drive import MOVED_SHARE, turn_for
+    from chefbotd.cli.timed_drive import turn_for
 
     wanted = dict(asked)
     if len(wanted) < len(asked):
         raise click.UsageError("each wheel may be named once")
     with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
-        turned = lead(
+        done = lead(
             chat, "wheels", lambda robot: turn_for(robot, wanted, seconds, report), takes_over=takes_over
         )
-    stuck = [name for name, speed in wanted.items() if abs(turned.get(name, 0.0)) < MOVED_SHARE * abs(speed)]
-    told = ", ".join(f"{name} {turned.get(name, 0.0):+.2f} rad/s" for name in wanted)
-    output.say(chat.as_json, {"velocity_rad_s": turned, "happened": not stuck}, f"Turned at the end: {told}")
-    if stuck:
+    allowed = ", ".join(f"{name} {speed:+.2f} rad/s" for name, speed in done.allowed_rad_s.items())
+    turned = ", ".join(f"{name} {done.turned_rad_s.get(name, 0.0):+.2f} rad/s" for name in wanted)
+    output.say(
+        chat.as_json,
+        {
+            "velocity_rad_s": done.turned_rad_s,
+            "happened": not done.stuck,
+            "allowed_rad_s": done.allowed_rad_s,
+            **asdict(done.told),
+        },
+        f"{done.told.clipped(allowed)}Turned at the end: {turned}",
+    )
+    if done.stuck:
+        names = ", ".join(done.stuck)
         raise ProgramError(
-            Exit.NOT_DONE, f"told to turn, and seen to turn next to nothing: {', '.join(stuck)}"
+            Exit.NOT_DONE, f"told to turn, and seen to turn next to nothing: {names}{done.told.because}"
         )

@@ -108,19 +108,24 @@ class Client:
         """Any method by its name: the answer's ``result``."""
         return await self._wire.call(method, params, self._timeout_s)
 
-    async def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> None:
+    async def drive(
+        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
+    ) -> dict[str, Any]:
         """Ask for a velocity; it holds for the daemon's dead-man time, so repeat it.
 
-        Without a source it is the robot's default one that asks.
+        Without a source it is the robot's default one that asks. The answer has what the limits allow of it.
         """
-        await self.call("drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, **_named(source))
+        velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
+        return await self.call("drive", **velocity, **_named(source))
 
     async def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> None:
-        """Ask for a speed of each wheel by name; the others stand. It holds for as long as a ``drive`` does."""
+    ) -> dict[str, Any]:
+        """Ask for a speed of each wheel by name; the others stand. It holds, and is answered, as a ``drive`` is."""
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        await self.call("set_wheel_velocities", name=names, velocity_rad_s=velocities, **_named(source))
+        return await self.call(
+            "set_wheel_velocities", name=names, velocity_rad_s=velocities, **_named(source)
+        )
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""

@@ -1,6 +1,18 @@
-"""What a command is answered with when it is not carried out."""
+"""What a command is answered with: what is allowed of it, or why it is not carried out."""
 
+from dataclasses import dataclass
 from enum import StrEnum
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed(Generic[T]):
+    """As much of a command as the configured limits allow; ``limited_by`` is the key of the tightest, if one is."""
+
+    command: T
+    limited_by: str | None = None
 
 
 class RefusalKind(StrEnum):

@@ -108,7 +108,7 @@ def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: floa
     if dt_s <= 0:
         return state
     linear, angular = params.linear.axis, params.angular.axis
-    aim = _within_speeds(linear, angular, target, params.keep_curvature)
+    aim = within_speeds(params, target)
     if state.twist == aim and state.acceleration == STANDING:
         return state
     if params.keep_curvature and aim != STANDING:
@@ -121,10 +121,11 @@ def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: floa
     return LimiterState(Twist2D(linear_m_s, angular_rad_s), Twist2D(linear_m_s2, angular_rad_s2))
 
 
-def _within_speeds(linear: AxisLimits, angular: AxisLimits, target: Twist2D, keep_curvature: bool) -> Twist2D:
-    linear_share = linear.share_of(target.linear_m_s)
-    angular_share = angular.share_of(target.angular_rad_s)
-    if keep_curvature:
+def within_speeds(params: MotionLimits, target: Twist2D) -> Twist2D:
+    """As much of a twist as the speed limits allow."""
+    linear_share = params.linear.axis.share_of(target.linear_m_s)
+    angular_share = params.angular.axis.share_of(target.angular_rad_s)
+    if params.keep_curvature:
         linear_share = angular_share = min(linear_share, angular_share)
     return Twist2D(target.linear_m_s * linear_share, target.angular_rad_s * angular_share)
 

@@ -16,13 +16,17 @@ def share_of(
     limits: MotionLimits, max_rim_speed_m_s: float, speeds_m_s: Sequence[float], twist: Twist2D
 ) -> float:
     """How much of these rim speeds, which make this twist, the robot may go (0 to 1): their ratios are kept."""
-    fastest_m_s = max(map(abs, speeds_m_s))
-    reachable = 1.0 if fastest_m_s <= max_rim_speed_m_s else max_rim_speed_m_s / fastest_m_s
     return min(
-        reachable,
+        share_of_rims(max_rim_speed_m_s, speeds_m_s),
         limits.linear.axis.share_of(twist.linear_m_s),
         limits.angular.axis.share_of(twist.angular_rad_s),
     )
+
+
+def share_of_rims(max_rim_speed_m_s: float, speeds_m_s: Sequence[float]) -> float:
+    """How much of these rim speeds the wheels reach, 0 to 1."""
+    fastest_m_s = max(map(abs, speeds_m_s))
+    return 1.0 if fastest_m_s <= max_rim_speed_m_s else max_rim_speed_m_s / fastest_m_s
 
 
 def ramp(

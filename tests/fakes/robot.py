@@ -1,9 +1,10 @@
 """A robot behind the command socket that remembers what it was asked, and refuses on demand."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
@@ -49,16 +50,25 @@ class FakeRobot:
             raise self.answer
         self.calls.append(call)
 
-    def drive(self, source: str, twist: Twist2D) -> None:
-        """Remember it."""
+    def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
+        """Remember it; it goes 1 m/s at most."""
         self._record("drive", source, twist)
+        if abs(twist.linear_m_s) <= 1.0:
+            return Allowed(twist)
+        return Allowed(Twist2D(math.copysign(1.0, twist.linear_m_s), twist.angular_rad_s), "limits.linear")
 
-    def set_wheel_velocities(self, source: str, velocity_rad_s: Mapping[str, float]) -> None:
-        """Remember it; only the two wheels of ``WHEELS`` are known."""
+    def set_wheel_velocities(
+        self, source: str, velocity_rad_s: Mapping[str, float]
+    ) -> Allowed[Mapping[str, float]]:
+        """Remember it; only the two wheels of ``WHEELS`` are known, and they turn at 10 rad/s at most."""
         self._record("set_wheel_velocities", source, dict(velocity_rad_s))
         for wheel in velocity_rad_s:
             if wheel not in WHEELS:
                 raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
+        fastest = max(map(abs, velocity_rad_s.values()))
+        share = 1.0 if fastest <= 10.0 else 10.0 / fastest
+        slowed = {name: velocity_rad_s.get(name, 0.0) * share for name in WHEELS}
+        return Allowed(slowed, None if share == 1.0 else "drive.max_rim_speed_m_s")
 
     def release(self, source: str) -> None:
         """Remember it."""

@@ -10,6 +10,8 @@ import pytest
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import TruthSimulated
+from chefbotd.core.geometry import Twist2D
+from chefbotd.motion.kinematics import Kinematics
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
@@ -106,6 +108,25 @@ def test_the_robot_moves_as_it_is_told(settings: Settings, linear_m_s: float, an
         assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.02, abs=0.01)
 
     on_robot(scenario, settings)
+
+
+@pytest.mark.parametrize(("linear_m_s", "angular_rad_s"), [(9.0, 0.0), (-9.0, 4.0), (0.1, -30.0), (0.1, 0.2)])
+def test_a_command_is_answered_with_what_the_wheels_then_go_for(
+    settings: Settings, linear_m_s: float, angular_rad_s: float
+):
+    """Too much for the robot or not: after the ramp, the wheels' targets are those of the twist in the answer."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        answer = await robot.client.drive(linear_m_s, angular_rad_s)
+        await drive(robot, linear_m_s, angular_rad_s, 2.0)
+        allowed = Twist2D(answer["linear_m_s"], answer["angular_rad_s"])
+        targets = (await topic(robot, "wheels"))["target_rad_s"]
+        assert targets == pytest.approx(Kinematics(settings.chassis).wheel_speeds_rad_s(allowed), rel=1e-3)
+        assert (answer["limited_by"] is None) == (allowed == Twist2D(linear_m_s, angular_rad_s))
+
+    lifted = settings.sim.body.model_copy(update={"mass_kg": 0.0})
+    sim = settings.sim.model_copy(update={"body": lifted})
+    on_robot(scenario, unguarded(settings.model_copy(update={"sim": sim})))
 
 
 @pytest.mark.parametrize("linear_m_s", [0.1, 0.2, -0.2])

@@ -117,9 +117,13 @@ def test_on_the_ground_the_wheels_turn_as_told_too(robot_name: str, velocity_rad
 
 
 def test_too_fast_wheels_keep_their_ratio():
-    """ChefBot's rims reach 0.34 m/s: of 20 and 10 rad/s the wheels get 7.56 and 3.78."""
+    """ChefBot's rims reach 0.34 m/s: of 20 and 10 rad/s the wheels get 7.56 and 3.78, as the answer says at once."""
 
     async def scenario(robot: SimulatedRobot) -> None:
+        answer = await robot.client.set_wheel_velocities({"right_wheel": 10.0, "left_wheel": 20.0})
+        assert answer["limited_by"] == "drive.max_rim_speed_m_s"
+        assert answer["name"] == ["right_wheel", "left_wheel"]
+        assert answer["velocity_rad_s"] == pytest.approx([0.17 / 0.045, 0.34 / 0.045])
         await turn(robot, {"left_wheel": 20.0, "right_wheel": 10.0}, 2.0)
         target = dict(zip(LEFT_AND_RIGHT, (await topic(robot, "wheels"))["target_rad_s"], strict=True))
         assert target == pytest.approx({"left_wheel": 0.34 / 0.045, "right_wheel": 0.17 / 0.045})

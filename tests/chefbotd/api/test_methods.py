@@ -95,8 +95,41 @@ def test_a_command_reaches_the_robot_before_it_is_answered(
 ) -> None:
     """Each command is one synchronous call on the robot, and then ``ok``."""
     desk = Desk()
-    assert desk.ask(method, **params) == {"jsonrpc": "2.0", "id": 1, "result": {"ok": True}}
+    answer = desk.ask(method, **params)
+    assert (answer["id"], answer["result"]["ok"]) == (1, True)
     assert desk.robot.calls == [call]
+
+
+@pytest.mark.parametrize(
+    ("linear_m_s", "told"),
+    [
+        (0.5, {"ok": True, "linear_m_s": 0.5, "angular_rad_s": 2.0, "limited_by": None}),
+        (-3.0, {"ok": True, "linear_m_s": -1.0, "angular_rad_s": 2.0, "limited_by": "limits.linear"}),
+    ],
+)
+def test_drive_is_answered_with_what_is_allowed(linear_m_s: float, told: dict[str, Any]) -> None:
+    """The fake goes 1 m/s at most: the velocity that it goes for, and the limit that the command is beyond."""
+    assert Desk().ask("drive", linear_m_s=linear_m_s, angular_rad_s=2.0)["result"] == told
+
+
+@pytest.mark.parametrize(
+    ("asked", "allowed", "limited_by"),
+    [([5.0, -2.0], [5.0, -2.0], None), ([40.0, -20.0], [10.0, -5.0], "drive.max_rim_speed_m_s")],
+)
+def test_wheels_are_answered_with_what_is_allowed(
+    asked: list[float], allowed: list[float], limited_by: str | None
+) -> None:
+    """In the order in which they were named, and none but those; the fake's turn at 10 rad/s at most."""
+    desk = Desk()
+    both = desk.ask("set_wheel_velocities", name=["right", "left"], velocity_rad_s=asked)["result"]
+    assert both == {
+        "ok": True,
+        "name": ["right", "left"],
+        "velocity_rad_s": allowed,
+        "limited_by": limited_by,
+    }
+    one = desk.ask("set_wheel_velocities", name=["right"], velocity_rad_s=[3.0])["result"]
+    assert (one["name"], one["velocity_rad_s"]) == (["right"], [3.0])
 
 
 @pytest.mark.parametrize(
@@ -133,7 +166,7 @@ def test_wheel_commands_need_and_renew_the_lease() -> None:
     """Who commands wheels has control of the source, as who drives has; another client's are refused."""
     desk, other = Desk(), Desk()
     other.dispatcher = desk.dispatcher
-    assert desk.ask("set_wheel_velocities", name=["left"], velocity_rad_s=[1.0])["result"] == {"ok": True}
+    assert desk.ask("set_wheel_velocities", name=["left"], velocity_rad_s=[1.0])["result"]["ok"]
     assert other.kind("set_wheel_velocities", name=["left"], velocity_rad_s=[1.0]) == "lease_held"
     assert desk.ask("release_control")["result"] == {"sources": ["teleop"]}
 
@@ -328,7 +361,7 @@ def test_a_command_without_a_source_is_the_default_ones() -> None:
     """A robot whose people drive by joystick has no teleop: the lease and the command are the joystick's."""
     desk = Desk()
     desk.robot.default_source, desk.robot.sources = "joystick", ("joystick",)
-    assert desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["result"] == {"ok": True}
+    assert desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["result"]["ok"]
     assert desk.robot.calls == [("drive", "joystick", Twist2D(0.1, 0.0))]
     assert desk.ask("take_control")["result"]["source"] == "joystick"
 

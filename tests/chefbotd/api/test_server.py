@@ -70,7 +70,7 @@ def test_drive_and_telemetry_end_to_end(run: Callable[[Any], None]) -> None:
     """On asyncio's loop and on uvloop: a drive reaches the robot, an event every subscriber."""
 
     async def scenario(served: Served, client: LineClient) -> None:
-        assert (await client.ask("drive", linear_m_s=0.1, angular_rad_s=0.0))["result"] == {"ok": True}
+        assert (await client.ask("drive", linear_m_s=0.1, angular_rad_s=0.0))["result"]["ok"]
         assert served.robot.calls == [("drive", "teleop", Twist2D(0.1, 0.0))]
         async with line_client(served) as second:
             for reader in (client, second):

@@ -14,6 +14,7 @@ from chefbotd.motion.pid import PidParameters
 T = TypeVar("T")
 TICK_S = 0.02
 DEAD_MAN_S = 0.5
+MOST = 50.0
 WHEELS = ("left_wheel", "right_wheel")
 PID = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0).model_dump()
 SCHEMA = {"description": "A velocity.\nMore.", "properties": {"linear_m_s": {}, "angular_rad_s": {}}}
@@ -25,7 +26,8 @@ class FakeDaemon:
     ``refuse`` maps a method to a kind of refusal; ``hang_up_on`` names a method that ends the connection
     instead; one that ``coasts`` stops only by the dead-man; a ``silent`` one sends no events; ``stuck`` wheels
     do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
-    ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``.
+    ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``. ``MOST`` is the most that it
+    allows of any speed, and ``held_by`` what it says holds it up.
     """
 
     def __init__(self) -> None:
@@ -41,6 +43,7 @@ class FakeDaemon:
         self.unknown_sources: set[str] = set()
         self.protocol = "1.0"
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
+        self.held_by: str | None = None
         self.slip = self.drift_rad_s = self.latency_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
@@ -109,7 +112,13 @@ class FakeDaemon:
             "imu": {"heading_rad": 0.5, "angular_velocity_rad_s": None},
             "ranges": {"ranges": [{"sensor": "front", "status": "ok", "range_m": 1.5}]},
             "battery": {"voltage_v": 12.34, "percentage": 78.0, "status": "ok"},
-            "safety": {"mode": "armed", "reason": "started", "source": None, "armed": True},
+            "safety": {
+                "mode": "armed",
+                "reason": "started",
+                "limited_by": self.held_by,
+                "source": None,
+                "armed": True,
+            },
             "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
         }
         if self.simulated:
@@ -144,7 +153,8 @@ class FakeDaemon:
         if kind := self.refuse.get(method, None if known else "unknown_source"):
             return {"error": {"code": -32000, "message": "it will not", "data": {"kind": kind}}}
         if method == "drive":
-            self.twist, self._driven_s = Twist2D(params["linear_m_s"], params["angular_rad_s"]), now_s
+            allowed = _allowed(params)
+            self.twist, self._driven_s = Twist2D(allowed["linear_m_s"], allowed["angular_rad_s"]), now_s
         elif method in ("stop", "estop"):
             self.twist = self.twist if self.coasts else STANDING
         elif method == "subscribe":
@@ -153,6 +163,8 @@ class FakeDaemon:
             "ping": lambda: {"pong": True, "stamp_s": now_s},
             "get_state": lambda: self._state(now_s),
             "get_stats": lambda: STATS,
+            "drive": lambda: _allowed(params),
+            "set_wheel_velocities": lambda: _allowed(params),
             "take_control": lambda: {"source": params.get("source", "teleop"), "taken_from": None},
             "get_pid": lambda: {"wheels": self.gains[-1]},
             "undo_pid": lambda: {"wheels": self._undo_pid()},
@@ -191,6 +203,17 @@ STATS: dict[str, Any] = {
     "bus_dropped": {},
     "telemetry_dropped": 0,
 }
+
+
+def _allowed(params: dict[str, Any]) -> dict[str, Any]:
+    """The answer to a velocity, or to one of each wheel: slowed together until the fastest is ``MOST``."""
+    speeds = params.get("velocity_rad_s") or [params["linear_m_s"], params["angular_rad_s"]]
+    fastest = max(map(abs, speeds))
+    slowed = [speed * min(1.0, MOST / fastest) if fastest else 0.0 for speed in speeds]
+    told = {"ok": True, "limited_by": "limits.linear" if fastest > MOST else None}
+    if "name" in params:
+        return {**told, "name": params["name"], "velocity_rad_s": slowed}
+    return {**told, "linear_m_s": slowed[0], "angular_rad_s": slowed[1]}
 
 
 def _pose(pose: Pose2D) -> dict[str, float]:

@@ -165,6 +165,28 @@ def test_a_drive_that_does_not_happen(control: Control, daemon: FakeDaemon) -> N
     assert "odometry saw next to no motion" in result.stderr
 
 
+def test_a_drive_is_judged_by_what_was_allowed(control: Control) -> None:
+    """Of 1000 m/s the fake allows 50, and goes 50 m in a second: that has happened, and what was cut is told."""
+    result = control("drive", "1000", "0", "--for", "1")
+    first, second = result.stdout.splitlines()
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert first == "Limited by limits.linear to +50.000 m/s  +0.000 rad/s."
+    assert second.startswith("Moved, seen from the start: x +5")
+
+
+def test_scripts_are_told_what_was_allowed(control: Control) -> None:
+    """With ``--json`` the velocity and the limit have keys of their own."""
+    answer = json.loads(control("--json", "drive", "1000", "0", "--for", "1").stdout)
+    assert answer["allowed"] == {"linear_m_s": 50.0, "angular_rad_s": 0.0}
+    assert (answer["limited_by"], answer["held_by"], answer["happened"]) == ("limits.linear", None, True)
+
+
+def test_what_held_the_robot_up_is_told(control: Control, daemon: FakeDaemon) -> None:
+    """Before a wall the error is not about motors only."""
+    daemon.stuck, daemon.held_by = True, "obstacle:front"
+    assert control("drive", "0.2", "0", "--for", "1").stderr.endswith("; held up by obstacle:front\n")
+
+
 @pytest.mark.parametrize("args", [["0", "3.1416"], ["0", "-3.1416"], ["0.2", "3.1416"]])
 def test_a_full_turn_counts_as_motion(control: Control, args: list[str]) -> None:
     """Turning by 2 s of 3.1416 rad/s ends where it began, in place or along a circle, and has happened."""

@@ -21,6 +21,9 @@ def test_wheels_are_turned_at_20_hz_and_stopped(control: Control, daemon: FakeDa
     assert json.loads(result.stdout) == {
         "velocity_rad_s": {"left_wheel": 1.0, "right_wheel": -2.0},
         "happened": True,
+        "allowed_rad_s": {"left_wheel": 1.0, "right_wheel": -2.5},
+        "limited_by": None,
+        "held_by": None,
     }
 
 
@@ -29,7 +32,35 @@ def test_a_wheel_that_does_not_turn_is_told(control: Control) -> None:
     result = control("wheels", "left_wheel=30", "right_wheel=-2", "--for", "0.1")
     assert result.exit_code == Exit.NOT_DONE
     assert "left_wheel +1.00 rad/s, right_wheel -2.00 rad/s" in result.stdout
-    assert "next to nothing: left_wheel" in result.stderr
+    assert "Limited" not in result.stdout
+    assert result.stderr == "Error: told to turn, and seen to turn next to nothing: left_wheel\n"
+
+
+def test_wheels_are_judged_by_what_was_allowed(control: Control) -> None:
+    """Of 1000 and -500 rad/s the fake allows 50 and -25; turning at 1 and -2 the left one did next to nothing of it."""
+    result = control("wheels", "left_wheel=1000", "right_wheel=-500", "--for", "0.1")
+    assert result.exit_code == Exit.NOT_DONE
+    assert result.stdout.splitlines() == [
+        "Limited by limits.linear to left_wheel +50.00 rad/s, right_wheel -25.00 rad/s.",
+        "Turned at the end: left_wheel +1.00 rad/s, right_wheel -2.00 rad/s",
+    ]
+    assert result.stderr.endswith("next to nothing: left_wheel, right_wheel\n")
+
+
+def test_a_clipped_request_is_no_failure(control: Control) -> None:
+    """Of 150 and -5000 rad/s it allows 1.5 and -50; the left wheel, turning at 1, did a good part of that."""
+    result = control("--json", "wheels", "left_wheel=150", "right_wheel=-5000", "--for", "0.1")
+    answer = json.loads(result.stdout)
+    assert answer["allowed_rad_s"] == {"left_wheel": 1.5, "right_wheel": -50.0}
+    assert (answer["limited_by"], answer["held_by"]) == ("limits.linear", None)
+    assert json.loads(result.stderr)["error"]["message"].endswith("next to nothing: right_wheel")
+
+
+def test_what_holds_the_wheels_up_is_told(control: Control, daemon: FakeDaemon) -> None:
+    """An obstacle is no broken wheel: the error says so."""
+    daemon.held_by = "obstacle:front"
+    result = control("wheels", "left_wheel=30", "--for", "0.1")
+    assert result.stderr.endswith("next to nothing: left_wheel; held up by obstacle:front\n")
 
 
 def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeDaemon) -> None:

@@ -1,0 +1,48 @@
+"""What the configured limits leave of a command: the target that the robot then goes for.
+
+The same command always has the same answer. What else may hold it back (ramps, obstacles, other sources, motors that
+cannot keep up) depends on the moment, and is told by the topics.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from chefbotd.core.commands import Allowed
+from chefbotd.core.geometry import Twist2D, WheelVelocities
+from chefbotd.motion.drive import DriveParameters
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.motion.limits import MotionLimits, within_speeds
+from chefbotd.motion.rims import share_of_rims
+
+
+class Allowance:
+    """Computes as ``chefbotd.motion.drive.Drive`` does on every step, but for the steps."""
+
+    def __init__(self, drive: DriveParameters, chassis: ChassisParameters, limits: MotionLimits) -> None:
+        self._max_rim_speed_m_s, self._limits = drive.max_rim_speed_m_s, limits
+        self._kinematics, self._names = Kinematics(chassis), [wheel.name for wheel in chassis.wheels]
+
+    def of_twist(self, wanted: Twist2D) -> Allowed[Twist2D]:
+        """First what the wheels reach, with its curvature, then the limits of each axis."""
+        reachable = self._kinematics.saturate(wanted, self._max_rim_speed_m_s)
+        shares = self._shares(self._kinematics.rim_speeds_m_s(wanted), wanted)
+        return Allowed(within_speeds(self._limits, reachable), _tightest(shares))
+
+    def of_wheels(self, wanted: WheelVelocities) -> Allowed[Mapping[str, float]]:
+        """Every wheel's speed in rad/s by its name: slowed together, to what the fastest and their motion may do."""
+        wheels = zip(wanted.rad_s, self._kinematics.radii_m, strict=True)
+        shares = self._shares([velocity * radius_m for velocity, radius_m in wheels], wanted.twist)
+        allowed = wanted.slowed(min(shares.values())).rad_s
+        return Allowed(dict(zip(self._names, allowed, strict=True)), _tightest(shares))
+
+    def _shares(self, rims_m_s: Sequence[float], twist: Twist2D) -> dict[str, float]:
+        """How much of a motion each limit allows, 0 to 1, by its key in the configuration."""
+        return {
+            "drive.max_rim_speed_m_s": share_of_rims(self._max_rim_speed_m_s, rims_m_s),
+            "limits.linear": self._limits.linear.axis.share_of(twist.linear_m_s),
+            "limits.angular": self._limits.angular.axis.share_of(twist.angular_rad_s),
+        }
+
+
+def _tightest(shares: dict[str, float]) -> str | None:
+    limit = min(shares, key=shares.__getitem__)
+    return limit if shares[limit] < 1.0 else None
