@@ -4,9 +4,11 @@ Speeds are of the wheel's rim in m/s, outputs are signed duty in the board's PWM
 WPILib's motor model (static friction, speed, acceleration). The feedback takes the derivative of the
 measurement, so that a new setpoint does not kick, and stops its integral from winding up by back
 calculation and conditional integration (Astrom and Hagglund, "PID Controllers", 3.5). The integral is kept
-as an output, so a new ``ki`` makes no bump.
+as an output, so a new ``ki`` makes no bump; what other new gains change at once is taken up by the integral (the same
+book's bumpless transfer), and what the integral cannot hold fades out.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 from pydantic import Field
@@ -37,14 +39,22 @@ class PidParameters(Parameters):
     conditional_integration: bool = True
 
 
+FADE_S = 0.5
+"""Time constant with which a bump that new gains would have made, and the integral could not hold, comes after all."""
+
+
 @dataclass(frozen=True, slots=True)
 class PidState:
-    """What the controller remembers between encoder frames; ``measured_m_s`` is None before the first."""
+    """What the controller remembers between encoder frames; ``measured_m_s`` is None before the first.
+
+    ``fading_duty`` is what is left of a change of gains (``retune``).
+    """
 
     integral_duty: float = 0.0
     measured_m_s: float | None = None
     measured_rate_m_s2: float = 0.0
     acceleration_m_s2: float = 0.0
+    fading_duty: float = 0.0
 
 
 RESET = PidState()
@@ -73,7 +83,7 @@ def step(
     other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2)
     growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * dt_s
     integral_duty = _integrate(params, seen.integral_duty, growth, other_duty + seen.integral_duty, dt_s)
-    stepped = PidState(integral_duty, measured_m_s, seen.measured_rate_m_s2, acceleration_m_s2)
+    stepped = replace(seen, integral_duty=integral_duty)
     return stepped, _clamp(other_duty + integral_duty, params.output_limit)
 
 
@@ -88,21 +98,33 @@ def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceler
 
 
 def retune(old: PidParameters, new: PidParameters, state: PidState, setpoint_m_s: float) -> PidState:
-    """The state with which new gains put out what the old ones did, within the integral's clamp."""
-    kept = preview(old, state, setpoint_m_s, state.acceleration_m_s2)
-    other_duty = _without_integral(new, state, setpoint_m_s, state.acceleration_m_s2)
-    return replace(state, integral_duty=_clamp(kept - other_duty, _integral_limit(new)))
+    """The state with which new gains put out what the old ones did, as far as the new output limit lets them.
+
+    The integral takes up the difference within its clamp; the rest, and all of it where ``ki`` is zero, fades. Where
+    there is none, as when both ask for more than there is, the state stays as it is.
+    """
+    kept = _clamp(preview(old, state, setpoint_m_s, state.acceleration_m_s2), new.output_limit)
+    most = _integral_limit(new) if new.ki > 0 else 0.0
+    if abs(state.integral_duty) <= most and kept == preview(
+        new, state, setpoint_m_s, state.acceleration_m_s2
+    ):
+        return state
+    bare = replace(state, integral_duty=0.0, fading_duty=0.0)
+    missing = kept - _without_integral(new, bare, setpoint_m_s, state.acceleration_m_s2)
+    integral_duty = _clamp(missing, most)
+    return replace(bare, integral_duty=integral_duty, fading_duty=missing - integral_duty)
 
 
 def _observe(
     params: PidParameters, state: PidState, acceleration_m_s2: float, measured_m_s: float, dt_s: float
 ) -> PidState:
-    """The state with the new measurement, and its rate of change through a first-order low-pass."""
+    """The state with the new measurement, its rate of change through a first-order low-pass, and less to fade."""
     rate_m_s2 = state.measured_rate_m_s2
     if state.measured_m_s is not None and dt_s > 0:
         change_m_s = measured_m_s - state.measured_m_s
         rate_m_s2 += (change_m_s - rate_m_s2 * dt_s) / (params.derivative_filter_s + dt_s)
-    return PidState(state.integral_duty, measured_m_s, rate_m_s2, acceleration_m_s2)
+    fading_duty = state.fading_duty * math.exp(-dt_s / FADE_S) if state.fading_duty else 0.0
+    return PidState(state.integral_duty, measured_m_s, rate_m_s2, acceleration_m_s2, fading_duty)
 
 
 def _integrate(params: PidParameters, integral: float, growth: float, demand: float, dt_s: float) -> float:
@@ -118,8 +140,8 @@ def _integrate(params: PidParameters, integral: float, growth: float, demand: fl
 def _without_integral(
     params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float
 ) -> float:
-    """Feedforward, proportional and derivative part; not clamped."""
-    forward = feedforward(params, setpoint_m_s, acceleration_m_s2)
+    """Feedforward, proportional and derivative part, and what fades; not clamped."""
+    forward = feedforward(params, setpoint_m_s, acceleration_m_s2) + state.fading_duty
     if state.measured_m_s is None:
         return forward
     error_m_s = _error(params, setpoint_m_s, state.measured_m_s)

@@ -1,6 +1,7 @@
 """Wheel speed control: feedforward, feedback, windup, previews and gains that change without a bump."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -158,34 +159,73 @@ def test_a_new_integral_gain_makes_no_bump() -> None:
     assert pid.retune(old, new, state, 0.3).integral_duty == pytest.approx(state.integral_duty)
 
 
-gain = st.floats(0, 500)
+gain = st.floats(0, 5000)
+gains = st.builds(
+    lambda kp, ki, kd, ks, kv, ka, deadband, limit: parameters(
+        kp=kp, ki=ki, kd=kd, ks=ks, kv=kv, ka=ka, deadband=deadband, integral_limit=limit
+    ),
+    *[gain] * 6,
+    st.floats(0, 0.05),
+    st.none() | st.floats(0, 1023),
+)
+speed = st.floats(-0.5, 0.5)
 
 
-@given(gain, gain, gain, gain, gain, st.floats(0, 0.05), st.floats(-0.5, 0.5))
-@settings(max_examples=80)
+@given(gains, gains, gains, speed, st.lists(speed, min_size=1, max_size=5), speed)
+@settings(max_examples=200)
 def test_new_gains_make_no_bump(
-    kp: float, ki: float, kd: float, ks: float, ka: float, deadband: float, setpoint_m_s: float
+    first: PidParameters,
+    second: PidParameters,
+    third: PidParameters,
+    setpoint_m_s: float,
+    measured_m_s: list[float],
+    acceleration_m_s2: float,
 ) -> None:
-    """Whatever gains come, the duty for unchanged inputs is the one before, as the clamps are far away."""
-    old = parameters(kd=10, kv=500, ka=50)
-    new = parameters(kp=kp, ki=ki, kd=kd, ks=ks, ka=ka, deadband=deadband, integral_limit=1e4)
-    state, before = pid.step(old, PidState(measured_m_s=0.1), setpoint_m_s, 0.4, 0.05, DT_S)
-    retuned = pid.retune(old, new, state, setpoint_m_s)
-    assert pid.preview(new, retuned, setpoint_m_s, 0.4) == pytest.approx(before, abs=1e-9)
+    """Whatever gains come, and others after them, whatever the state: the duty for unchanged inputs is the same."""
+    state = RESET
+    for measurement in measured_m_s:
+        state, before = pid.step(first, state, setpoint_m_s, acceleration_m_s2, measurement, DT_S)
+    for old, new in ((first, second), (second, third)):
+        state = pid.retune(old, new, state, setpoint_m_s)
+        assert pid.preview(new, state, setpoint_m_s, acceleration_m_s2) == pytest.approx(before, abs=1e-6)
 
 
 def test_gains_changed_at_the_limit_do_not_wind_up() -> None:
     """A demand of 4000 put out 1023: the new gains start at that 1023, with no hidden rest of the 4000."""
-    old, new = parameters(), parameters(kp=0, ki=0, integral_limit=5000)
+    old, new = parameters(), parameters(kp=0, integral_limit=5000)
     state, _ = run(old, 10.0, 0.0)
-    assert pid.retune(old, new, state, 10.0).integral_duty == pytest.approx(1023)
+    retuned = pid.retune(old, new, state, 10.0)
+    assert (retuned.integral_duty, retuned.fading_duty) == (pytest.approx(1023), pytest.approx(0))
 
 
-def test_a_bump_larger_than_the_integral_can_carry_is_clamped() -> None:
-    """80 duty of lost proportional part against an integral limit of 30: the integral ends at 30."""
-    old, new = parameters(ki=0), parameters(kp=0, ki=0, integral_limit=30)
+def test_a_smaller_output_limit_is_kept_at_once() -> None:
+    """From 1023 to a limit of 500: 500, and nothing is held back for when the demand of 4000 has gone."""
+    old, new = parameters(), parameters(output_limit=500)
+    state, _ = run(old, 10.0, 0.0)
+    retuned = pid.retune(old, new, state, 10.0)
+    assert pid.preview(new, retuned, 10.0, 0.0) == 500
+    assert retuned == state
+
+
+def test_what_the_integral_cannot_hold_fades() -> None:
+    """80 duty of lost proportional part against an integral limit of 30: 50 are left, and 50/e after 0.5 s."""
+    old, new = parameters(), parameters(kp=0, ki=1e-9, integral_limit=30)
     state, _ = run(old, 0.3, 0.1)
-    assert pid.retune(old, new, state, 0.3).integral_duty == 30
+    state = replace(state, integral_duty=0.0)
+    retuned = pid.retune(old, new, state, 0.3)
+    assert (retuned.integral_duty, retuned.fading_duty) == pytest.approx((30, 50))
+    state, outputs = run(new, 0.3, *[0.1] * 5, state=retuned)
+    assert outputs[-1] == pytest.approx(30 + 50 / math.e, abs=1e-6)
+
+
+def test_without_an_integral_nothing_stays_of_one() -> None:
+    """``ki`` set to zero while the integral held 300: the duty stays, and within 5 s it is kp times the error alone."""
+    old, new = parameters(), parameters(ki=0)
+    state = PidState(integral_duty=300.0, measured_m_s=0.2)
+    retuned = pid.retune(old, new, state, 0.3)
+    assert pid.preview(new, retuned, 0.3, 0.0) == pytest.approx(340)
+    _, outputs = run(new, 0.3, *[0.2] * 50, state=retuned)
+    assert outputs[-1] == pytest.approx(40, abs=0.05)
 
 
 def test_the_loop_settles_a_motor_at_its_setpoint() -> None:
