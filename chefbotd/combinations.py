@@ -101,3 +101,10 @@ def _guard(settings: "Settings") -> Iterator[str]:
     guard = settings.safety.guard
     if guard.enabled and "guard" in settings.safety.model_fields_set and not settings.range_mounts():
         yield "[safety.guard] has no sensor to guard with: configure [ultrasonic] or [[infrared]], or enabled = false"
+    for sensor in settings.infrared:
+        stop_m = max(guard.stop_distance_m, sensor.min_range_m)
+        if guard.enabled and stop_m <= sensor.setback_m:
+            yield (
+                f"infrared {sensor.name} sits {sensor.setback_m:g} m behind the foremost part of the robot, which would "
+                f"touch before the guard stops it {stop_m:g} m from the sensor: raise safety.guard.stop_distance_m"
+            )

@@ -72,7 +72,7 @@ STANDING = Known(0.0, -math.inf)
 
 def turned(run: Run, direction: int) -> Run:
     """The wheel counts this way now: what came before the other way is not timed against it."""
-    goes_on = run.held is not None and run.direction == 0 and run.held.rate_counts_s * direction > 0
+    goes_on = run.held is not None and run.held.rate_counts_s * direction > 0
     return Run(direction, (), run.held if goes_on else None)
 
 

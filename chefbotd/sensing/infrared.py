@@ -1,8 +1,11 @@
 """Infrared range finder (Sharp GP2Y0A02YK): an analogue voltage that falls with distance, and folds back.
 
 Nearer than its fold (about 0.15 m) the voltage falls again, so a near object looks like a far one, and one reading
-cannot tell them apart. What came before can: an object gets to the near side of the fold only through the peak. What
-was too near is therefore told as ambiguous until something is seen that is certainly no such object.
+cannot tell them apart. What came before can: an object that comes closer gets to the near side of the fold only through
+the peak. So whatever may have got there (each sample counts, not only their median: one that was too near, one that
+would be with the next if it goes on coming, one after a pause in which nobody looked, and the first of all) is told as
+ambiguous, until a voltage is seen that nothing on the near side gives. Nothing gives less there than an object that
+touches the robot, which is ``setback_m`` from the sensor.
 """
 
 import math
@@ -10,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from statistics import median
-from typing import Self
+from typing import NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -36,23 +39,33 @@ DATASHEET_CURVE_V_M = (
 )
 """Volts and metres, as the data sheet's figure shows them: from the fold outwards nearly 0.62 V m over the distance."""
 
+DATASHEET_NEAR_CURVE_V_M = ((0.50, 0.0), (1.30, 0.05), (2.20, 0.10), (2.65, 0.13))
+"""The same figure before the fold: volts that rise with the metres."""
+
+MARGIN_V = 0.2
+"""Sensors, cards and supplies differ: only so much below what the near curve says is certain to be beyond the fold."""
+
 
 class InfraredParameters(Parameters):
-    """The analogue input and its reference, the calibrated curve, the trusted band, the cone and the mount.
+    """The analogue input and its reference, the calibrated curves, the trusted band, the cone and the mount.
 
-    ``curve_v_m`` are (volts, metres) from the fold outwards. An object that was too near is ambiguous until it is seen
-    at ``believed_from_m`` or beyond: the sensor must sit so deep in the robot that nothing in front of the bumper, on
-    the near side of the fold, gives as little as that distance's voltage (about 0.07 m for 0.40 m).
+    ``curve_v_m`` are (volts, metres) from the fold outwards, ``near_curve_v_m`` those from the sensor to the fold.
+    ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: nothing gets nearer
+    to it than that. 0.10 m behind the bumper, what may be folded is believed again below 2.0 V (from 0.30 m on); at the
+    very front (0) only when nothing at all is in sight. After ``longest_gap_s`` without a reading nothing of before
+    counts; what would be across the peak after so long, at its present pace, may be folded as well.
     """
 
     name: str = Field(default="front", min_length=1)
     channel: int = Field(default=0, ge=0, le=15)
     reference_v: float = Field(default=3.3, gt=0, le=10)
     curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_CURVE_V_M
+    near_curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_NEAR_CURVE_V_M
+    setback_m: float = Field(ge=0, le=2)
+    longest_gap_s: float = Field(default=0.1, gt=0, le=10)
     median_window: int = Field(default=5, ge=1, le=101)
     min_range_m: float = Field(default=0.20, gt=0, le=10)
     max_range_m: float = Field(default=1.50, gt=0, le=10)
-    believed_from_m: float = Field(default=0.40, gt=0, le=10)
     field_of_view_rad: float = Field(default=0.1, gt=0, le=math.pi)
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
@@ -63,17 +76,22 @@ class InfraredParameters(Parameters):
         pairs = list(pairwise(self.curve_v_m))
         if not pairs or any(a[0] <= b[0] or a[1] >= b[1] for a, b in pairs):
             raise ValueError(f"curve_v_m must fall in volts as it grows in metres, got {self.curve_v_m}")
-        ends = (
+        near = list(pairwise(self.near_curve_v_m))
+        if not near or any(a[0] >= b[0] or a[1] >= b[1] for a, b in near):
+            raise ValueError(f"near_curve_v_m must rise in volts and in metres, got {self.near_curve_v_m}")
+        nearest_m, farthest_m, fold_m = (
             self.curve_v_m[0][1],
-            self.min_range_m,
-            self.believed_from_m,
-            self.max_range_m,
             self.curve_v_m[-1][1],
+            self.near_curve_v_m[-1][1],
         )
-        if sorted(ends) != list(ends) or self.min_range_m == self.max_range_m:
+        if fold_m > nearest_m:
             raise ValueError(
-                "min_range_m, believed_from_m and max_range_m must grow and lie on the curve, "
-                f"got {ends[1:4]} on {ends[0]} to {ends[4]} m"
+                f"near_curve_v_m must end where curve_v_m begins, got {fold_m} and {nearest_m} m"
+            )
+        if not nearest_m <= self.min_range_m < self.max_range_m <= farthest_m:
+            raise ValueError(
+                "min_range_m and max_range_m must grow and lie on the curve, "
+                f"got {self.min_range_m} and {self.max_range_m} on {nearest_m} to {farthest_m} m"
             )
         return self
 
@@ -87,12 +105,25 @@ class InfraredParameters(Parameters):
         """The curve, ready to be asked."""
         return MonotoneCurve(self.curve_v_m[::-1])
 
+    @cached_property
+    def certain_below_v(self) -> float:
+        """Nothing on the near side of the fold gives as little as this."""
+        volts_by_metres = MonotoneCurve([(metres, volts) for volts, metres in self.near_curve_v_m])
+        return volts_by_metres.at(self.setback_m) - MARGIN_V
+
+
+class Sample(NamedTuple):
+    """A reading in volts, and when it was read."""
+
+    volts: float
+    stamp_s: float
+
 
 @dataclass(frozen=True, slots=True)
 class InfraredState:
-    """The latest voltages, newest last, and whether what is in front may be nearer than the fold: so at the start."""
+    """The latest samples, newest last, and whether what is in front may be nearer than the fold: so at the start."""
 
-    recent_v: tuple[float, ...] = ()
+    recent: tuple[Sample, ...] = ()
     maybe_folded: bool = True
 
 
@@ -103,11 +134,15 @@ def interpret(
     params: InfraredParameters, state: InfraredState, stamp_s: float, adc: float
 ) -> tuple[InfraredState, RangeMeasured]:
     """The next state and what a 12-bit reading says; outside the trusted band it is never a distance."""
-    volts = adc / ADC_MAX * params.reference_v
-    recent_v = (*state.recent_v, volts)[-params.median_window :]
-    distance_m = _distance_m(params, median(recent_v))
-    status = _status(params, state, distance_m)
-    maybe_folded = status in (RangeStatus.TOO_NEAR, RangeStatus.AMBIGUOUS)
+    if state.recent and stamp_s - state.recent[-1].stamp_s > params.longest_gap_s:
+        state = START
+    sample = Sample(adc / ADC_MAX * params.reference_v, stamp_s)
+    recent = (*state.recent, sample)[-params.median_window :]
+    middle_v = median([each.volts for each in recent])
+    is_certain = max(middle_v, sample.volts) < params.certain_below_v
+    maybe_folded = not is_certain and (state.maybe_folded or _may_fold(params, state.recent, sample))
+    distance_m = _distance_m(params, middle_v)
+    status = _status(params, distance_m, maybe_folded)
     measured = RangeMeasured(
         stamp_s=stamp_s,
         sensor=params.name,
@@ -117,7 +152,21 @@ def interpret(
         max_range_m=params.max_range_m,
         field_of_view_rad=params.field_of_view_rad,
     )
-    return InfraredState(recent_v, maybe_folded), measured
+    return InfraredState(recent, maybe_folded), measured
+
+
+def _may_fold(params: InfraredParameters, before: tuple[Sample, ...], sample: Sample) -> bool:
+    """Whether what this sample sees is too near, or may be across the peak before the next one must be there.
+
+    What appears out of nothing is coming infinitely fast: it may have come from the side.
+    """
+    distance_m = _distance_m(params, sample.volts)
+    if distance_m < params.min_range_m or not before:
+        return True
+    before_m, elapsed_s = _distance_m(params, before[-1].volts), sample.stamp_s - before[-1].stamp_s
+    if before_m <= distance_m:
+        return False
+    return (before_m - distance_m) * params.longest_gap_s > (distance_m - params.min_range_m) * elapsed_s
 
 
 def _distance_m(params: InfraredParameters, volts: float) -> float:
@@ -126,11 +175,9 @@ def _distance_m(params: InfraredParameters, volts: float) -> float:
     return params.metres_by_volts.at(volts) if volts >= farthest_v else math.inf
 
 
-def _status(params: InfraredParameters, state: InfraredState, distance_m: float) -> RangeStatus:
+def _status(params: InfraredParameters, distance_m: float, maybe_folded: bool) -> RangeStatus:
     if distance_m < params.min_range_m:
         return RangeStatus.TOO_NEAR
-    if distance_m > params.max_range_m:
-        return RangeStatus.TOO_FAR
-    if state.maybe_folded and distance_m < params.believed_from_m:
+    if maybe_folded:
         return RangeStatus.AMBIGUOUS
-    return RangeStatus.OK
+    return RangeStatus.TOO_FAR if distance_m > params.max_range_m else RangeStatus.OK

@@ -9,8 +9,10 @@ from chefbotd.core.events import (
     AnalogueCounted,
     BatteryCounted,
     BatteryMeasured,
+    BoardRestarted,
     ImuMeasured,
     InertialCounted,
+    LinkClosed,
     OrientationReported,
     RangeMeasured,
     UltrasonicEchoed,
@@ -40,7 +42,11 @@ class SensorService:
         if ultrasonic_parameters is not None:
             self._interpret[UltrasonicEchoed] = partial(_echo, ultrasonic_parameters)
         if infrared_parameters:
-            self._interpret[AnalogueCounted] = self._glow
+            self._interpret |= {
+                AnalogueCounted: self._glow,
+                BoardRestarted: self._forget,
+                LinkClosed: self._forget,
+            }
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(_orientation, imu_parameters)
             self._interpret[InertialCounted] = partial(_inertial, imu_parameters)
@@ -61,6 +67,12 @@ class SensorService:
         state, measured = infrared.interpret(sensor, state, event.stamp_s, event.adc)
         self._infrared[event.channel] = (sensor, state)
         return measured
+
+    def _forget(self, event: BoardRestarted | LinkClosed) -> None:
+        """Nobody knows what came in front of the sensors meanwhile."""
+        self._infrared = {
+            channel: (sensor, infrared.START) for channel, (sensor, _) in self._infrared.items()
+        }
 
     def _charge(self, event: BatteryCounted) -> BatteryMeasured:
         self._battery_state, measured = battery.measure(

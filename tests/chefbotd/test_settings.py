@@ -241,7 +241,7 @@ def test_the_packaged_khan_has_the_published_numbers():
         ({"robot.wire": "classic"}, "the wire 'classic' has 2 wheels, the chassis names 4"),
         ({"ultrasonic": {"name": "front"}}, "range sensors need names of their own, there are front"),
         (
-            {"infrared": [{"name": "a"}, {"name": "b"}]},
+            {"infrared": [{"name": "a", "setback_m": 0.1}, {"name": "b", "setback_m": 0.1}]},
             r"need analogue inputs of their own, got channels \[0, 0\]",
         ),
         (
@@ -256,6 +256,10 @@ def test_the_packaged_khan_has_the_published_numbers():
         (
             {"infrared": [], "safety.guard.silent_is_obstacle": True},
             r"\[safety.guard\] has no sensor to guard with: configure \[ultrasonic\] or \[\[infrared\]\]",
+        ),
+        (
+            {"infrared.0.setback_m": 0.2},
+            r"infrared front sits 0.2 m behind .* would touch before the guard stops it 0.2 m from the sensor",
         ),
     ],
 )

@@ -30,14 +30,18 @@ def run_of(direction: int, edges_s: list[float], run: Run = START, first: int = 
     return run
 
 
-def seen_each_cycle(edges_s: list[float], timed: int, until_s: float) -> list[tuple[float, float]]:
-    """Time and rate at the end of each board cycle, of whose edges only the last few have times."""
-    run, counts, readings, now_s = turned(START, 1), 0, [], edges_s[0]
+def seen_each_cycle(
+    edges_s: list[float], timed: int, until_s: float, late_s: float = 0.0
+) -> list[tuple[float, float]]:
+    """Time and rate at the end of each board cycle, of whose edges only the last few have times.
+
+    The first cycle ends so late after the first edge.
+    """
+    run, readings, now_s = turned(START, 1), [], edges_s[0] + late_s
     while now_s < until_s:
         burst = [(k, at_s) for k, at_s in enumerate(edges_s) if now_s - CYCLE_S < at_s <= now_s]
         for k, at_s in burst[-timed:]:
             run = extend(PARAMETERS, run, Mark(k, at_s))
-        counts += len(burst)
         readings.append((now_s, rate_counts_s(PARAMETERS, run, now_s)))
         now_s += CYCLE_S
     return readings
@@ -54,6 +58,15 @@ def test_a_steady_wheel_has_its_speed_after_and_between_all_edges(
     rates = [seen for at_s, seen in seen_each_cycle(edges_s, 4, edges_s[-1]) if at_s > settled_s]
     assert len(rates) > 10
     assert rates == pytest.approx([rate] * len(rates), rel=1e-3)
+
+
+def test_the_phase_that_no_time_tells_has_what_the_others_leave() -> None:
+    """400 counts/s are eight edges in each 20 ms; the widest phase always comes after the last, and is waited for."""
+    widths = (1.5, 0.8, 0.8, 0.9)
+    edges_s = times_s(400.0, widths, 400)
+    readings = seen_each_cycle(edges_s, 4, edges_s[-1], late_s=0.95 * 1.5 / 400)
+    rates = [rate for at_s, rate in readings if at_s > edges_s[0] + 3 * CYCLE_S]
+    assert rates == pytest.approx([400.0] * len(rates), rel=1e-3)
 
 
 @pytest.mark.parametrize("rate", [1.5, 50.0, 5000.0])

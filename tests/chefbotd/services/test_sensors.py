@@ -21,8 +21,8 @@ def interpreted(*raw: object, bare: bool = False) -> list[object]:
     A ``bare`` robot has nothing but its battery; the other one has infrared sensors on inputs 0 and 3.
     """
     infrared = (
-        InfraredParameters(name="left", channel=0, median_window=1),
-        InfraredParameters(name="right", channel=3, median_window=1),
+        InfraredParameters(name="left", channel=0, setback_m=0.1, median_window=1),
+        InfraredParameters(name="right", channel=3, setback_m=0.1, median_window=1),
     )
 
     async def scenario() -> list[object]:
@@ -95,3 +95,18 @@ def test_a_robot_without_sensors_interprets_its_battery():
     )
     (battery,) = interpreted(*raw, bare=True)
     assert battery.stamp_s == 4.0
+
+
+@pytest.mark.parametrize(
+    "interruption",
+    [events.BoardRestarted(1.05, "reset"), events.LinkClosed(1.05, "/dev/ttyACM0", "unplugged")],
+    ids=["board restarted", "link lost"],
+)
+def test_who_was_away_believes_no_near_range_until_a_far_one(interruption: object):
+    """2.02 V, 0.297 m, are a number after 1.98 V; not after an interruption, until 0.5 m end the doubt."""
+    levels = [volts / 3.3 * 4095 for volts in (1.98, 2.02, 2.02, 2.02, 1.25)]
+    far, near, same, again, gone = (
+        events.AnalogueCounted(1.0 + 0.02 * k, 0, level) for k, level in enumerate(levels)
+    )
+    seen = interpreted(far, near, same, interruption, again, gone)
+    assert [str(one.status) for one in seen] == ["ok", "ok", "ok", "ambiguous", "ok"]

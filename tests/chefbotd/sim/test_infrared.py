@@ -36,10 +36,9 @@ def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> Non
 
     Only next to the fold, where the curve bends from level to steep between 0.20 and 0.30 m, it is 6 %.
     """
-    params = sensing.InfraredParameters(median_window=1)
-    adc = voltage(distance_m) / 3.3 * 4095
-    state, _ = sensing.interpret(params, sensing.START, 0.0, 0.0)  # nothing in range: no doubt
-    _, measured = sensing.interpret(params, state, 0.0, adc)
+    params = sensing.InfraredParameters(setback_m=0.1, median_window=1)
+    state = sensing.InfraredState((sensing.Sample(voltage(distance_m), 0.0),), maybe_folded=False)
+    _, measured = sensing.interpret(params, state, 0.02, voltage(distance_m) / 3.3 * 4095)
     assert measured.status is RangeStatus.OK
     assert measured.range_m == pytest.approx(distance_m, rel=0.01 if distance_m > 0.3 else 0.06)
 
