@@ -116,11 +116,11 @@ class Daemon:
     async def run(self, *more: Loop) -> None:
         """Run every part, and ``more`` beside them, until cancelled or until one of them fails.
 
-        The socket listens before the board is touched. However this ends, the motors are told to stop.
+        The socket listens before the board is touched. However this ends, the motors are told to stop before all else.
         """
         kept, insist = self._supervisor.keep, self._supervisor.insist
-        try:
-            async with asyncio.TaskGroup() as group:
+        async with asyncio.TaskGroup() as group:
+            try:
                 group.create_task(insist("server", self.server.run))
                 await self.server.address()
                 group.create_task(insist("drive", self.driving.run))
@@ -132,8 +132,9 @@ class Daemon:
                 for loop in more:
                     group.create_task(loop())
                 group.create_task(insist("link", self._link.run))
-        finally:
-            self.session.stop_motors()
+                await asyncio.Event().wait()
+            finally:
+                self.session.close()
 
     def _collect_stats(self, stamp_s: float, loop_lag_s: float) -> StatsSampled:
         session, clock, driving = self.session, self.session.board_clock, self.driving

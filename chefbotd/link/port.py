@@ -1,6 +1,7 @@
 """Opening the serial device, and a transport for it that writes at once."""
 
 import asyncio
+import contextlib
 import errno
 import os
 import termios
@@ -20,7 +21,13 @@ log = structlog.get_logger(component="link")
 IN_USE = (errno.EAGAIN, errno.EBUSY)
 """What a lock that another holds, or its exclusive mode, is refused with."""
 
-FLUSH_S = 0.05
+STALE_S = 0.05
+"""What is unsent after this is not waited for any longer: the last words go instead of it."""
+
+LAST_WORDS_S = 1.2
+"""The sketch may wait a second for an echo, and a board with USB of its own takes nothing meanwhile."""
+
+LOOK_S = 0.001
 
 
 class LinkParameters(Parameters):
@@ -62,14 +69,10 @@ class BriefSerial(serial.Serial):  # type: ignore[misc]
     """
 
     def flush(self) -> None:
-        """Give what is unsent, a stop among it, ``FLUSH_S`` to go; then drop it. A lost device has nothing to flush."""
-        give_up_s = time.monotonic() + FLUSH_S
+        """Drop what is unsent: the last words have had their time. A lost device has nothing to drop."""
         try:
-            while self.out_waiting:
-                if time.monotonic() >= give_up_s:
-                    self.reset_output_buffer()
-                    return
-                time.sleep(FLUSH_S / 50)
+            if self.out_waiting:
+                self.reset_output_buffer()
         except (OSError, termios.error):
             log.debug("the device was gone before its output was")
 
@@ -81,10 +84,14 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
     loop for every motor command; its ``abort`` must not be called twice.
     """
 
+    _overtaken = False  # by another thread: what is unsent must not go
+
     def write(self, data: bytes) -> None:
         """Write now what the device takes; the rest follows as soon as it takes more."""
         if self.is_closing():
             return
+        if self._overtaken:
+            self.flush()
         if self.get_write_buffer_size() == 0:
             try:
                 data = data[os.write(self.serial.fileno(), data) :]
@@ -96,17 +103,71 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         if data:
             super().write(data)
 
-    def write_from_thread(self, line: bytes) -> bool:
-        """Write past the loop and what waits in its buffer, from any thread: whether the device took the line.
+    def overtake(self, words: bytes) -> None:
+        """Write instead of all that is unsent, in the kernel too where the driver can drop it.
 
-        The caller sees to it that the port is not closed meanwhile. A line that was cut short is ended first.
+        That may cut a line short, which ends where the first of the words does.
+        """
+        if self.get_write_buffer_size() and not self.is_closing():
+            self.flush()
+            self._drop_in_kernel()
+        self.write(words)
+
+    def write_from_thread(self, words: bytes) -> bool:
+        """The same past a loop that stands still, from any thread: whether the device took the words.
+
+        The caller sees to it that the port is not closed meanwhile.
         """
         if self.get_write_buffer_size():
-            line = b"\r" + line
+            self._overtaken = True
+            self._drop_in_kernel()
         try:
-            return os.write(self.serial.fileno(), line) == len(line)
+            return os.write(self.serial.fileno(), words) == len(words)
         except OSError:
             return False
+
+    def close_saying(self, words: bytes) -> None:
+        """The same once more, and close when the words are sent; the loop stands still for ``LAST_WORDS_S`` at most."""
+        if self.is_closing():
+            return
+        unsent = self.get_write_buffer_size()
+        self.flush()
+        try:
+            if unsent or not self._sent(words, STALE_S):
+                self._drop_in_kernel()
+                self._sent(words, LAST_WORDS_S)
+        except (OSError, termios.error):
+            log.debug("the device was gone before the last words")
+        self.abort()
+
+    def flush(self) -> None:
+        """Drop what is unsent here."""
+        self._overtaken = False
+        super().flush()
+
+    def _write_ready(self) -> None:
+        if self._overtaken:
+            self.flush()
+        else:
+            super()._write_ready()
+
+    def _drop_in_kernel(self) -> None:
+        try:
+            self.serial.reset_output_buffer()
+        except (OSError, termios.error):
+            log.debug("the device was gone before its output was")
+
+    def _sent(self, words: bytes, within_s: float) -> bool:
+        """Whether the device takes the words, and has nothing unsent, in time."""
+        give_up_s = time.monotonic() + within_s
+        while True:
+            with contextlib.suppress(BlockingIOError):
+                words = words[os.write(self.serial.fileno(), words) :] if words else words
+            if not words and not getattr(self.serial, "out_waiting", 0):  # a socket does not tell
+                return True
+            if time.monotonic() >= give_up_s:
+                return False
+            time.sleep(LOOK_S)
 
     def abort(self) -> None:
         """Close now, dropping what is unsent; harmless on a closed transport."""

@@ -1,7 +1,6 @@
 """The board as seen from the wire: bytes in, stamped events out; duties in, bytes out."""
 
 import asyncio
-import threading
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -25,20 +24,16 @@ from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import Condition, show
 from chefbotd.link.hearing import Hearing
-from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.readings import READINGS, refusal
 from chefbotd.link.ring import LineRing
 from chefbotd.link.setpoint import SetpointWriter
+from chefbotd.link.speech import Port, Speech
 from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
 
 log = structlog.get_logger(component="link")
-
-
-LAST_STOPS = 3
-"""One damaged line must not leave the motors on for ever."""
 
 
 class BoardSession(asyncio.Protocol):
@@ -61,23 +56,22 @@ class BoardSession(asyncio.Protocol):
         self._bus, self._clock, self._device = bus, clock, device
         self._decoder = Decoder(from_board(variant))
         self._encoder = to_board(variant)
-        self._transport: asyncio.Transport | None = None
         self.board_clock = BoardClock()
         self._cycle_has_time = False
         self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
-        self._setpoints = SetpointWriter(
-            self._write_duty, self._has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
-        )
         self._still = (0,) * variant.wheels
+        self.lines = LineRing()
+        self._speech = Speech(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
+        self._setpoints = SetpointWriter(
+            self._write_duty, lambda: self._speech.has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
+        )
         self._reset_waits = False
-        self._port_lock = threading.Lock()
         self._closed = asyncio.Event()
         self._closed.set()
         self._log = RateLimitedLog(log)
-        self.lines = LineRing()
         self.hearing = Hearing(self._decoder, judged_after_s=judged_after_s)
+        self.is_open = False  # whether a port is connected
         self.opens = 0
-        self.lines_out = 0
         self.board_restarts = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
             **{frame: self._passing_on(event_of) for frame, event_of in READINGS.items()},
@@ -85,6 +79,7 @@ class BoardSession(asyncio.Protocol):
             wire.EncoderCounts: self._on_encoders,
             wire.DutyEcho: self._on_echo,
             wire.QuadratureEdges: self._on_edges,
+            wire.QuadratureStill: self._on_edges,
             wire.Banner: self._on_banner,
             wire.Malformed: self._on_malformed,
         }
@@ -93,20 +88,20 @@ class BoardSession(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A port was opened: forget half lines and put a stop on the wire."""
-        self._transport = cast(asyncio.Transport, transport)
-        self._transport.set_write_buffer_limits(high=0)
+        self._speech.begin(cast(Port, transport))
+        self.is_open = True
         self._decoder.reset()
         self._cycle_has_time = False
         self.opens += 1
         now_s = self._clock.now_s()
         self.hearing.begin(now_s)
         self._bus.publish(LinkOpened(now_s, self._device))
-        self.stop_motors()
+        self._speech.stop_first()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
-        with self._port_lock:
-            self._transport = None
+        self._speech.end()
+        self.is_open = False
         self._setpoints.forget()
         self._reset_waits = False
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
@@ -151,14 +146,9 @@ class BoardSession(asyncio.Protocol):
 
     # What the robot tells the board
 
-    @property
-    def is_open(self) -> bool:
-        """Whether a port is connected."""
-        return self._transport is not None
-
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
-        if self._transport is not None:
+        if self.is_open:
             self._setpoints.offer(self._still if self._reset_waits else duty)
 
     def stop_motors(self) -> None:
@@ -171,10 +161,7 @@ class BoardSession(asyncio.Protocol):
         A duty that still waits is withdrawn, or it would follow when the loop goes on.
         """
         self._setpoints.withdraw()
-        stop = self._encoder.encode(wire.SetDuty(self._still))
-        with self._port_lock:
-            port = self._transport
-            return isinstance(port, SerialPortTransport) and port.write_from_thread(stop)
+        return self._speech.stop_from_thread()
 
     def reset_board(self) -> None:
         """Stop, then ask the board to restart; its counters and clock begin anew.
@@ -183,32 +170,22 @@ class BoardSession(asyncio.Protocol):
         """
         self._reset_waits = self.is_open
         self.stop_motors()
+        if self._reset_waits:  # the stop is unsent itself: the next one brings the reset
+            self.stop_motors()
 
     def close(self) -> None:
-        """Stop the motors and give the port up. These are the last words, so they are said more than once."""
-        if self._transport is not None:
-            self.stop_motors()
-            for _ in range(LAST_STOPS - 1):
-                self._write_duty(self._still)
-            self._transport.abort()
+        """Stop the motors and give the port up: nothing that waits, or is said later, comes after this stop."""
+        self._setpoints.forget()
+        self._speech.stop_last()
 
     def _write_duty(self, duty: tuple[int, ...]) -> None:
-        self._write(self._encoder.encode(wire.SetDuty(duty)))
-        if self._reset_waits:
+        if self._speech.has_drained:
+            self._speech.say(self._encoder.encode(wire.SetDuty(duty)))
+        else:  # only a stop is written all the same
+            self._speech.stop_first()
+        if self._reset_waits and self._speech.has_drained:
             self._reset_waits = False
-            self._write(self._encoder.encode(wire.ResetBoard()))
-
-    def _write(self, line: bytes) -> None:
-        if self._transport is None:
-            return
-        self._transport.write(line)
-        self.lines_out += 1
-        self.lines.said.append((self._clock.now_s(), line.rstrip(b"\r\n")))
-        if self._bus.wanted(LineSeen):
-            self._bus.publish(LineSeen(self._clock.now_s(), Direction.TO_BOARD, line.rstrip(b"\r\n")))
-
-    def _has_drained(self) -> bool:
-        return self._transport is not None and self._transport.get_write_buffer_size() == 0
+            self._speech.say(self._encoder.encode(wire.ResetBoard()))
 
     # What the board says
 
@@ -224,7 +201,7 @@ class BoardSession(asyncio.Protocol):
         self._setpoints.echoed(message.duty)
         self._bus.publish(DutyEchoed(now_s, message.duty))
 
-    def _on_edges(self, message: wire.QuadratureEdges, now_s: float) -> None:
+    def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
         if self._edges is not None:
             self._edges.put(message)
@@ -265,6 +242,11 @@ class BoardSession(asyncio.Protocol):
         self._bus.publish(BoardRestarted(now_s, cause))
 
     # What is counted
+
+    @property
+    def lines_out(self) -> int:
+        """Lines written so far."""
+        return self._speech.lines_out
 
     @property
     def frames(self) -> dict[str, int]:

@@ -14,9 +14,10 @@ class SetpointWriter:
 
     Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
 
-    ``write`` puts one command on the wire and may only be called while the transport has nothing left to send;
-    ``idle`` tells whether that is so. Call ``resume`` when the transport has drained. What the board says (``heard``,
-    ``echoed``) bounds what a board that has stopped reading can be given, however much the kernel would take for it.
+    ``write`` puts one command on the wire: motion only while the transport has nothing left to send, which ``idle``
+    tells; a stop that ends a motion overtakes what is unsent. Call ``resume`` when the transport has drained. What the
+    board says (``heard``, ``echoed``) bounds what a board that has stopped reading can be given, however much the kernel
+    would take for it.
     """
 
     def __init__(
@@ -39,18 +40,19 @@ class SetpointWriter:
         if self._pending not in (None, duty):
             self.replaced += 1
         self._pending = duty
-        stops = not any(duty) and (self._written is None or any(self._written))
-        wait_s = 0.0 if stops else self._paid_s - self._interval_s - self._now_s()
+        wait_s = 0.0 if self._ends_motion(duty) else self._paid_s - self._interval_s - self._now_s()
         if wait_s > 0:
             self._wake_in(wait_s)
         else:
             self.resume()
 
     def resume(self) -> None:
-        """Send what waits, if the transport has drained and the board reads."""
+        """Send what waits, if it is a stop, or if the transport has drained and the board reads."""
         self._cancel_timer()
         duty, now_s = self._pending, self._now_s()  # another thread may withdraw what waits at any moment
-        if duty is None or not self._idle() or not self._unread.admit(duty, now_s):
+        if duty is None or not (self._idle() or self._ends_motion(duty)):
+            return
+        if not self._unread.admit(duty, now_s):
             return
         self._pending, self._written = None, duty
         self._paid_s = max(self._paid_s, now_s) + self._interval_s
@@ -76,6 +78,10 @@ class SetpointWriter:
         self._cancel_timer()
         self._pending = self._written = None
         self._unread.forget()
+
+    def _ends_motion(self, duty: Duty) -> bool:
+        """Whether this is a stop, and the last that was written none: it waits for nothing."""
+        return not any(duty) and (self._written is None or any(self._written))
 
     def _wake_in(self, wait_s: float) -> None:
         if self._timer is None:

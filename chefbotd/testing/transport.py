@@ -61,6 +61,20 @@ class FakeSerialTransport(asyncio.Transport):
             self._paused = True
             self._protocol.pause_writing()
 
+    def overtake(self, words: bytes) -> None:
+        """Write instead of all that is unsent."""
+        self._unsent.clear()
+        self.write(words)
+
+    def close_saying(self, words: bytes) -> None:
+        """The same, and close; what a stalled board has not read it may still read."""
+        self.overtake(words)
+        self.abort()
+
+    def write_from_thread(self, words: bytes) -> bool:
+        """Nothing here is past the loop."""
+        return False
+
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
         """Pause the protocol when more than ``high`` bytes are unsent."""
         self._high_water = 64 * 1024 if high is None else high

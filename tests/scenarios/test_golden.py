@@ -18,4 +18,4 @@ def test_the_recorded_inputs_are_those_of_the_simulated_robot(name: str):
     steps, expected = golden.read(name)
     assert any(step.kind == "call" for step in steps)
     assert any("> b's " in line and "> b's 0 0" not in line for line in expected)
-    assert [line for line in expected if " > " in line][-1].endswith(r"> b's 0 0\r'")
+    assert [line for line in expected if " > " in line][-1].endswith(4 * r"s 0 0\r" + "'")

@@ -68,7 +68,7 @@ def test_a_lost_link_comes_back_by_itself():
         device.written.clear()
         device.plug()
         await asyncio.sleep(1.2)
-        assert bytes(device.written) == b"s 0 0\r"
+        assert bytes(device.written) == 2 * b"s 0 0\r"
 
     assert run_link(device, story)[0] == [LinkOpened, LinkClosed, LinkOpened, LinkClosed]
 

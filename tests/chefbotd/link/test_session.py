@@ -30,6 +30,11 @@ EVERYTHING = (
 )
 
 
+STOP = b"s 0 0\r"
+OPENING = 2 * STOP
+"""A line that was cut short by what was before takes the first of them with it."""
+
+
 class Bench:
     """A session on a fake device, with an inbox for everything it publishes."""
 
@@ -62,10 +67,24 @@ def test_opening_puts_a_stop_on_the_wire():
     """Whatever the board was doing before: the first line it gets is a stop."""
 
     async def scenario(bench: Bench) -> None:
-        assert bytes(bench.device.written) == b"s 0 0\r"
+        assert bytes(bench.device.written) == OPENING
         assert bench.session.is_open
 
     on_bench(scenario)
+
+
+def test_half_a_line_in_the_boards_buffer_does_not_spoil_the_first_stop():
+    """Whoever had the port before was killed within `s 203 -201`: the board stands after the opening all the same."""
+
+    async def run() -> None:
+        bench = Bench()
+        bench.device.on_write(b"s 203 -201\rs 203 -2")
+        assert bench.board.duty == (203, -201)
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0)
+        assert bench.board.duty == (0, 0)
+
+    run_virtual(run())
 
 
 def test_every_line_of_a_cycle_becomes_its_event():
@@ -205,13 +224,13 @@ def test_reset_stops_first():
         bench.session.send_duty((100, 100))
         await asyncio.sleep(1.0)
         bench.session.reset_board()
-        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\rs 0 0\rr\r"
+        assert bytes(bench.device.written) == OPENING + b"s 100 100\rs 0 0\rr\r"
 
     on_bench(scenario)
 
 
 def test_a_reset_waits_for_its_stop():
-    """Behind a board that does not read: the line under way, the stop, the reset, and no motion that came after."""
+    """Behind a board that does not read: the stop instead of the line under way, the reset, no later motion."""
 
     async def scenario(bench: Bench) -> None:
         await asyncio.sleep(1.0)
@@ -220,7 +239,7 @@ def test_a_reset_waits_for_its_stop():
         bench.session.reset_board()
         bench.session.send_duty((2, 2))
         bench.device.transport.drain()
-        assert bytes(bench.device.written) == b"s 0 0\rs 1 1\rs 0 0\rr\r"
+        assert bytes(bench.device.written) == OPENING + 2 * STOP + b"s 0 0\rr\r"
         await asyncio.sleep(0.1)
         bench.session.send_duty((3, 3))
         assert bytes(bench.device.written).endswith(b"r\rs 3 3\r")
@@ -243,7 +262,7 @@ def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
         await bench.device.open(LinkParameters(), bench.session)
         await asyncio.sleep(0.1)
         bench.session.send_duty((3, 3))
-        assert bytes(bench.device.written) == b"s 0 0\rs 3 3\r"
+        assert bytes(bench.device.written) == OPENING + b"s 3 3\r"
 
     on_bench(scenario)
 
@@ -262,7 +281,7 @@ def test_a_board_whose_echo_stands_still_is_given_ten_motions():
         assert bench.board.duty == (10, 10)
         bench.board.say(wire.DutyEcho((10.0, 10.0)))
         assert bench.board.duty == (40, 40)
-        assert len(bench.board.duties) == 1 + 1 + 10 + 1
+        assert len(bench.board.duties) == 2 + 1 + 10 + 1
 
     on_bench(scenario)
 
@@ -278,7 +297,7 @@ def test_a_board_that_does_not_read_gets_the_newest_command_only():
             await asyncio.sleep(0.02)
         bench.device.transport.drain()
         await asyncio.sleep(0.1)
-        assert bytes(bench.device.written) == b"s 0 0\rs 1 1\rs 10 10\r"
+        assert bytes(bench.device.written) == OPENING + b"s 1 1\rs 10 10\r"
         assert bench.session.setpoints_replaced == 8
 
     on_bench(scenario)
@@ -292,9 +311,44 @@ def test_closing_sends_a_stop_first():
         bench.session.send_duty((100, 100))
         bench.session.close()
         await asyncio.sleep(0)
-        assert bytes(bench.device.written) == b"s 0 0\rs 100 100\r" + 3 * b"s 0 0\r"
+        assert bytes(bench.device.written) == OPENING + b"s 100 100\r" + 4 * STOP
         assert isinstance(bench.heard()[-1], events.LinkClosed)
         assert not bench.session.is_open
+
+    on_bench(scenario)
+
+
+def test_a_stop_overtakes_what_is_unsent():
+    """Behind a board that does not read: the line under way is dropped, and so is the motion that waits behind it."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.device.transport.stall()
+        bench.session.send_duty((1, 1))
+        bench.session.send_duty((2, 2))
+        bench.session.stop_motors()
+        bench.session.stop_motors()
+        bench.device.transport.drain()
+        await asyncio.sleep(1.0)
+        assert bytes(bench.device.written) == OPENING + 2 * STOP + STOP
+
+    on_bench(scenario)
+
+
+def test_closing_behind_a_board_that_does_not_read_leaves_it_nothing_but_stops():
+    """Neither the line under way nor the motion that waits is read, however late: four stops are."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        transport = bench.device.transport
+        transport.stall()
+        bench.session.send_duty((1, 1))
+        bench.session.send_duty((2, 2))
+        bench.session.close()
+        bench.session.send_duty((3, 3))
+        await asyncio.sleep(1.0)
+        transport.drain()
+        assert bytes(bench.device.written) == OPENING + 4 * STOP
 
     on_bench(scenario)
 

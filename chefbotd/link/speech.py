@@ -1,0 +1,97 @@
+"""The lines that go to the board, and above all the stop: at the beginning, before whatever is unsent, at the end."""
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events import Direction, LineSeen
+from chefbotd.link.ring import LineRing
+
+FIRST_STOPS = 2
+"""A line that was cut short, here or in the board's own buffer, takes the first stop with it.
+
+An empty line before the stop would end it too, but in the parser of the classic sketch it is undefined what that does.
+"""
+
+LAST_STOPS = 4
+"""One damaged line, which may take the next with it, must not leave the motors on for ever."""
+
+
+class Port(Protocol):
+    """What is asked of the transport that brings lines to the board: ``SerialPortTransport``, or a test's."""
+
+    def set_write_buffer_limits(self, high: int) -> None:
+        """As asyncio's."""
+
+    def get_write_buffer_size(self) -> int:
+        """As asyncio's: how many bytes are unsent."""
+
+    def write(self, data: bytes) -> None:
+        """As asyncio's."""
+
+    def overtake(self, words: bytes) -> None:
+        """Write instead of all that is unsent."""
+
+    def write_from_thread(self, words: bytes) -> bool:
+        """The same past a loop that stands still: whether they went."""
+        ...
+
+    def close_saying(self, words: bytes) -> None:
+        """The same once more, and close when they are sent, or after a while."""
+
+
+class Speech:
+    """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
+
+    def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
+        self._bus, self._clock, self._lines, self._stop = bus, clock, lines, stop
+        self._port: Port | None = None
+        self._port_lock = threading.Lock()
+        self.lines_out = 0
+
+    def begin(self, port: Port) -> None:
+        """A port was opened; ``stop_first`` is to follow."""
+        port.set_write_buffer_limits(high=0)
+        self._port = port
+
+    def end(self) -> None:
+        """The port is gone, or as good as: nothing more is said there."""
+        with self._port_lock:
+            self._port = None
+
+    @property
+    def has_drained(self) -> bool:
+        """Whether there is a port to speak to, and nothing is unsent there."""
+        return self._port is not None and self._port.get_write_buffer_size() == 0
+
+    def say(self, line: bytes) -> None:
+        """Write a line after all that is unsent; without a port it is dropped."""
+        if self._port is not None:
+            self._pass(self._port.write, line, 1)
+
+    def stop_first(self) -> None:
+        """Write a stop before all that is unsent, which is dropped."""
+        if self._port is not None:
+            self._pass(self._port.overtake, self._stop, FIRST_STOPS)
+
+    def stop_last(self) -> None:
+        """The last words on this port, which is closed then: stops, instead of all that is unsent."""
+        if self._port is not None:
+            self._pass(self._port.close_saying, self._stop, LAST_STOPS)
+            self.end()
+
+    def stop_from_thread(self) -> bool:
+        """As ``stop_first``, past a loop that stands still, from any thread: whether the port took it."""
+        with self._port_lock:
+            return self._port is not None and self._port.write_from_thread(self._stop * FIRST_STOPS)
+
+    def _pass(self, send: Callable[[bytes], None], line: bytes, times: int) -> None:
+        send(line * times)
+        now_s, text = self._clock.now_s(), line.rstrip(b"\r\n")
+        self.lines_out += times
+        for _ in range(times):
+            self._lines.said.append((now_s, text))
+            if self._bus.wanted(LineSeen):
+                self._bus.publish(LineSeen(now_s, Direction.TO_BOARD, text))
