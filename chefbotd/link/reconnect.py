@@ -20,6 +20,9 @@ REMIND_EVERY_S = 60.0
 
 LISTEN_EVERY_S = 0.25
 
+OPENING_S = 2.0
+"""How long the end waits for a port that is being opened, so that the board behind it is told to stop."""
+
 
 def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
     """Seconds between attempts: doubling up to the longest, each varied so that two daemons do not march in step."""
@@ -78,7 +81,7 @@ class BoardLink:
         for wait_s in self._waits_s:
             try:
                 self._session.expect_connection()
-                await self._opener(self._parameters, self._session)
+                await self._open_port()
             except OSError as error:
                 now_s = self._clock.now_s()
                 if str(error) != complaint or now_s - complained_s >= REMIND_EVERY_S:
@@ -87,3 +90,13 @@ class BoardLink:
             else:
                 return
             await asyncio.sleep(wait_s)
+
+    async def _open_port(self) -> None:
+        """Open, and be cancelled only when it is known whether the port is open: it may lead to a robot that moves."""
+        opening = asyncio.ensure_future(self._opener(self._parameters, self._session))
+        try:
+            await asyncio.shield(opening)
+        except asyncio.CancelledError:
+            await asyncio.wait([opening], timeout=OPENING_S)
+            opening.cancel()
+            raise

@@ -83,7 +83,36 @@ def test_ending_the_link_stops_the_motors_and_closes_the_port():
 
     kinds, written = run_link(device, story)
     assert kinds == [LinkOpened, LinkClosed]
-    assert written == b"s 0 0\rs 100 100\r" + 3 * b"s 0 0\r"
+    assert written == 2 * b"s 0 0\r" + b"s 100 100\r" + 4 * b"s 0 0\r"
+
+
+@pytest.mark.parametrize(
+    ("opening_s", "written"),
+    [(0.5, 6 * b"s 0 0\r"), (60.0, b"")],
+    ids=["opens in the end", "does not open"],
+)
+def test_an_end_while_the_port_opens_leaves_a_stop_there(opening_s: float, written: bytes):
+    """Cancelled between the opening and its being known: the board is told to stop, if the port opens within 2 s."""
+    device = FakeSerialDevice()
+
+    async def open_slowly(parameters: LinkParameters, session: asyncio.BaseProtocol) -> asyncio.Transport:
+        await asyncio.sleep(opening_s)
+        return await device.open(parameters, session)
+
+    async def scenario() -> float:
+        session = BoardSession(Bus(), LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+        link = BoardLink(PARAMETERS, session, open_slowly, LoopClock(), random.Random(1))
+        task = asyncio.create_task(link.run())
+        await asyncio.sleep(0.1)
+        before_s = LoopClock().now_s()
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        took_s = LoopClock().now_s() - before_s
+        await asyncio.sleep(100.0)
+        return took_s
+
+    assert run_virtual(scenario()) == pytest.approx(min(opening_s - 0.1, 2.0))
+    assert bytes(device.written) == written
 
 
 def test_a_device_that_stays_away_is_mentioned_once_a_minute(capsys: pytest.CaptureFixture[str]):
