@@ -18,7 +18,7 @@ from chefbotd.safety.faults import Fault, FaultKind
 
 
 class WatchdogParameters(Parameters):
-    """``patience_s``: how long the control loop may stand still while the motors run."""
+    """``patience_s``: how long the control loop may stand still."""
 
     patience_s: float = Field(default=0.25, ge=0.1, le=5)
 
@@ -40,8 +40,9 @@ class Watched(Protocol):
 class Watchdog:
     """Watches while its context lasts.
 
-    ``stop`` puts a stop on the wire and tells whether it went, ``report`` makes the loop disarm once it goes on; both
-    are called from the thread, again and again while the loop stands still. The clock must be real time.
+    ``stop`` puts a stop on the wire and tells whether it went; ``report``, while the robot is driven, makes the loop
+    disarm once it goes on. Both are called from the thread, again and again while the loop stands still: a stop that
+    the loop has said last may be unsent, or lost. The clock must be real time.
     """
 
     def __init__(
@@ -73,11 +74,13 @@ class Watchdog:
     def _watch(self) -> None:
         while not self._ended.wait(self._patience_s / LOOKS_PER_PATIENCE):
             stood_s = self._clock.now_s() - self._control.acted_s
-            if stood_s > self._patience_s and self._control.is_driving:
+            if stood_s > self._patience_s:
                 self._intervene(stood_s)
 
     def _intervene(self, stood_s: float) -> None:
         outcome = "the watchdog stopped the motors" if self._stop() else "the board took no stop"
+        if not self._control.is_driving:
+            return
         reason = (
             f"the control loop stood still for {stood_s:.2f} s and {outcome}; its log may say what held it up"
         )
