@@ -162,6 +162,31 @@ def test_what_a_thread_has_overtaken_never_goes(runner: asyncio.Runner, far_end:
     behind_a_full_port(runner, far_end, story)
 
 
+def test_a_socket_is_closed_with_a_stop_too(runner: asyncio.Runner):
+    """It has no kernel buffer that could be looked at or dropped: the words are written, and the end follows them."""
+
+    async def scenario() -> None:
+        heard = asyncio.get_running_loop().create_future()
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            heard.set_result(await reader.read(-1))
+            writer.close()
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        session = BoardSession(Bus(), SystemClock(), CLASSIC, device="socket", setpoints_per_s=200.0)
+        session.expect_connection()
+        await open_port(LinkParameters(device=f"socket://127.0.0.1:{port}"), session)
+        await asyncio.sleep(0.01)
+        session.send_duty(DUTY)
+        session.close()
+        await session.wait_closed()
+        assert await heard == 2 * STOP + MOTION + 4 * STOP
+        server.close()
+
+    runner.run(asyncio.wait_for(scenario(), PATIENCE_S))
+
+
 @dataclass
 class Kernel:
     """What the driver of a real port holds, which a pty's does not: unsent bytes, until so many looks at them."""
