@@ -10,61 +10,152 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from chefbotd.client import Client, ClientError
-from chefbotd.signals import CRASHES, ENDING, name_of
+from chefbotd.signals import name_of
+from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, latched
 from tests.scenarios.instruments import MOVING_M_S
-from tests.scenarios.process import BLOCKED, OUT_OF_MEMORY, PERIOD_S, SPEED_M_S, Board, Program, driving
-from tests.scenarios.trial import Result, motion
+from tests.scenarios.process import (
+    BLOCKED,
+    CRASH,
+    OUT_OF_MEMORY,
+    PATIENCE_S,
+    PERIOD_S,
+    SPEED_M_S,
+    UNREAD_LOG,
+    Board,
+    Program,
+    driving,
+    second_daemon,
+)
+from tests.scenarios.trial import ENDED, ROBOTS, Expected, Result, motion
 
 RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005
+SENT = (
+    signal.SIGTERM,
+    signal.SIGINT,
+    signal.SIGHUP,
+    signal.SIGQUIT,
+    signal.SIGUSR1,
+    signal.SIGPROF,
+    signal.SIGSEGV,
+    int(signal.SIGRTMIN) + 1,
+)
+"""One of each sort; tests/chefbotd/test_signals.py sends every one that there is."""
 
-Act = Callable[[Program, Client], Coroutine[Any, Any, None]]
+Act = Callable[[Program, Client], Coroutine[Any, Any, tuple[str, ...]]]
+"""Makes it happen; returns what was not as it should be."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """``act`` makes it happen to a program with ``fault`` in it.
+    """``act`` makes it happen to a program with ``fault`` in it; ``exit_code`` is None where the program goes on.
 
-    Zero is on the motors within ``zero_within_s`` (None: the motors run on); the program ends with ``exit_code``
-    (None: it goes on).
+    ``row`` is how its row of docs/safety.md begins. What is expected of the log is looked for in its text.
     """
 
+    row: str
     name: str
     act: Act
-    zero_within_s: float | None
-    exit_code: int | None
+    expected: Expected
+    exit_code: int | None = None
     fault: str = ""
+    robots: tuple[str, ...] = ROBOTS
 
 
-async def _signalled(number: int, program: Program, client: Client) -> None:
+async def _signalled(number: int, program: Program, client: Client) -> tuple[str, ...]:
     del client
     os.kill(program.process.pid, number)
+    return ()
 
 
-async def _asked(program: Program, client: Client) -> None:
+async def _asked(program: Program, client: Client) -> tuple[str, ...]:
     """For its statistics, which is where the fault is."""
     del program
     with contextlib.suppress(ClientError):
         await client.get_stats()
+    return ()
 
 
-REAL_TIME = range(signal.SIGRTMIN + 1, signal.SIGRTMAX)
-SENT = sorted(ENDING.union(CRASHES).difference(REAL_TIME))
-"""Every signal that can be answered; of the real-time ones the first and the last."""
+async def _renamed(program: Program, client: Client) -> tuple[str, ...]:
+    """The cable is pulled, and the device comes back under another name behind its stable one."""
+    del client
+    before = program.board.device.readlink()
+    program.board.unplug()
+    await asyncio.sleep(PERIOD_S)
+    taken = os.openpty()
+    try:
+        program.board.plug()
+        await asyncio.sleep(WATCHED_S / 2)
+    finally:
+        for descriptor in taken:
+            os.close(descriptor)
+    return ("the device has its old name",) if program.board.device.readlink() == before else ()
+
+
+async def _contended(program: Program, client: Client) -> tuple[str, ...]:
+    """A second daemon wants the same device."""
+    del client
+    async with second_daemon(program) as second, asyncio.timeout(PATIENCE_S):
+        while "link cannot be opened" not in (said := second.log.read_text()):  # noqa: ASYNC110 - nobody tells us
+            await asyncio.sleep(PERIOD_S)
+    owner = f"(pid {program.process.pid})"
+    return () if "is in use by" in said and owner in said else ("the second does not say who has it",)
+
+
+async def _talkative(program: Program, client: Client) -> tuple[str, ...]:
+    """Much happens that is worth a line in the log."""
+    del client
+    for _ in range(50):
+        reader, writer = await asyncio.open_connection("127.0.0.1", program.port)
+        writer.write(b"GET / HTTP/1.1\r\n\r\n")
+        with contextlib.suppress(ConnectionError):
+            await reader.read()
+        writer.close()
+    return ()
+
+
+STOPPED = Expected(ENDED, None, 0.25, ("stopped",))
+RUNS_ON = Expected(ENDED)
 
 ENDINGS = (
-    *(Ending(name_of(number), partial(_signalled, number), 0.25, 0) for number in SENT),
-    Ending("SIGTSTP (Ctrl-Z)", partial(_signalled, signal.SIGTSTP), None, None),
-    Ending("event loop blocked for 1 s", _asked, 0.5, None, BLOCKED),
-    Ending("out of memory in a request", _asked, None, None, OUT_OF_MEMORY),
-    Ending("SIGKILL (kill -9)", partial(_signalled, signal.SIGKILL), None, -signal.SIGKILL),
+    *(
+        Ending(
+            "Any signal that would end the program", name_of(number), partial(_signalled, number), STOPPED, 0
+        )
+        for number in SENT
+    ),
+    Ending("Ctrl-Z (SIGTSTP)", "SIGTSTP (Ctrl-Z)", partial(_signalled, signal.SIGTSTP), DRIVES_ON),
+    Ending(
+        "Event loop blocked",
+        "event loop blocked for 1 s",
+        _asked,
+        latched("loop_blocked", 0.5),
+        fault=BLOCKED,
+    ),
+    Ending(
+        "A request breaks its handler",
+        "out of memory in a request",
+        _asked,
+        drives_on("handler_fault"),
+        fault=OUT_OF_MEMORY,
+    ),
+    Ending("Nobody reads the log", "nobody reads the log", _talkative, DRIVES_ON, fault=UNREAD_LOG),
+    Ending(
+        "The device comes back under another name",
+        "device comes back under another name",
+        _renamed,
+        latched("link_lost", 0.5, "link lost"),
+    ),
+    Ending("Device in use by another program", "second daemon on the device", _contended, DRIVES_ON),
+    Ending("`kill -9`", "SIGKILL (kill -9)", partial(_signalled, signal.SIGKILL), RUNS_ON, -signal.SIGKILL),
+    Ending("`kill -9`", "crash (SIGSEGV)", _asked, RUNS_ON, -signal.SIGSEGV, CRASH),
 )
 
 
@@ -81,11 +172,13 @@ async def _measured(ending: Ending, robot_name: str, folder: Path) -> Result:
         acting = asyncio.create_task(ending.act(program, client))
         zero_s, rest_s = await _watch(program.board)
         speed_m_s = program.board.speed_m_s
-        wrong = _wrong(ending, program, zero_s)
         clients_lost = int(not client.connected)
+        wrong = (*(await acting), *_wrong(ending, program, zero_s), *await _misled(ending.expected, client))
         commanding.cancel()
-        await asyncio.gather(commanding, acting, return_exceptions=True)
-    moved = motion(zero_s, rest_s, speed_m_s, stops=ending.zero_within_s is not None)
+        await asyncio.gather(commanding, return_exceptions=True)
+        log = program.log.read_text()
+    wrong += tuple(f"log has no {entry!r}" for entry in ending.expected.log if entry not in log)
+    moved = motion(zero_s, rest_s, speed_m_s, stops=ending.expected.zero_within_s is not None)
     return Result(robot_name, ending.name, *moved, 0, clients_lost, wrong)
 
 
@@ -109,13 +202,21 @@ async def _watch(board: Board) -> tuple[float, float]:
     return zero_s, rest_s
 
 
-def _wrong(ending: Ending, program: Program, zero_s: float) -> tuple[str, ...]:
-    wrong = []
-    moves = program.board.speed_m_s > MOVING_M_S
+def _wrong(ending: Ending, program: Program, zero_s: float) -> Iterator[str]:
+    within_s, moves = ending.expected.zero_within_s, program.board.speed_m_s > MOVING_M_S
     if program.process.returncode != ending.exit_code:
-        wrong.append(f"exit code {program.process.returncode}")
-    if moves != (ending.zero_within_s is None):
-        wrong.append("drives on" if moves else "does not drive on")
-    if ending.zero_within_s is not None and zero_s > ending.zero_within_s:
-        wrong.append(f"duty for {zero_s:.3f} s")
-    return tuple(wrong)
+        yield f"exit code {program.process.returncode}"
+    if moves != (within_s is None):
+        yield "drives on" if moves else "does not drive on"
+    if within_s is not None and zero_s > within_s:
+        yield f"duty for {zero_s:.3f} s"
+
+
+async def _misled(expected: Expected, client: Client) -> tuple[str, ...]:
+    """What a client is told that is not so."""
+    try:
+        safety = (await client.get_state())["safety"]
+        told = (safety["mode"], safety["fault"] or safety["limited_by"])
+    except ClientError:
+        told = (ENDED, None)
+    return () if told == (expected.mode, expected.kind) else (f"told as {told}",)

@@ -72,4 +72,8 @@ class StepCount:
 
     def _behind(self) -> int:
         driving = self._robot.daemon.driving
-        return self._robot.daemon.session.frames["EncoderCounts"] - driving.steps - driving.readings_refused
+        return (
+            self._robot.daemon.session.frames.get("EncoderCounts", 0)
+            - driving.steps
+            - driving.readings_refused
+        )

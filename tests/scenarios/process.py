@@ -24,6 +24,17 @@ PERIOD_S = 0.02
 # A fault of the program itself is a few lines of Python before its start.
 BLOCKED = "import time; robot.WiredRobot.stats = lambda self: time.sleep(1.0)"
 OUT_OF_MEMORY = "robot.WiredRobot.stats = lambda self: bytearray(1 << 60)"
+CRASH = "import ctypes; robot.WiredRobot.stats = lambda self: ctypes.string_at(0)"
+UNREAD_LOG = """
+import os
+unread, full = os.pipe()
+os.set_blocking(full, False)
+try:
+    while os.write(full, bytes(4096)): pass
+except BlockingIOError:
+    os.set_blocking(full, True)
+os.dup2(full, 2)
+"""
 BROKEN_SERVICE = """
 from chefbotd.services import odometry
 async def broken(self): raise RuntimeError("broken")
@@ -57,17 +68,25 @@ class Board:
         """Whether this is zero for every wheel."""
         return line == self._stop
 
+    def plug(self) -> None:
+        """Put the cable back: a new device behind the stable name."""
+        self._pty.plug()
+
+    def unplug(self) -> None:
+        """Pull the cable; the board keeps its power and its last command."""
+        self._pty.unplug()
+
     @asynccontextmanager
     async def plugged(self) -> AsyncIterator[None]:
         """Powered and plugged in while the context lasts."""
-        self._pty.plug()
+        self.plug()
         living = asyncio.create_task(self._runner.run())
         try:
             yield
         finally:
             living.cancel()
             await asyncio.gather(living, return_exceptions=True)
-            self._pty.unplug()
+            self.unplug()
 
     def _hear(self, data: bytes) -> None:
         *lines, self._rest = (self._rest + data).split(b"\r")
@@ -105,22 +124,37 @@ class Program:
 
 
 @asynccontextmanager
-async def started(folder: Path, fault: str = "", robot: str = "chefbot") -> AsyncIterator[Program]:
+async def started(
+    folder: Path, fault: str = "", robot: str = "chefbot", host: str = "127.0.0.1"
+) -> AsyncIterator[Program]:
     """Start the daemon with a fault in it; at the end it is killed if it has not ended."""
-    board, log, port = Board(robot, folder / "board"), folder / "log", _free_port()
+    board = Board(robot, folder / "board")
+    async with board.plugged(), _daemon(board, robot, folder / "log", fault, host) as program:
+        yield program
+
+
+@asynccontextmanager
+async def second_daemon(first: Program) -> AsyncIterator[Program]:
+    """One more on the same device, while the first has it."""
+    async with _daemon(first.board, "chefbot", first.log.with_name("second log"), "", "127.0.0.1") as second:
+        yield second
+
+
+@asynccontextmanager
+async def _daemon(board: Board, robot: str, log: Path, fault: str, host: str) -> AsyncIterator[Program]:
+    port = _free_port()
     program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.daemon import main\nmain()"
-    where = ("--port", str(board.device), "--listen", f"127.0.0.1:{port}")
-    async with board.plugged():
-        with log.open("wb") as sink:
-            process = await asyncio.create_subprocess_exec(
-                sys.executable, "-c", program, "run", "--config", str(packaged(robot)), *where, stderr=sink
-            )
-        try:
-            yield Program(process, board, port, log)
-        finally:
-            if process.returncode is None:
-                process.kill()
-                await process.wait()
+    where = ("--port", str(board.device), "--listen", f"{host}:{port}")
+    with log.open("wb") as sink:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", program, "run", "--config", str(packaged(robot)), *where, stderr=sink
+        )
+    try:
+        yield Program(process, board, port, log)
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
 
 
 @asynccontextmanager

@@ -1,13 +1,20 @@
-"""A part of the fault matrix; `make faults` runs all of it."""
+"""A part of the fault matrix, and that all of it can fail; `make faults` runs it."""
 
 import dataclasses
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.scenarios import trial
+from tests.scenarios import endings, matrix, trial
 from tests.scenarios.faults import FAULTS
-from tests.scenarios.matrix import run, table, totals
-from tests.scenarios.trial import Expected
+from tests.scenarios.matrix import CLOCKS, Part, main, run, table, totals
+from tests.scenarios.trial import ENDED, ROBOTS, Expected, Fault
+from tests.test_docs import PAGE, rows
 
 PART = {
     "driver falls silent",
@@ -15,11 +22,32 @@ PART = {
     "encoder reversed, wheel 0",
     "cable pulled for 1 s",
     "task lost: drive",
+    "1 MB of TLS hello",
+    "plain text on a TLS port",
+    "another device at the start",
 }
 NAMES = {fault.name: fault for fault in FAULTS}
+EVERY = [fault for part in CLOCKS["both"] for fault in part.faults]
+
+WITH_THE_PAGE = pytest.mark.skipif(
+    not PAGE.exists(), reason="the documentation is not part of an installed package"
+)
+NOT_INJECTED = {
+    "Gamepad's": "its tests have a pad",
+    "Enable button": "its tests have a pad",
+    "Terminal of": "its tests have a terminal",
+    "The program ends while the port is being opened": "its test has a port that takes its time",
+}
+"""Rows of docs/safety.md by how they begin, and where else they happen."""
 
 
-@pytest.mark.parametrize("robot", ["chefbot", "khan"])
+@pytest.fixture
+def only(monkeypatch: pytest.MonkeyPatch) -> Callable[[Fault], None]:
+    """From then on the matrix has one fault."""
+    return lambda fault: monkeypatch.setitem(matrix.CLOCKS, "both", (Part(trial.attempt, [fault]),))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
 def test_a_part_of_the_matrix_goes_as_defined(robot: str):
     """A fault of each sort has its one outcome, within its time, and is left again."""
     results = list(run([robot], PART.__contains__))
@@ -34,10 +62,113 @@ def test_a_part_of_the_matrix_goes_as_defined(robot: str):
     [
         (Expected("estopped", None, 0.0001), "duty for 0.0"),
         (Expected("armed", None, 0.1), "told as ('estopped', None)"),
+        (Expected("estopped", "wheel_stalled", 0.1), "told as ('estopped', None)"),
         (Expected("estopped"), "does not drive on"),
+        (Expected("estopped", None, 0.1, ("motors on fire",)), "log has no 'motors on fire'"),
+        (Expected(ENDED, None, 0.1), "told as ('estopped', None)"),
     ],
 )
-def test_another_outcome_than_the_defined_one_is_told(expected: Expected, complaint: str):
-    """Too late, another mode, or a robot that stands where it should drive on."""
-    result = trial.attempt(dataclasses.replace(NAMES["estop"], expected=expected), "chefbot")
-    assert any(told.startswith(complaint) for told in result.wrong)
+def test_another_outcome_than_the_defined_one_fails(
+    only: Callable[[Fault], None], capsys: pytest.CaptureFixture[str], expected: Expected, complaint: str
+):
+    """Too late, another mode, another reason, a robot that stands or a log that is silent: told, and exit code 1."""
+    wrong = dataclasses.replace(NAMES["estop"], expected=expected)
+    assert any(told.startswith(complaint) for told in trial.attempt(wrong, "chefbot").wrong)
+    only(wrong)
+    assert main(["--robot", "chefbot"]) == 1
+    assert "survived: 0" in capsys.readouterr().out
+
+
+def test_the_defined_outcome_passes(only: Callable[[Fault], None], tmp_path: Path):
+    """The same fault as it is: exit code 0, and the five figures are in the file."""
+    only(NAMES["estop"])
+    assert main(["--robot", "chefbot", "--json", str(tmp_path / "faults.json")]) == 0
+    figures = json.loads((tmp_path / "faults.json").read_text())["totals"]
+    assert list(figures) == [
+        "faults injected",
+        "survived",
+        "worst stopping time",
+        "frames lost",
+        "clients lost",
+    ]
+    assert (figures["faults injected"], figures["survived"]) == (1, 1)
+
+
+def test_a_trial_that_breaks_is_a_failure_and_the_others_go_on(capsys: pytest.CaptureFixture[str]):
+    """No outcome is not the outcome that is defined."""
+
+    def attempt(fault: Fault, robot: str) -> trial.Result:
+        if fault.name == "estop":
+            raise TimeoutError("never came back")
+        return trial.attempt(fault, robot)
+
+    broken, sound = run(["chefbot"], {"estop", "stop"}.__contains__, [Part(attempt, FAULTS)])
+    assert (broken.fault, sound.fault) == ("stop", "estop") or (broken.fault, sound.fault) == (
+        "estop",
+        "stop",
+    )
+    wrong = {result.fault: result.wrong for result in (broken, sound)}
+    assert wrong == {"estop": ("no outcome: TimeoutError('never came back')",), "stop": ()}
+
+
+def test_a_choice_of_nothing_is_a_failure(capsys: pytest.CaptureFixture[str]):
+    """A name that no fault has tries nothing, and so proves nothing."""
+    assert main(["--only", "dragons"]) == 1
+    assert "faults injected: 0" in capsys.readouterr().out
+
+
+def test_the_program_exits_as_main_says():
+    """As `make faults` calls it, in a process of its own."""
+    command = [sys.executable, "-m", "tests.scenarios.matrix", "--robot", "khan", "--only"]
+    codes = [
+        subprocess.run([*command, name], check=False, capture_output=True).returncode
+        for name in ("stop", "??")
+    ]
+    assert codes == [0, 1]
+
+
+def test_names_are_told_apart():
+    """Two faults with one name would share a line of the table."""
+    names = [fault.name for fault in EVERY]
+    assert sorted(set(names)) == sorted(names)
+
+
+def row_of(fault: Any) -> list[str]:
+    """The row of docs/safety.md that it stands in."""
+    cells = rows()
+    found = [row for row in cells if row[0] == fault.row] or [
+        row for row in cells if row[0].startswith(fault.row)
+    ]
+    assert len(found) == 1, f"{fault.name}: {len(found)} rows begin with {fault.row!r}"
+    return found[0]
+
+
+@WITH_THE_PAGE
+def test_every_row_of_the_page_is_injected():
+    """Each fault stands in one row of docs/safety.md, and each row has a fault, but for those that happen elsewhere."""
+    injected = {row_of(fault)[0] for fault in EVERY}
+    left = [row[0] for row in rows() if row[0] not in injected]
+    assert [cell for cell in left if not cell.startswith(tuple(NOT_INJECTED))] == []
+    assert all(any(cell.startswith(row) for cell in left) for row in NOT_INJECTED)
+
+
+@WITH_THE_PAGE
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_the_page_says_what_is_told_and_logged(fault: Fault):
+    """What a trial expects of the topic `safety` and of the log stands in its row."""
+    _, _, _, seen, logged, *_ = row_of(fault)
+    kind = fault.expected.kind
+    assert kind is None or f"`{kind.replace(':front', ':')}" in seen
+    for entry in fault.expected.logged:
+        assert f"`{entry}`" in logged
+
+
+@WITH_THE_PAGE
+@pytest.mark.parametrize("ending", endings.ENDINGS, ids=lambda ending: ending.name)
+def test_the_page_says_how_the_program_ends(ending: endings.Ending):
+    """So does what a trial of the real program expects."""
+    _, does, _, seen, logged, *_ = row_of(ending)
+    assert ending.exit_code != 0 or "exit code 0" in does
+    assert ending.expected.kind is None or f"`{ending.expected.kind}`" in seen or seen == "the same"
+    for entry in ending.expected.logged:
+        assert f"`{entry}`" in logged or logged == "the same"

@@ -1,4 +1,4 @@
-"""What happens to the link, the board, and what comes over the wire."""
+"""What happens to the link, and what comes over the wire."""
 
 import asyncio
 import random
@@ -8,13 +8,10 @@ from functools import partial
 
 from chefbotd.core.events import LinkClosed, LinkOpened
 from tests.scenarios.faults.outcomes import (
-    AT_ONCE_S,
-    DRIVES_ON,
     SLACK_S,
     STALE,
     STALE_S,
     drives_on,
-    estopped,
     latched,
 )
 from tests.scenarios.trial import Expected, Fault, Trial
@@ -30,7 +27,6 @@ BACKOFF_OPENS = 8
 """In three seconds: after 0.1, 0.2, 0.4, 0.8 and then every 2 s, each varied by a fifth."""
 
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
-BEGUN_LINE = b"e\t50\t4"
 NOT_THE_BOARD = "this does not sound like the board"
 
 
@@ -168,87 +164,7 @@ async def opens_and_closes(trial: Trial) -> AsyncIterator[None]:
     await asyncio.sleep(LONGEST_BACKOFF_S * 1.2)
 
 
-@asynccontextmanager
-async def reset(trial: Trial) -> AsyncIterator[None]:
-    """The board restarts because somebody asks for it: a stop first, and the reset right behind it."""
-    said: list[bytes] = []
-    write = trial.robot.device.on_write
-    trial.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
-    await trial.robot.client.reset_board()
-    yield
-    trial.robot.device.on_write = write
-    stop = b"s" + b" 0" * len(trial.robot.board.duty) + b"\r"
-    before = said[: said.index(b"r\r")]
-    trial.check(before[-1:] == [stop], f"wrote {before}")
-
-
-@asynccontextmanager
-async def reset_by_itself(trial: Trial) -> AsyncIterator[None]:
-    """The board restarts in the middle of a line, as when its voltage sags."""
-    transport_of(trial.robot).feed(BEGUN_LINE)
-    trial.robot.board.receive(b"r\r")
-    yield
-
-
-@asynccontextmanager
-async def reset_without_banner(trial: Trial) -> AsyncIterator[None]:
-    """The board restarts and not a word of its banner arrives: only its clock tells."""
-    transport = transport_of(trial.robot)
-    feed = transport.feed
-    lines = lambda data: (line for line in data.splitlines(keepends=True) if line[1:2] == b"\t")  # noqa: E731
-    transport.feed = lambda data: feed(b"".join(lines(data)))
-    trial.robot.board.receive(b"r\r")
-    yield
-    transport.feed = feed
-
-
-@asynccontextmanager
-async def power_cycle(trial: Trial) -> AsyncIterator[None]:
-    """The cable is pulled, and meanwhile the board loses its power and has it again."""
-    before = trial.robot.daemon.session.board_restarts
-    trial.robot.board.receive(b"r\r")
-    async with unplugged(trial):
-        yield
-        trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
-
-
-@asynccontextmanager
-async def deaf_board(trial: Trial) -> AsyncIterator[None]:
-    """The board reads nothing for half a second, in which somebody presses stop in earnest."""
-    transport = transport_of(trial.robot)
-    transport.stall()
-    asyncio.get_running_loop().call_later(0.5, transport.drain)
-    await trial.robot.client.estop("trial")
-    yield
-
-
-@asynccontextmanager
-async def deaf_behind_a_buffer(trial: Trial) -> AsyncIterator[None]:
-    """The same, but the kernel takes all that is written: a handful of motions, and the stop."""
-    device = trial.robot.device
-    kernel: list[bytes] = []
-    read, device.on_write = device.on_write, kernel.append
-
-    def read_again() -> None:
-        device.on_write = read
-        read(b"".join(kernel))
-
-    await asyncio.sleep(2.0)
-    trial.check(0 < len(kernel) <= 20, f"{len(kernel)} lines wait in the kernel")
-    asyncio.get_running_loop().call_later(0.5, read_again)
-    await trial.robot.client.estop("trial")
-    yield
-
-
-@asynccontextmanager
-async def nothing(trial: Trial) -> AsyncIterator[None]:
-    """What happens is in the overrides."""
-    yield
-
-
 PULLED_S = REPLUG_S + LONGEST_BACKOFF_S + SLACK_S
-REBOOT_S = 1.2
-"""A second that the sketch waits, and the reset itself: until then the duty stays in force."""
 
 FAULTS = (
     Fault("Encoders silent for a moment", "board silent for 1 s", unheard, STALE, lasts_s=1.0, on_wire=True),
@@ -310,42 +226,5 @@ FAULTS = (
         opens_and_closes,
         latched("link_lost", 0.2 + SLACK_S, "link lost"),
         on_wire=True,
-    ),
-    Fault("Reset asked for while driving", "board reset on request", reset, latched("board_restarted")),
-    Fault(
-        "Board restarts",
-        "board restarts in the middle of a line",
-        reset_by_itself,
-        latched("board_restarted", REBOOT_S + SLACK_S, "lines around a fault"),
-        on_wire=True,
-    ),
-    Fault(
-        "Board restarts",
-        "board restarts without a banner",
-        reset_without_banner,
-        latched("board_restarted", REBOOT_S + SLACK_S),
-        on_wire=True,
-    ),
-    Fault(
-        "Cable and power out",
-        "cable and power out for 1 s",
-        power_cycle,
-        latched("link_lost", PULLED_S),
-        lasts_s=4.0,
-        on_wire=True,
-    ),
-    Fault("Board does not read", "board reads nothing for 0.5 s", deaf_board, estopped(0.5 + AT_ONCE_S)),
-    Fault(
-        "Board talks but no longer reads",
-        "board reads nothing, the kernel takes all",
-        deaf_behind_a_buffer,
-        estopped(0.5 + AT_ONCE_S),
-    ),
-    Fault(
-        "Board's clock wraps",
-        "board's clock wraps",
-        nothing,
-        DRIVES_ON,
-        overrides={"sim.board.boot_micros": 2**32 - 3_000_000},
     ),
 )

@@ -6,7 +6,8 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from chefbotd.core.events import SafetyChanged
-from tests.scenarios.faults.link import REPLUG_S, reset, unplugged
+from tests.scenarios.faults.board import reset
+from tests.scenarios.faults.link import REPLUG_S, unplugged
 from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
 from tests.scenarios.faults.program import failing_step
 from tests.scenarios.faults.wheels import broken_encoder, critical_battery

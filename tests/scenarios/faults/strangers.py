@@ -1,18 +1,14 @@
-"""What other clients do while one drives: babble, flood, drip, crowd in, read nothing, or want what is not theirs."""
+"""What other clients do while one drives: babble, flood, drip, crowd in, or read nothing."""
 
 import asyncio
 import contextlib
 import json
-import ssl
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from functools import partial
 
 from benchmarks.abuse import SHAPES
-from chefbotd.client import CallError, Client
-from tests.scenarios.doors import by_token, by_token_and_tls
-from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, estopped
+from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, estopped
 from tests.scenarios.trial import Fault, Trial
 
 Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -26,6 +22,7 @@ LISTEN_TO_ALL = (
 )
 DESCRIBE = b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n'
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n'
+ESTOP = b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n'
 BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reason":7,"again":NaN}}'
 
 
@@ -40,7 +37,7 @@ async def stranger(trial: Trial) -> AsyncIterator[Streams]:
         writer.transport.abort()
 
 
-async def _last_kind(reader: asyncio.StreamReader) -> str | None:
+async def last_kind(reader: asyncio.StreamReader) -> str | None:
     """Read to the end of the connection, which must be near: the kind of the last error."""
     kind = None
     with contextlib.suppress(ConnectionError, TimeoutError):
@@ -51,8 +48,9 @@ async def _last_kind(reader: asyncio.StreamReader) -> str | None:
     return kind or "still connected"
 
 
-async def _expect_end(trial: Trial, reader: asyncio.StreamReader, kind: str | None) -> None:
-    told = await _last_kind(reader)
+async def expect_end(trial: Trial, reader: asyncio.StreamReader, kind: str | None) -> None:
+    """Note it if the connection has not ended, or ended as something else."""
+    told = await last_kind(reader)
     trial.check(told == kind, f"cut off as {told}")
 
 
@@ -86,7 +84,7 @@ async def drip(trial: Trial) -> AsyncIterator[None]:
             writer.write(bytes([byte]))
             await asyncio.sleep(0.3)
         yield
-        await _expect_end(trial, reader, "timed_out")
+        await expect_end(trial, reader, "timed_out")
 
 
 @asynccontextmanager
@@ -95,7 +93,7 @@ async def idle(trial: Trial) -> AsyncIterator[None]:
     await trial.robot.client.call("subscribe", topics=["text"])
     async with stranger(trial) as (reader, _):
         yield
-        await _expect_end(trial, reader, "timed_out")
+        await expect_end(trial, reader, "timed_out")
 
 
 @asynccontextmanager
@@ -124,8 +122,36 @@ async def crowd(trial: Trial) -> AsyncIterator[None]:
 async def estop_in_a_crowd(trial: Trial) -> AsyncIterator[None]:
     """Where there is no room, somebody comes and presses stop in earnest."""
     async with crowd(trial), stranger(trial) as (_, writer):
-        writer.write(b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n')
+        writer.write(ESTOP)
         await asyncio.sleep(0.01)
+        yield
+
+
+@asynccontextmanager
+async def unread_estop(trial: Trial) -> AsyncIterator[None]:
+    """A client that reads none of its answers presses stop in earnest, behind all that it has asked for."""
+    async with stranger(trial) as (_, writer):
+        writer.transport.pause_reading()
+        writer.write(LISTEN_TO_ALL + DESCRIBE * 400)
+        await asyncio.sleep(0.5)
+        writer.write(DESCRIBE * 100 + ESTOP)
+        yield
+
+
+@asynccontextmanager
+async def last_estop(trial: Trial) -> AsyncIterator[None]:
+    """Somebody presses stop in earnest behind a thousand requests, and the connection is reset at once."""
+    async with stranger(trial) as (_, writer):
+        writer.write(DESCRIBE * 1000 + ESTOP)
+        await asyncio.sleep(0.001)
+    yield
+
+
+@asynccontextmanager
+async def estop_in_a_flood(trial: Trial) -> AsyncIterator[None]:
+    """A client that may ask for five things at once asks for ten, and then presses stop in earnest."""
+    async with stranger(trial) as (_, writer):
+        writer.write(DESCRIBE * 10 + ESTOP)
         yield
 
 
@@ -139,84 +165,28 @@ async def badly_formed_estop(trial: Trial) -> AsyncIterator[None]:
         yield
 
 
-@asynccontextmanager
-async def wrong_token(trial: Trial) -> AsyncIterator[None]:
-    """Somebody says stop without being let in, and then shows a wrong token."""
-    shown = b'{"jsonrpc":"2.0","id":2,"method":"authenticate","params":{"token":"' + b"w" * 32 + b'"}}\n'
-    async with stranger(trial) as (reader, writer):
-        writer.write(STOP + shown)
-        yield
-        await _expect_end(trial, reader, "wrong_token")
+def _row_of(shape: str) -> str:
+    """What never ends its first line is too long, what ends every line is too many, all else is no JSON."""
+    if shape.startswith(("endless", "open")):
+        return "Request over 4 KiB"
+    return (
+        "Too many requests"
+        if shape in ("valid requests", "line ends", "empty objects")
+        else "HTTP, TLS, SSH, garbage"
+    )
 
 
-@asynccontextmanager
-async def no_token(trial: Trial) -> AsyncIterator[None]:
-    """Somebody shows none."""
-    async with stranger(trial) as (reader, _):
-        yield
-        await _expect_end(trial, reader, "timed_out")
-
-
-@asynccontextmanager
-async def observer_drives(trial: Trial) -> AsyncIterator[None]:
-    """Somebody who may only look wants to drive, to have control, and to arm."""
-    async with trial.another("Oscar", "observe") as observer:
-        for call in (observer.drive(-0.2, 0.0), observer.take_control(), observer.arm()):
-            try:
-                await call
-            except CallError as refusal:
-                trial.check(refusal.kind == "forbidden", f"refused as {refusal.kind}")
-            else:
-                trial.check(False, "an observer may do more than look")
-        yield
-
-
-@asynccontextmanager
-async def observer_estops(trial: Trial) -> AsyncIterator[None]:
-    """Somebody who may only look presses stop in earnest."""
-    async with trial.another("Oscar", "observe") as observer:
-        await observer.estop("smoke")
-        yield
-
-
-@asynccontextmanager
-async def plain_text(trial: Trial) -> AsyncIterator[None]:
-    """Somebody says stop on a TLS port without TLS."""
-    async with stranger(trial) as (reader, writer):
-        writer.write(STOP)
-        yield
-        with contextlib.suppress(ConnectionError):
-            trial.check(b"jsonrpc" not in await reader.read(), "was answered in plain text")
-
-
-@asynccontextmanager
-async def no_handshake(trial: Trial) -> AsyncIterator[None]:
-    """Somebody connects to a TLS port and says nothing."""
-    async with stranger(trial) as (reader, _):
-        yield
-        trial.check(await _last_kind(reader) is None, "is still connected")
-
-
-@asynccontextmanager
-async def distrust(trial: Trial) -> AsyncIterator[None]:
-    """Somebody does not know the authority of the daemon's certificate, and keeps its token."""
-    host, port = await trial.robot.daemon.server.address()
-    key = replace(trial.door, tls=ssl.create_default_context()).key()
-    try:
-        async with Client.connect(host, port, **key):
-            trial.check(False, "trusted a stranger")
-    except ssl.SSLCertVerificationError:
-        pass
-    yield
-
-
-GUARDS = (("token", by_token), ("token and TLS", by_token_and_tls))
-TLS_PORT = "On a TLS port"
+FLOOD = "Too many requests"
+UNREAD = "`stop` or `estop` of a client that does not read its answers"
 
 FAULTS = (
-    *(
-        Fault("HTTP, TLS, SSH, garbage", f"1 MB of {shape}", partial(babble, shape), CUT_OFF)
-        for shape in SHAPES
+    *(Fault(_row_of(shape), f"1 MB of {shape}", partial(babble, shape), CUT_OFF) for shape in SHAPES),
+    Fault(
+        "Too many requests",
+        "estop among too many requests",
+        estop_in_a_flood,
+        estopped(),
+        overrides={"api.requests_burst": 5},
     ),
     Fault("Request that drips in", "half a request", half_closed, DRIVES_ON),
     Fault("Request that drips in", "request that drips in", drip, CUT_OFF, overrides={"api.request_s": 1.0}),
@@ -225,31 +195,6 @@ FAULTS = (
     Fault("Too many clients", "two hundred clients at once", crowd, CUT_OFF),
     Fault("Too many clients", "estop where there is no room", estop_in_a_crowd, estopped()),
     Fault("`stop` or `estop` in a bad form", "estop in a bad form", badly_formed_estop, estopped()),
-    *(
-        Fault(row, f"{name}, {guard}", inject, expected, door=door, overrides={"api.authenticate_s": 1.0})
-        for guard, door in GUARDS
-        for row, name, inject, expected in (
-            ("Role too low", "observer drives", observer_drives, DRIVES_ON),
-            ("`estop`", "observer presses estop", observer_estops, estopped()),
-        )
-    ),
-    *(
-        Fault(
-            "Wrong token, or none in time",
-            name,
-            inject,
-            CUT_OFF,
-            door=by_token,
-            overrides={"api.authenticate_s": 1.0},
-        )
-        for name, inject in (("wrong token", wrong_token), ("no token in time", no_token))
-    ),
-    *(
-        Fault(TLS_PORT, name, inject, DRIVES_ON, door=by_token_and_tls, overrides={"api.authenticate_s": 1.0})
-        for name, inject in (
-            ("plain text on a TLS port", plain_text),
-            ("TLS handshake that never comes", no_handshake),
-            ("certificate that is not trusted", distrust),
-        )
-    ),
+    Fault(UNREAD, "estop of a client that reads nothing", unread_estop, estopped(1.2 + SLACK_S)),
+    Fault(UNREAD, "estop as the last word of a connection", last_estop, estopped()),
 )

@@ -1,6 +1,7 @@
 """What happens to the wheels, the battery and the way ahead."""
 
 import asyncio
+import itertools
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from functools import partial
@@ -21,6 +22,7 @@ from tests.scenarios.wires import (
     transport_of,
 )
 
+EDGE_LINE = b"q"
 RANGE_LINE = {"chefbot": b"u", "khan": b"a"}
 
 
@@ -110,6 +112,12 @@ def blind(trial: Trial) -> AbstractAsyncContextManager[None]:
     return rewired(RANGE_LINE[trial.robot.client.hello.robot], lambda _: None, trial)
 
 
+def lost_edges(every: int, trial: Trial) -> AbstractAsyncContextManager[None]:
+    """Of the lines that tell edges one in so many never comes."""
+    said = itertools.count(1)
+    return rewired(EDGE_LINE, lambda fields: None if next(said) % every == 0 else fields, trial)
+
+
 BROKEN_ENCODERS = (
     ("Wheel blocked", "encoder unplugged", frozen, latched("wheel_stalled", 2.2)),
     (
@@ -185,6 +193,25 @@ FAULTS = (
         OBSTACLE,
         lasts_s=5.0,
         leave=(-0.2, 0.0),
+    ),
+    Fault(
+        "Something nearer than the fold",
+        "wall ahead, fast",
+        wall,
+        OBSTACLE,
+        twist=(0.6, 0.0),
+        lasts_s=5.0,
+        leave=(-0.2, 0.0),
+        robots=("khan",),
+    ),
+    Fault(
+        "Edges of an encoder lost",
+        "one line of edges in 25 lost",
+        partial(lost_edges, 25),
+        drives_on("edges of the encoders were lost: no reading"),
+        on_wire=True,
+        overrides={"robot.wire": "khan_edges"},
+        robots=("khan",),
     ),
     Fault("A range sensor falls silent", "range sensor silent", blind, DRIVES_ON, on_wire=True),
     Fault(

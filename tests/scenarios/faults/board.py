@@ -1,0 +1,165 @@
+"""What happens to the board: it restarts, loses its power, reads nothing, or its clock wraps."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from tests.scenarios.faults.link import PULLED_S, unplugged
+from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
+from tests.scenarios.faults.program import cancelled
+from tests.scenarios.trial import ENDED, Expected, Fault, Trial
+from tests.scenarios.wires import transport_of
+
+BEGUN_LINE = b"e\t50\t4"
+REBOOT_S = 0.2
+"""From the reset pin until the sketch runs: the bridges are open meanwhile."""
+
+AT_THE_PIN = {"sim.board.reset_delay_s": 0.0}
+"""Without the second that the sketch waits when it is asked."""
+
+
+@asynccontextmanager
+async def reset(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts because somebody asks for it: a stop first, and the reset right behind it."""
+    said: list[bytes] = []
+    write = trial.robot.device.on_write
+    trial.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
+    await trial.robot.client.reset_board()
+    yield
+    trial.robot.device.on_write = write
+    stop = b"s" + b" 0" * len(trial.robot.board.duty) + b"\r"
+    before = said[: said.index(b"r\r")]
+    trial.check(before[-1:] == [stop], f"wrote {before}")
+
+
+@asynccontextmanager
+async def reset_by_itself(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts in the middle of a line, as when its voltage sags."""
+    transport_of(trial.robot).feed(BEGUN_LINE)
+    trial.robot.board.receive(b"r\r")
+    yield
+
+
+@asynccontextmanager
+async def reset_without_banner(trial: Trial) -> AsyncIterator[None]:
+    """The board restarts and not a word of its banner arrives: only its clock tells."""
+    transport = transport_of(trial.robot)
+    feed = transport.feed
+    lines = lambda data: (line for line in data.splitlines(keepends=True) if line[1:2] == b"\t")  # noqa: E731
+    transport.feed = lambda data: feed(b"".join(lines(data)))
+    trial.robot.board.receive(b"r\r")
+    yield
+    transport.feed = feed
+
+
+@asynccontextmanager
+async def power_cycle(trial: Trial) -> AsyncIterator[None]:
+    """The cable is pulled, and meanwhile the board loses its power and has it again."""
+    before = trial.robot.daemon.session.board_restarts
+    trial.robot.board.receive(b"r\r")
+    async with unplugged(trial):
+        yield
+        trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
+
+
+@asynccontextmanager
+async def deaf_board(trial: Trial) -> AsyncIterator[None]:
+    """The board reads nothing for half a second, in which somebody presses stop in earnest."""
+    transport = transport_of(trial.robot)
+    transport.stall()
+    asyncio.get_running_loop().call_later(0.5, transport.drain)
+    await trial.robot.client.estop("trial")
+    yield
+
+
+@asynccontextmanager
+async def deaf_behind_a_buffer(trial: Trial) -> AsyncIterator[None]:
+    """The same, but the kernel takes all that is written: a handful of motions, and the stop."""
+    device = trial.robot.device
+    kernel: list[bytes] = []
+    read, device.on_write = device.on_write, kernel.append
+
+    def read_again() -> None:
+        device.on_write = read
+        read(b"".join(kernel))
+
+    await asyncio.sleep(2.0)
+    trial.check(0 < len(kernel) <= 20, f"{len(kernel)} lines wait in the kernel")
+    asyncio.get_running_loop().call_later(0.5, read_again)
+    await trial.robot.client.estop("trial")
+    yield
+
+
+@asynccontextmanager
+async def deaf_at_the_end(trial: Trial) -> AsyncIterator[None]:
+    """The board reads nothing for half a second, in which the program ends: what it then reads has a stop at its end."""
+    transport = transport_of(trial.robot)
+    transport.stall()
+    asyncio.get_running_loop().call_later(0.5, transport.drain)
+    async with cancelled("drive", trial):
+        yield
+
+
+@asynccontextmanager
+async def half_a_line(trial: Trial) -> AsyncIterator[None]:
+    """The board has half a line of a program that was killed; then somebody presses stop in earnest."""
+    trial.robot.board.receive(b"s 50")
+    await trial.robot.client.estop("trial")
+    yield
+
+
+@asynccontextmanager
+async def nothing(trial: Trial) -> AsyncIterator[None]:
+    """What happens is in the overrides."""
+    yield
+
+
+FAULTS = (
+    Fault("Reset asked for while driving", "board reset on request", reset, latched("board_restarted")),
+    Fault(
+        "Board restarts",
+        "board restarts in the middle of a line",
+        reset_by_itself,
+        latched("board_restarted", REBOOT_S + SLACK_S, "lines around a fault"),
+        on_wire=True,
+        overrides=AT_THE_PIN,
+    ),
+    Fault(
+        "Board restarts",
+        "board restarts without a banner",
+        reset_without_banner,
+        latched("board_restarted", REBOOT_S + SLACK_S),
+        on_wire=True,
+        overrides=AT_THE_PIN,
+    ),
+    Fault(
+        "Cable and power out",
+        "cable and power out for 1 s",
+        power_cycle,
+        latched("link_lost", PULLED_S),
+        lasts_s=4.0,
+        on_wire=True,
+        overrides=AT_THE_PIN,
+    ),
+    Fault("Board does not read", "board reads nothing for 0.5 s", deaf_board, estopped(0.5 + AT_ONCE_S)),
+    Fault(
+        "Board talks but no longer reads",
+        "board reads nothing, the kernel takes all",
+        deaf_behind_a_buffer,
+        estopped(0.5 + AT_ONCE_S),
+    ),
+    Fault(
+        "The same, while the program ends",
+        "board reads nothing, the program ends",
+        deaf_at_the_end,
+        Expected(ENDED, None, 0.5 + AT_ONCE_S),
+    ),
+    Fault("Stop behind a line that was cut short", "estop behind half a line", half_a_line, estopped()),
+    Fault(
+        "Board's clock wraps",
+        "board's clock wraps",
+        nothing,
+        DRIVES_ON,
+        overrides={"sim.board.boot_micros": 2**32 - 3_000_000},
+    ),
+)
