@@ -52,7 +52,8 @@ def handle(end: End) -> None:
         loop.add_signal_handler(number, end, name_of(number))
     for number in SUSPENDING:
         signal.signal(number, signal.SIG_IGN)
-    threading.Thread(target=_await_crashes, args=(loop, end), name="signals", daemon=True).start()
+    if signal.pthread_sigmask(signal.SIG_BLOCK, ()) >= CRASHES:
+        threading.Thread(target=_await_crashes, args=(loop, end), name="signals", daemon=True).start()
 
 
 def name_of(number: int) -> str:
