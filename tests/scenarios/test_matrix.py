@@ -69,14 +69,14 @@ def test_a_part_of_the_matrix_goes_as_defined(robot: str):
     ],
 )
 def test_another_outcome_than_the_defined_one_fails(
-    only: Callable[[Fault], None], capsys: pytest.CaptureFixture[str], expected: Expected, complaint: str
+    only: Callable[[Fault], None], tmp_path: Path, expected: Expected, complaint: str
 ):
     """Too late, another mode, another reason, a robot that stands or a log that is silent: told, and exit code 1."""
-    wrong = dataclasses.replace(NAMES["estop"], expected=expected)
-    assert any(told.startswith(complaint) for told in trial.attempt(wrong, "chefbot").wrong)
-    only(wrong)
-    assert main(["--robot", "chefbot"]) == 1
-    assert "survived: 0" in capsys.readouterr().out
+    only(dataclasses.replace(NAMES["estop"], expected=expected))
+    assert main(["--robot", "chefbot", "--json", str(tmp_path / "faults.json")]) == 1
+    told = json.loads((tmp_path / "faults.json").read_text())
+    assert told["totals"]["survived"] == 0
+    assert any(each.startswith(complaint) for each in told["results"][0]["wrong"])
 
 
 def test_the_defined_outcome_passes(only: Callable[[Fault], None], tmp_path: Path):
@@ -119,10 +119,19 @@ def test_a_choice_of_nothing_is_a_failure(capsys: pytest.CaptureFixture[str]):
 
 def test_the_program_exits_as_main_says():
     """As `make faults` calls it, in a process of its own."""
-    command = [sys.executable, "-m", "tests.scenarios.matrix", "--robot", "khan", "--only"]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.scenarios.matrix",
+        "--clock",
+        "virtual",
+        "--robot",
+        "khan",
+        "--only",
+    ]
     codes = [
         subprocess.run([*command, name], check=False, capture_output=True).returncode
-        for name in ("stop", "??")
+        for name in ("gains", "??")
     ]
     assert codes == [0, 1]
 
