@@ -1,8 +1,8 @@
 """The motor commands that the board may not have read yet.
 
 A pseudo-terminal takes some 20 KB for a board that has stopped reading, a USB bridge whatever it is sent, and nothing
-tells how much of it is unread (see docs/safety.md). The board itself does: its `s` lines echo the command in force, so an
-echo that moves to a command proves that this one, and all before it, were read.
+tells how much of it is unread (see docs/safety.md). The board itself does: its `s` lines echo the command in force, so
+an echo that moves to a command proves that this one, and all before it, were read.
 """
 
 from collections import deque
