@@ -33,6 +33,7 @@ from firmware_protocol.messages import (
     Message,
     Orientation,
     QuadratureEdges,
+    QuadratureStill,
     RawImu,
     ResetBoard,
     ResetDone,
@@ -83,16 +84,13 @@ ANALOGUE = LineKind(
 
 
 def quadrature(wheels: int) -> tuple[LineKind, ...]:
-    """The rows of ``q`` for so many wheels: one for each number of gaps that a line can hold."""
-    edges = (
-        Field("wheel", Number(0, wheels - 1)),
-        Field("total", UINT16),
-        Field("states", PackedLevels(MOST_EDGES_A_LINE)),
-        Field("micros", UINT32),
-    )
-    return tuple(
-        LineKind("q", QuadratureEdges, (*edges, Field("gaps_us", UINT32, gaps)))
-        for gaps in range(MOST_TIMES_A_LINE)
+    """The rows of ``q`` for so many wheels: without edges, and one for each number of gaps that a line can hold."""
+    wheel = Field("wheel", Number(0, wheels - 1)), Field("total", UINT16)
+    edges = Field("states", PackedLevels(MOST_EDGES_A_LINE)), Field("micros", UINT32)
+    timed = [Field("gaps_us", UINT32, gaps) for gaps in range(MOST_TIMES_A_LINE)]
+    return (
+        LineKind("q", QuadratureStill, wheel),
+        *(LineKind("q", QuadratureEdges, (*wheel, *edges, gaps)) for gaps in timed),
     )
 
 

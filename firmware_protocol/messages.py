@@ -93,6 +93,14 @@ class QuadratureEdges:
 
 
 @dataclass(frozen=True, slots=True)
+class QuadratureStill:
+    """``q`` with two fields: this wheel's encoder had no edge since the cycle before; ``total`` as there."""
+
+    wheel: int
+    total: int
+
+
+@dataclass(frozen=True, slots=True)
 class Banner:
     """One line of the board's boot banner: the board has just started, so its counters did too."""
 
@@ -154,6 +162,7 @@ FromBoard: TypeAlias = (
     | BatteryLevel
     | AnalogueLevel
     | QuadratureEdges
+    | QuadratureStill
     | Banner
     | ResetDone
     | Text

@@ -97,8 +97,9 @@ class EncodersCounted:
 class EdgeBurst:
     """Edges of a wheel's quadrature encoder, in their order: ``levels`` after each, A worth 2 and B worth 1.
 
-    ``times_s`` are the board times of the last edges, one or more; those before them have none. ``total`` is how many
-    edges the board has seen up to the last of these, modulo 2^16: what it counted and never told is missing here.
+    There are none where the wheel stood. ``times_s`` are the board times of the last edges, one or more; those before
+    them have none. ``total`` is how many edges the board has seen up to the last of these, modulo 2^16: what it counted
+    and never told is missing here.
     """
 
     wheel: int
@@ -109,7 +110,7 @@ class EdgeBurst:
 
 @dataclass(frozen=True, slots=True)
 class EdgesSeen:
-    """The edges of a cycle that ended at ``board_s``, each wheel's bursts in their order; none if no wheel turned."""
+    """The edges of a cycle that ended at ``board_s``: each wheel's bursts in their order, at least one of each."""
 
     stamp_s: float
     board_s: float

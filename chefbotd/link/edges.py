@@ -5,7 +5,7 @@ from itertools import accumulate
 
 from chefbotd.core.events import EdgeBurst
 from chefbotd.link.board_clock import BoardClock
-from firmware_protocol.messages import QuadratureEdges
+from firmware_protocol.messages import QuadratureEdges, QuadratureStill
 
 MOST_BURSTS = 256
 """A board whose `t` lines are all damaged must not fill the memory: beyond this the oldest bursts are lost."""
@@ -16,9 +16,9 @@ class EdgeBasket:
 
     def __init__(self, clock: BoardClock) -> None:
         self._clock = clock
-        self._bursts: deque[QuadratureEdges] = deque(maxlen=MOST_BURSTS)
+        self._bursts: deque[QuadratureEdges | QuadratureStill] = deque(maxlen=MOST_BURSTS)
 
-    def put(self, burst: QuadratureEdges) -> None:
+    def put(self, burst: QuadratureEdges | QuadratureStill) -> None:
         """Keep a burst for the cycle's end."""
         self._bursts.append(burst)
 
@@ -32,7 +32,9 @@ class EdgeBasket:
         self._bursts.clear()
         return bursts
 
-    def _dated(self, burst: QuadratureEdges) -> EdgeBurst | None:
+    def _dated(self, burst: QuadratureEdges | QuadratureStill) -> EdgeBurst | None:
+        if isinstance(burst, QuadratureStill):
+            return EdgeBurst(burst.wheel, burst.total, (), ())
         last_s = self._clock.time_of_s(burst.micros)
         if last_s is None:
             return None

@@ -79,6 +79,7 @@ class BoardSession(asyncio.Protocol):
             wire.EncoderCounts: self._on_encoders,
             wire.DutyEcho: self._on_echo,
             wire.QuadratureEdges: self._on_edges,
+            wire.QuadratureStill: self._on_edges,
             wire.Banner: self._on_banner,
             wire.Malformed: self._on_malformed,
         }
@@ -200,7 +201,7 @@ class BoardSession(asyncio.Protocol):
         self._setpoints.echoed(message.duty)
         self._bus.publish(DutyEchoed(now_s, message.duty))
 
-    def _on_edges(self, message: wire.QuadratureEdges, now_s: float) -> None:
+    def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
         if self._edges is not None:
             self._edges.put(message)

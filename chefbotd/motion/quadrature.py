@@ -91,6 +91,11 @@ def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBu
     return replace(state, levels=None, run=edge_speed.broken(params, state.run), lost=state.lost + lost)
 
 
+def misses_edges(before: QuadratureState, after: QuadratureState) -> bool:
+    """Whether edges were found missing between these two states, so that the counts fall short."""
+    return after.lost > before.lost or after.illegal > before.illegal
+
+
 def rate_counts_s(params: QuadratureParameters, state: QuadratureState, board_s: float) -> float:
     """Counts per second at ``board_s``, forward positive."""
     return edge_speed.rate_counts_s(params, state.run, board_s)

@@ -1,26 +1,35 @@
 """Encoder edges in, encoder counts out: for boards that decode nothing themselves."""
 
+import math
+
 import structlog
 
 from chefbotd.bus import Bus, Inbox
-from chefbotd.core.events import BoardRestarted, EdgesSeen, EncodersCounted
+from chefbotd.core.events import BoardRestarted, EdgeBurst, EdgesSeen, EncodersCounted
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
 
 log = structlog.get_logger(component="quadrature")
 
+SLACK_S = 0.001
+"""A board may see an edge while it reads its clock for the cycle's end."""
+
 
 class QuadratureService:
     """Counts every wheel's edges; a cycle becomes an ``EncodersCounted`` with the rates that the edges' times give.
 
-    A cycle that lacks edges of a wheel is no reading: counts that fell short would be a slower motion than there is.
+    A cycle that lacks a wheel, or edges of it, is no reading: counts that fell short would be a slower motion than there
+    is. The next complete one goes on from there.
     """
 
     def __init__(self, bus: Bus, parameters: QuadratureParameters, wheel_names: tuple[str, ...]) -> None:
         self._bus, self._parameters, self._wheel_names = bus, parameters, wheel_names
         self._states = [quadrature.START] * len(wheel_names)
-        self._inbox: Inbox[EdgesSeen | BoardRestarted] = bus.subscribe(EdgesSeen, BoardRestarted)
+        self._since_s: float | None = None
+        self._inbox: Inbox[EdgesSeen | BoardRestarted] = bus.subscribe(
+            EdgesSeen, BoardRestarted, kept=(BoardRestarted,)
+        )
         self._log = RateLimitedLog(log)
 
     @property
@@ -45,19 +54,31 @@ class QuadratureService:
                 self._count(event)
             else:
                 self._states = [quadrature.rebase(state) for state in self._states]
+                self._since_s = None
 
     def _count(self, event: EdgesSeen) -> None:
-        before = [state.lost for state in self._states]
-        for burst in event.bursts:
-            self._states[burst.wheel] = quadrature.decode(self._parameters, self._states[burst.wheel], burst)
-        lost = {
-            name: state.lost - earlier
-            for name, state, earlier in zip(self._wheel_names, self._states, before, strict=True)
-            if state.lost > earlier
-        }
-        if lost:
-            self._log.warning("edges of the encoders were lost: no reading", edges=lost)
+        before = self._states.copy()
+        bursts = [burst for burst in event.bursts if self._lies_within(event.board_s, burst)]
+        self._since_s = event.board_s
+        for burst in bursts:
+            state = self._states[burst.wheel]
+            self._states[burst.wheel] = quadrature.decode(self._parameters, state, burst)
+        told = {burst.wheel for burst in bursts}
+        doubtful = [
+            name
+            for wheel, name in enumerate(self._wheel_names)
+            if wheel not in told or quadrature.misses_edges(before[wheel], self._states[wheel])
+        ]
+        if doubtful or len(bursts) < len(event.bursts):
+            self._log.warning("edges of the encoders were lost: no reading", wheels=doubtful)
             return
         rates = [quadrature.rate_counts_s(self._parameters, state, event.board_s) for state in self._states]
         counts = tuple(state.counts for state in self._states)
         self._bus.publish(EncodersCounted(event.stamp_s, event.board_s, counts, tuple(rates)))
+
+    def _lies_within(self, until_s: float, burst: EdgeBurst) -> bool:
+        """Whether its times are of the cycle that it is told in: damaged ones would be another speed."""
+        if not burst.times_s:
+            return True
+        since_s = -math.inf if self._since_s is None else self._since_s
+        return since_s - SLACK_S <= burst.times_s[0] and burst.times_s[-1] <= until_s + SLACK_S

@@ -35,6 +35,7 @@ from firmware_protocol.messages import (
     FromBoard,
     Orientation,
     QuadratureEdges,
+    QuadratureStill,
     RawImu,
     ResetBoard,
     ResetDone,
@@ -170,8 +171,10 @@ class Sketch:
             yield from self._print(self._battery())
 
     def _print_edges(self, wheels: list[Taken]) -> Iterator[float]:
-        """Every wheel's edges, as many a line as one holds."""
+        """Every wheel's edges, as many a line as one holds; a line without any where it stood."""
         for wheel, (total, edges) in enumerate(wheels):
+            if not edges:
+                yield from self._print(QuadratureStill(wheel, total % UINT16_SPAN))
             before = total - len(edges)
             for start in range(0, len(edges), MOST_EDGES_A_LINE):
                 line = edges[start : start + MOST_EDGES_A_LINE]

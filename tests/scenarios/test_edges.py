@@ -8,7 +8,7 @@ import pytest
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.scenarios.wires import rewire
+from tests.scenarios.wires import damage, rewire
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
 
@@ -132,5 +132,21 @@ def test_a_lost_line_costs_a_reading_and_is_counted():
         assert speeds == pytest.approx([0.3] * len(speeds), rel=0.1)
         lost = (await robot.client.get_stats())["encoder_edges_lost"]
         assert 20 <= lost <= 40  # 0.3 m/s are 1429 edges/s, 28 in 20 ms
+
+    on_robot(scenario)
+
+
+@pytest.mark.parametrize("share", ["flip_share", "drop_share", "double_share"])
+def test_one_byte_in_a_thousand_damaged_costs_way_and_no_speed(share: str):
+    """Some 15 lines a second are damaged: it drives on at its speed, and what odometry lacks it never makes up."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        damage(robot, {share: 0.001}, seed=1)
+        speeds = await drive(robot, 0.3, 2.5)
+        assert max(speeds) < 0.4
+        assert speeds[-1] == pytest.approx(0.3, rel=0.1)
+        assert (await robot.client.get_state())["safety"]["armed"]
+        assert (await robot.client.get_stats())["encoder_edges_lost"] > 0
+        assert 0.0 < await odometry_is_off_by_m(robot) < 0.06
 
     on_robot(scenario)

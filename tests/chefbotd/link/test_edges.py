@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.core.events import AnalogueCounted, EdgesSeen, EncodersCounted
+from chefbotd.core.events import AnalogueCounted, EdgeBurst, EdgesSeen, EncodersCounted
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.edges import MOST_BURSTS, EdgeBasket
 from chefbotd.link.session import BoardSession
@@ -46,6 +46,12 @@ def test_edges_wait_for_the_time_that_closes_their_cycle():
     assert two.times_s == pytest.approx((100.0095, 100.010))
     assert (none.wheel, none.total, none.levels) == (0, 3, (2, 3, 1))
     assert none.times_s == pytest.approx((100.012,))
+
+
+def test_a_wheel_without_edges_is_told_all_the_same():
+    """Its line has a total and nothing more."""
+    _, told = heard(KHAN_EDGES, b"t\t1000000\t0.02\n", b"q\t3\t7\nt\t1020000\t0.02\n")
+    assert told.bursts == (EdgeBurst(3, 7, (), ()),)
 
 
 def test_edges_are_dated_across_the_wrap_of_the_boards_counter():

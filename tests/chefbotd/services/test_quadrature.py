@@ -49,8 +49,7 @@ def counted(*heard: EdgesSeen | BoardRestarted) -> Outcome:
 
 def burst(wheel: int, total: int, *edges: tuple[float, int]) -> EdgeBurst:
     """Edges (time, levels) of a wheel; the last is its ``total``-th."""
-    times_s, levels = zip(*edges, strict=True)
-    return EdgeBurst(wheel, total, levels, times_s)
+    return EdgeBurst(wheel, total, tuple(levels for _, levels in edges), tuple(at_s for at_s, _ in edges))
 
 
 def cycle(board_s: float, *bursts: EdgeBurst) -> EdgesSeen:
@@ -59,6 +58,7 @@ def cycle(board_s: float, *bursts: EdgeBurst) -> EdgesSeen:
 
 
 BEGUN = cycle(1.00, burst(0, 1, (0.98, 0b00)), burst(1, 1, (0.99, 0b00)))
+LEFT_STANDS, RIGHT_STANDS = burst(0, 1), burst(1, 1)
 
 
 def test_a_cycle_of_edges_is_a_reading_of_counts_and_rates():
@@ -75,42 +75,76 @@ def test_a_cycle_of_edges_is_a_reading_of_counts_and_rates():
 def test_a_cycle_may_have_several_bursts_of_a_wheel():
     """Two lines of the left wheel's edges: four counts."""
     lines = burst(0, 3, (1.005, 0b10), (1.01, 0b11)), burst(0, 5, (1.012, 0b01), (1.015, 0b00))
-    assert counted(BEGUN, cycle(1.02, *lines)).readings[-1].counts == (4, 0)
+    assert counted(BEGUN, cycle(1.02, *lines, RIGHT_STANDS)).readings[-1].counts == (4, 0)
 
 
-def test_a_cycle_without_edges_is_a_reading_too():
+def test_a_cycle_of_standing_wheels_is_a_reading_too():
     """The control loop steps by readings: wheels that stand have theirs."""
-    (reading,) = counted(cycle(1.0)).readings
+    (_, reading) = counted(BEGUN, cycle(1.02, LEFT_STANDS, RIGHT_STANDS)).readings
     assert (reading.counts, reading.rate_counts_s) == ((0, 0), (0.0, 0.0))
 
 
-def test_odd_transitions_of_all_wheels_are_counted():
-    """Both levels changed at once on the left and on the right, and once nothing changed: three oddities, no motion."""
-    left = burst(0, 3, (1.005, 0b11), (1.01, 0b11))
-    outcome = counted(BEGUN, cycle(1.02, left, burst(1, 2, (1.01, 0b11))))
-    assert (outcome.illegal, outcome.repeated, outcome.lost) == (2, 1, 0)
-    assert outcome.readings[-1].counts == (0, 0)
+def test_a_repetition_is_counted_and_the_reading_stands():
+    """The left wheel's levels were as before: nothing moved."""
+    outcome = counted(BEGUN, cycle(1.02, burst(0, 2, (1.01, 0b00)), RIGHT_STANDS))
+    assert (outcome.repeated, outcome.readings[-1].counts, outcome.warnings) == (1, (0, 0), [])
 
 
-def test_a_cycle_that_lacks_edges_is_no_reading_and_the_next_is():
-    """Five edges of the right wheel were dropped: no reading for either, told once by name; then counting goes on."""
-    short = cycle(1.02, burst(0, 3, (1.005, 0b10), (1.015, 0b11)), burst(1, 7, (1.01, 0b10)))
-    outcome = counted(BEGUN, short, cycle(1.04, burst(1, 8, (1.03, 0b11))))
-    first, after = outcome.readings
-    assert (first.board_s, after.board_s, after.counts) == (1.0, 1.04, (2, 1))
-    assert outcome.lost == 5
+AHEAD, GONE_AHEAD = burst(0, 3, (1.005, 0b10), (1.015, 0b11)), burst(0, 3)
+"""The left wheel two edges further, and standing there."""
+
+
+def told(outcome: Outcome) -> list[tuple[float, tuple[int, ...]]]:
+    """When there was a reading, and its counts."""
+    return [(reading.board_s, reading.counts) for reading in outcome.readings]
+
+
+@pytest.mark.parametrize(
+    ("odd", "after", "illegal", "lost"),
+    [
+        (burst(1, 7, (1.01, 0b10)), burst(1, 8, (1.03, 0b11)), 0, 5),
+        (burst(1, 2, (1.01, 0b11)), burst(1, 3, (1.03, 0b01)), 1, 0),
+    ],
+    ids=["five dropped", "two levels at once"],
+)
+def test_a_cycle_that_lacks_edges_is_no_reading_and_the_next_is(
+    odd: EdgeBurst, after: EdgeBurst, illegal: int, lost: int
+):
+    """No reading for either wheel, told by the wheel's name; then counting goes on from there."""
+    outcome = counted(BEGUN, cycle(1.02, AHEAD, odd), cycle(1.04, GONE_AHEAD, after))
+    assert told(outcome) == [(1.0, (0, 0)), (1.04, (2, 1))]
+    assert (outcome.illegal, outcome.lost) == (illegal, lost)
     (warning,) = outcome.warnings
-    assert (warning["event"], warning["edges"]) == (
+    assert (warning["event"], warning["wheels"]) == (
         "edges of the encoders were lost: no reading",
-        {"right": 5},
+        ["right"],
     )
 
 
-def test_a_restarted_board_is_referenced_anew():
-    """Levels and total that the first edge after it brings are no transition from those before, and no loss."""
+def test_a_cycle_in_which_a_wheel_is_not_told_is_no_reading():
+    """Its line was lost: it may have stood (the next cycle is whole), or moved (the next lacks two edges)."""
+    stood = counted(BEGUN, cycle(1.02, AHEAD), cycle(1.04, GONE_AHEAD, RIGHT_STANDS))
+    assert (told(stood), stood.lost) == ([(1.0, (0, 0)), (1.04, (2, 0))], 0)
+    moved, on = burst(1, 4, (1.03, 0b11)), burst(1, 5, (1.05, 0b01))
+    went = counted(BEGUN, cycle(1.02, AHEAD), cycle(1.04, GONE_AHEAD, moved), cycle(1.06, GONE_AHEAD, on))
+    assert (told(went), went.lost) == ([(1.0, (0, 0)), (1.06, (2, 1))], 2)
+
+
+@pytest.mark.parametrize("at_s", [0.985, 1.03])
+def test_edges_timed_outside_their_cycle_are_not_looked_at(at_s: float):
+    """Damaged times would be another speed: no reading, and the edge is missed by the next total."""
+    damaged, after, on = burst(1, 2, (at_s, 0b10)), burst(1, 3, (1.03, 0b11)), burst(1, 4, (1.05, 0b01))
     outcome = counted(
-        cycle(1.0, burst(0, 900, (0.99, 0b00))),
+        BEGUN, cycle(1.02, AHEAD, damaged), cycle(1.04, GONE_AHEAD, after), cycle(1.06, GONE_AHEAD, on)
+    )
+    assert (told(outcome), outcome.lost) == ([(1.0, (0, 0)), (1.06, (2, 1))], 1)
+
+
+def test_a_restarted_board_is_referenced_anew():
+    """Levels, total and time that the first edge after it brings are no transition from those before, and no loss."""
+    outcome = counted(
+        cycle(1.0, burst(0, 900, (0.99, 0b00)), RIGHT_STANDS),
         BoardRestarted(1.5, "reset"),
-        cycle(2.0, burst(0, 1, (1.99, 0b11))),
+        cycle(0.5, burst(0, 1, (0.49, 0b11)), burst(1, 0)),
     )
     assert (outcome.readings[-1].counts, outcome.illegal, outcome.lost) == ((0, 0), 0, 0)

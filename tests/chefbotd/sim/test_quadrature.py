@@ -15,7 +15,7 @@ from chefbotd.sim.parameters import SimulationParameters, build_launchpad
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from firmware_protocol.codec import KHAN_EDGES, from_board
 from firmware_protocol.decoder import Decoder
-from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges
+from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges, QuadratureStill
 
 TURN_RAD = np.array([math.tau])
 
@@ -161,4 +161,20 @@ def test_a_board_without_room_tells_by_its_total_what_is_missing() -> None:
 def test_a_board_says_nothing_of_what_is_not_wired_to_it() -> None:
     """Without ultrasonic and IMU a cycle is edges, t, s, a, b."""
     names = {type(message).__name__ for message in heard(2.0)}
-    assert names == {"Banner", "QuadratureEdges", "BoardTime", "DutyEcho", "AnalogueLevel", "BatteryLevel"}
+    edges = {"QuadratureEdges", "QuadratureStill"}
+    assert names == {"Banner", *edges, "BoardTime", "DutyEcho", "AnalogueLevel", "BatteryLevel"}
+
+
+def test_every_cycle_has_a_line_of_every_wheel() -> None:
+    """Standing or turning: between two ``t`` lines each wheel is told, a standing one with the total that it had."""
+    wheels, totals, cycles = [], {}, 0
+    for message in heard(2.0):
+        if isinstance(message, QuadratureStill):
+            assert message.total == totals.get(message.wheel, 0)
+        if isinstance(message, QuadratureEdges | QuadratureStill):
+            wheels.append(message.wheel)
+            totals[message.wheel] = message.total
+        if isinstance(message, BoardTime):
+            assert wheels == [0, 1, 2, 3]
+            wheels, cycles = [], cycles + 1
+    assert cycles > 50
