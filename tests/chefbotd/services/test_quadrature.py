@@ -148,3 +148,25 @@ def test_a_restarted_board_is_referenced_anew():
         cycle(0.5, burst(0, 1, (0.49, 0b11)), burst(1, 0)),
     )
     assert (outcome.readings[-1].counts, outcome.illegal, outcome.lost) == ((0, 0), 0, 0)
+
+
+def test_no_flood_of_cycles_hides_a_restart():
+    """A thousand cycles of a board that counts anew, before the service has a turn: no edge is taken for a lost one."""
+
+    async def scenario() -> int:
+        bus = Bus()
+        service = QuadratureService(bus, QuadratureParameters(), ("left", "right"))
+        task = asyncio.create_task(service.run())
+        for flood in (
+            [BEGUN],
+            [BoardRestarted(1.6, "reset"), *[cycle(2.0, burst(0, 0), burst(1, 0))] * 1000],
+        ):
+            for event in flood:
+                bus.publish(event)
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return service.lost_edges
+
+    assert run_virtual(scenario()) == 0
