@@ -1,0 +1,134 @@
+"""What that means: wheels, odometry and sensors in SI units, and what the robot is allowed to do."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
+
+
+@dataclass(frozen=True, slots=True)
+class WheelsMeasured:
+    """Where the wheels are and how fast they turn, in the order of the configured wheels.
+
+    ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
+    them, and a refused reading adds nothing. ``left_out`` are the indices of wheels that are not to be believed, because
+    they disagree with their mates on the same side.
+    """
+
+    stamp_s: float
+    board_s: float
+    position_rad: tuple[float, ...]
+    travel_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+    left_out: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class WheelsDriven:
+    """A control step: what the wheels did, what they should do, and the duty that was commanded.
+
+    ``left_out`` as in ``WheelsMeasured``.
+    """
+
+    stamp_s: float
+    position_rad: tuple[float, ...]
+    velocity_rad_s: tuple[float, ...]
+    target_rad_s: tuple[float, ...]
+    duty: tuple[int, ...]
+    left_out: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryUpdated:
+    """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
+
+    stamp_s: float
+    odom_from_base: Pose2D
+    twist: Twist2D
+    covariance: PoseCovariance
+
+
+class RangeStatus(StrEnum):
+    """What a range reading says; only ``OK`` carries a distance. ``AMBIGUOUS``: near or far, it cannot be told."""
+
+    OK = "ok"
+    TOO_NEAR = "too_near"
+    TOO_FAR = "too_far"
+    NO_ECHO = "no_echo"
+    AMBIGUOUS = "ambiguous"
+
+
+@dataclass(frozen=True, slots=True)
+class RangeMeasured:
+    """One beam: ``range_m`` is None unless ``status`` is ``OK``; the field of view is the cone's full angle."""
+
+    stamp_s: float
+    sensor: str
+    status: RangeStatus
+    range_m: float | None
+    min_range_m: float
+    max_range_m: float
+    field_of_view_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class ImuMeasured:
+    """The IMU in SI units: a unit quaternion (x, y, z, w), or rates and accelerations; what it lacks is None."""
+
+    stamp_s: float
+    orientation: tuple[float, float, float, float] | None = None
+    heading_rad: float | None = None
+    angular_velocity_rad_s: tuple[float, float, float] | None = None
+    linear_acceleration_m_s2: tuple[float, float, float] | None = None
+
+
+class BatteryLevelStatus(StrEnum):
+    """How urgent the battery is."""
+
+    OK = "ok"
+    LOW = "low"
+    CRITICAL = "critical"
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryMeasured:
+    """The battery in volts, as a percentage of its useful range, and how urgent that is."""
+
+    stamp_s: float
+    voltage_v: float
+    percentage: float
+    status: BatteryLevelStatus
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyChanged:
+    """The gate's state: its mode, why, and whose command is in force (None: nobody's).
+
+    ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
+    from being followed as it was given: ``encoders_stale``, or ``obstacle:`` and the sensor that sees it.
+    """
+
+    stamp_s: float
+    mode: str
+    reason: str
+    source: str | None
+    fault: str | None = None
+    limited_by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlChanged:
+    """Who drives: for each source of commands that someone has control of, the client's name."""
+
+    stamp_s: float
+    holders: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class TruthSimulated:
+    """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall."""
+
+    stamp_s: float
+    world_from_base: Pose2D
+    twist: Twist2D
+    in_contact: bool
