@@ -319,7 +319,8 @@ def _field_problem(error: ErrorDetails, *, confidential: bool) -> dict[str, str]
     value = "nothing" if error["type"] == "missing" else _shortened(repr(error["input"]))
     if confidential:
         return {"field": "params", "expected": error["msg"], "got": "what is not repeated here"}
-    return {"field": _path(error["loc"]), "expected": error["msg"], "got": value}
+    expected = "No such parameter" if error["type"] == "extra_forbidden" else error["msg"]
+    return {"field": _path(error["loc"]), "expected": expected, "got": value}
 
 
 def _sentence(problem: dict[str, str]) -> str:

@@ -39,12 +39,15 @@ def arm(chat: Conversation) -> None:
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
-@click.argument("x_m", metavar="X", type=finite, default=0.0)
-@click.argument("y_m", metavar="Y", type=finite, default=0.0)
-@click.argument("heading_deg", metavar="DEG", type=finite, default=0.0)
+@click.argument("x_m", metavar="[X]", type=finite, default=0.0)
+@click.argument("y_m", metavar="[Y]", type=finite, default=0.0)
+@click.argument("heading_deg", metavar="[DEG]", type=finite, default=0.0)
 @click.pass_obj
 def reset_odometry(chat: Conversation, x_m: float, y_m: float, heading_deg: float) -> None:
-    """Say where the robot is: X and Y in metres, DEG counter-clockwise; the origin by default."""
+    """Say where the robot is; at the origin, if nothing is said.
+
+    X and Y are in metres, DEG is the heading in degrees, counter-clockwise.
+    """
     heading_rad = math.radians(heading_deg)
     said = f"Odometry starts from ({x_m:g} m, {y_m:g} m, {heading_deg:g}°)."
     _do(chat, lambda robot: robot.reset_odometry(x_m, y_m, heading_rad), said)
@@ -53,5 +56,5 @@ def reset_odometry(chat: Conversation, x_m: float, y_m: float, heading_deg: floa
 @click.command()
 @click.pass_obj
 def reset_board(chat: Conversation) -> None:
-    """Restart the robot's board; motion needs 'arm' afterwards."""
+    """Restart the robot's board; 'arm' comes after it."""
     _do(chat, lambda robot: robot.reset_board(), "The board restarts; 'chefbotctl arm' allows motion again.")

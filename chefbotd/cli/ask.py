@@ -20,7 +20,7 @@ def _topics(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> li
 @click.command()
 @click.pass_obj
 def status(chat: Conversation) -> None:
-    """Show mode, link, pose, speed, battery, ranges and counters."""
+    """Show the robot's state: mode, pose, battery, counters."""
 
     async def ask(robot: Client) -> dict[str, Any]:
         hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
@@ -38,7 +38,10 @@ def status(chat: Conversation) -> None:
 def watch(
     chat: Conversation, topics: tuple[str, ...], max_rate_hz: float | None, count: int | None, ordered: bool
 ) -> None:
-    """Print the events of each TOPIC as they come, one a line, until interrupted."""
+    """Print the events of each TOPIC as they come.
+
+    One a line, until interrupted.
+    """
     policy: Literal["ordered", "latest"] = "ordered" if ordered else "latest"
 
     async def follow(robot: Client) -> None:
@@ -56,5 +59,8 @@ def watch(
 @click.command()
 @click.pass_obj
 def describe(chat: Conversation) -> None:
-    """Show the methods and topics of the daemon; with --json, their JSON Schemas."""
+    """Show the daemon's methods and topics.
+
+    With --json, their JSON Schemas.
+    """
     output.description(chat.as_json, chat.hold(lambda robot: robot.describe()))

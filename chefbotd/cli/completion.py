@@ -13,7 +13,10 @@ SHELLS = ("bash", "zsh", "fish")
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.pass_context
 def completion(ctx: click.Context, shell: str) -> None:
-    """Print the completion script for SHELL; in bash: eval "$(PROGRAM completion bash)"."""
+    """Print the script that completes commands in SHELL.
+
+    In bash: eval "$(PROGRAM completion bash)".
+    """
     root = ctx.find_root()
     program = root.command.name or ""
     completer = get_completion_class(shell)

@@ -16,6 +16,10 @@ from chefbotd.cli.program import Program, wants_json
 from chefbotd.cli.wheels import wheels
 
 TOKEN = click.File(encoding="utf-8")
+LONGEST_TOKEN = 512
+"""As the daemon has it."""
+
+LONGEST_TOKEN_FILE = 4096
 EXITS = list(MEANING)
 
 
@@ -54,11 +58,25 @@ def main(ctx: click.Context, where: Address, token_file: TextIO | None, ca: str 
 
 
 def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
-    token = None if token_file is None else token_file.read().strip()
+    token = None if token_file is None else _token(token_file)
     try:
         return Trust(token, None if ca is None else ssl.create_default_context(cafile=ca))
     except OSError as error:
         raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
+
+
+def _token(file: TextIO) -> str:
+    """The one word in the file; it is never repeated in a message."""
+    try:
+        words = file.read(LONGEST_TOKEN_FILE + 1).split()
+    except UnicodeDecodeError:
+        raise click.UsageError(f"--token-file {file.name}: is no text") from None
+    if len(words) != 1 or len(words[0]) > LONGEST_TOKEN:
+        raise click.UsageError(
+            f"--token-file {file.name}: expected the token alone, of at most {LONGEST_TOKEN} characters, "
+            f"found {len(words)} words"
+        )
+    return words[0]
 
 
 COMMANDS: tuple[click.Command, ...] = (

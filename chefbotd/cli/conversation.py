@@ -11,7 +11,15 @@ from typing import Any, Protocol, Self, TypeVar
 
 from chefbotd.cli.arguments import Address
 from chefbotd.cli.exits import Exit, ProgramError
-from chefbotd.client import CallError, CallTimeout, Client, ClientError, ConnectionLost, IncompatibleProtocol
+from chefbotd.client import (
+    CallError,
+    CallTimeout,
+    Client,
+    ClientError,
+    ConnectionLost,
+    IncompatibleProtocol,
+    NoGreeting,
+)
 
 T = TypeVar("T")
 
@@ -94,19 +102,39 @@ class Conversation:
         meeting = Client.connect(where.host, where.port, token=trust.token, tls=trust.tls)
         try:
             return await stack.enter_async_context(meeting)
-        except ClientError:  # some of them are OSErrors, too
+        except (CallError, IncompatibleProtocol):
             raise
+        except ClientError as error:
+            silent = isinstance(error, NoGreeting) and trust.tls is None
+            advice = "; if it is a chefbotd that speaks TLS, --ca is needed" if silent else ""
+            raise ProgramError(Exit.CANNOT_CONNECT, f"cannot connect to {where} ({error}){advice}") from error
         except OSError as error:
             told = f"cannot connect to {where} ({_why(error)}); is chefbotd running there?"
             raise ProgramError(Exit.CANNOT_CONNECT, told) from error
 
 
+ADVICE = {
+    "lease_held": "--take-over does so, where a command has it",
+    "unauthenticated": "--token-file names a file with one",
+}
+"""What a refusal means for who types commands."""
+
+
 def refusal(error: CallError) -> ProgramError:
     """The robot's refusal as the end of a program: the stable kind first, for people and for scripts."""
-    return ProgramError(Exit.REFUSED, f"{error.kind}: {error.message}", kind=error.kind)
+    advice = f" ({ADVICE[error.kind]})" if error.kind in ADVICE else ""
+    return ProgramError(Exit.REFUSED, f"{error.kind}: {error.message}{advice}", kind=error.kind)
 
 
 def _why(error: OSError) -> str:
+    if isinstance(error, ssl.SSLError):  # its number is not the system's
+        return f"TLS: {_why_tls(error)}"
     if error.errno is not None and error.errno > 0:  # asyncio's own text repeats the address
         return os.strerror(error.errno)
     return error.strerror or str(error) or type(error).__name__
+
+
+def _why_tls(error: ssl.SSLError) -> str:
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return error.verify_message
+    return (error.reason or str(error)).lower().replace("_", " ")

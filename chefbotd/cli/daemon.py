@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from chefbotd import __version__, signals
-from chefbotd.cli.arguments import Address, address, configuration, positive
+from chefbotd.cli.arguments import Address, address, configuration
 from chefbotd.cli.completion import completion
 from chefbotd.cli.echo import echo
 from chefbotd.cli.exits import Exit, ProgramError, exit_table
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from chefbotd.settings import Settings
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
+CYCLE_HZ = click.FloatRange(0.1, 1000.0)
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
@@ -73,14 +74,15 @@ def run(
     "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
 )
 @click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
-@click.option("--cycle-hz", type=positive, metavar="HZ", help="How often the board reports.")
+@click.option("--cycle-hz", type=CYCLE_HZ, metavar="HZ", help="How often the board reports, 0.1 to 1000.")
 @click.pass_context
 def simulate(
     ctx: click.Context, path: Path | None, link: Path | None, seed: int | None, cycle_hz: float | None
 ) -> None:
-    """Run a simulated board on a device of its own, whose path is the first line printed.
+    """Run a simulated board, on a device of its own.
 
-    It obeys words on standard input, one a line: plug, unplug, truth, reset, quit.
+    The device's path is the first line printed. It obeys words on standard input, one a line: plug, unplug, truth,
+    reset, quit.
     """
     overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
     settings = _load(path, overrides)
@@ -97,11 +99,12 @@ def simulate(
 @click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
 @click.pass_context
 def check_config(ctx: click.Context, path: Path | None) -> None:
-    """Check FILE (or the packaged configuration of ROBOT; ChefBot's by default) and print every value it resolves to.
+    """Check a configuration, and print what it resolves to.
 
-    The robot's description, if it has one, is held against it, joint by joint: each wheel's radius, its place left or
-    right of the middle, the direction of its axis, and where the sensors sit. What is compared is what can be measured
-    on the robot: track_multiplier and the radius multipliers change nothing here.
+    It is FILE, or the packaged one of ROBOT; ChefBot's by default. The robot's description, if it has one, is held
+    against it, joint by joint: each wheel's radius, its place left or right of the middle, the direction of its
+    axis, and where the sensors sit. What is compared is what can be measured on the robot: track_multiplier and the
+    radius multipliers change nothing here.
     """
     settings = _load(path, {})
     _check_description(settings)

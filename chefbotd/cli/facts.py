@@ -49,7 +49,9 @@ def safety(data: Data) -> Fact:
     if not data["armed"]:
         return Fact("mode", f"{data['mode']}: {data['reason']}", Mood.ALARM)
     driver = f"driven by {data['source']}" if data["source"] else "nobody drives"
-    return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
+    if data["limited_by"] is None:
+        return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
+    return Fact("mode", f"{data['mode']}, {driver}, held up by {data['limited_by']}", Mood.NOTICE)
 
 
 def odometry(data: Data) -> Fact:
@@ -121,7 +123,8 @@ def counters(data: Data) -> Fact:
     }
     told = [f"{n} {what}" for what, n in wrong.items() if n]
     lines = f"{sum(data['frames'].values())} lines in, {data['lines_out']} out"
-    text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, f"{data['clients']} clients", *told])
+    clients = "1 client" if data["clients"] == 1 else f"{data['clients']} clients"
+    text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, clients, *told])
     return Fact("counters", text, Mood.NOTICE if told else Mood.PLAIN)
 
 

@@ -26,10 +26,10 @@ SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
 def drive(
     chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: float, takes_over: bool
 ) -> None:
-    """Drive forward at V m/s, turning left at W rad/s; always ends with a stop.
+    """Drive at V m/s, turning left at W rad/s, for S seconds.
 
-    Negative numbers go backwards and to the right. What is beyond the robot's limits is slowed, and told. Exit code 6
-    means that odometry saw next to no motion.
+    It always ends with a stop. Negative numbers go backwards and to the right. What is beyond the robot's limits is
+    slowed, and told. Exit code 6 means that odometry saw next to no motion.
     """
     from rich.console import Console
 
@@ -62,9 +62,10 @@ def drive(
 )
 @click.pass_obj
 def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | None) -> None:
-    """Drive a square to the left, closed over odometry, and show poses and latencies.
+    """Drive a square, and show how well it closed.
 
-    It needs M metres of room ahead and to the left. Exit code 6 means that it ended elsewhere than it should.
+    It goes to the left, is closed over odometry, and shows poses and latencies. It needs M metres of room ahead and
+    to the left. Exit code 6 means that it ended elsewhere than it should.
     """
     from chefbotd.cli.square import drive_square
 
@@ -77,7 +78,7 @@ def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | Non
 @take_over
 @click.pass_obj
 def teleop(chat: Conversation, takes_over: bool) -> None:
-    """Drive by keyboard in the terminal; the robot stops when the keys do."""
+    """Drive by keyboard; the robot stops when the keys do."""
     with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
     need_terminal()
@@ -103,7 +104,7 @@ def joystick(
     dead_zone: float,
     takes_over: bool,
 ) -> None:
-    """Drive by gamepad until interrupted; the robot moves only while the enable button is held.
+    """Drive by gamepad, while its enable button is held.
 
     The left shoulder button enables, the right one is turbo, the left stick drives. Letting the enable button go ends
     this motion and gives the robot back to whoever else drives it; X stops it whoever drives, B is the emergency stop,

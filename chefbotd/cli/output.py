@@ -33,9 +33,10 @@ def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) ->
 
 def _table(*columns: str) -> "Table":
     from rich import box
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    return Table(*columns, box=box.SIMPLE_HEAD, pad_edge=False)
+    folding = [Column(header, overflow="fold") for header in columns]
+    return Table(*folding, box=box.SIMPLE_HEAD, pad_edge=False)
 
 
 def status(as_json: bool, answer: Data) -> None:
@@ -96,18 +97,14 @@ def description(as_json: bool, answer: Data) -> None:
 def _description(answer: Data) -> "Table":
     table = _table("", "name", "fields", "meaning")
     for name, method in answer["methods"].items():
-        table.add_row("method", name, _fields(method["params"]), _meaning(method["params"]))
+        table.add_row("method", name, _fields(method["params"]), method["summary"])
     for name, topic in answer["topics"].items():
-        table.add_row("topic", name, _fields(topic), _meaning(topic))
+        table.add_row("topic", name, _fields(topic["data"]), topic["summary"])
     return table
 
 
 def _fields(schema: Data) -> str:
     return " ".join(schema.get("properties", {}))
-
-
-def _meaning(schema: Data) -> str:
-    return str(schema.get("description", "")).partition("\n")[0]
 
 
 @contextmanager

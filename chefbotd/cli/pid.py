@@ -18,7 +18,10 @@ UNSAVED = "The gains were changed and not saved; 'chefbotctl pid save FILE' writ
 @click.group(invoke_without_command=True)
 @click.pass_context
 def pid(ctx: click.Context) -> None:
-    """Show, change, tune and save the gains of the wheels' controllers; without a command, show them."""
+    """Show, change, tune and save the wheels' gains.
+
+    Without a command, show them.
+    """
     if ctx.invoked_subcommand is None:
         ctx.invoke(get)
 
@@ -36,7 +39,11 @@ def get(chat: Conversation) -> None:
 @click.pass_obj
 def set_(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
     """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.set_pid(wheel, **dict(changes))))
+    gains = dict(changes)
+    if len(gains) < len(changes) or "wheel" in gains:
+        raise click.UsageError("each gain may be named once, and the wheel comes before them")
+    answer = chat.hold(lambda robot: robot.call("set_pid", wheel=wheel, **gains))
+    output.gains(chat.as_json, answer["wheels"])
 
 
 @pid.command("undo")

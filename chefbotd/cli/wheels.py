@@ -19,10 +19,11 @@ from chefbotd.cli.lead import lead, take_over
 def wheels(
     chat: Conversation, asked: tuple[tuple[str, float], ...], seconds: float, takes_over: bool
 ) -> None:
-    """Turn each named wheel at RAD_S rad/s, forward positive, while the others stand; always ends with a stop.
+    """Turn wheels each at RAD_S rad/s, for S seconds.
 
-    What is beyond the robot's limits is slowed, and told. Exit code 6 means that a wheel was told to turn and turned
-    next to nothing of what the limits allow.
+    Forward is positive; wheels that are not named stand. It always ends with a stop. What is beyond the robot's
+    limits is slowed, and told. Exit code 6 means that a wheel was told to turn and turned next to nothing of what
+    the limits allow.
     """
     from rich.console import Console
 

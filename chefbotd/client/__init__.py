@@ -1,7 +1,14 @@
 """The client library: drive, watch and configure a running daemon over its command socket."""
 
 from chefbotd.client.client import Client, Hello
-from chefbotd.client.errors import CallError, CallTimeout, ClientError, ConnectionLost, IncompatibleProtocol
+from chefbotd.client.errors import (
+    CallError,
+    CallTimeout,
+    ClientError,
+    ConnectionLost,
+    IncompatibleProtocol,
+    NoGreeting,
+)
 from chefbotd.client.subscription import Event, Subscription
 
 __all__ = [
@@ -13,5 +20,6 @@ __all__ = [
     "Event",
     "Hello",
     "IncompatibleProtocol",
+    "NoGreeting",
     "Subscription",
 ]

@@ -17,7 +17,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Self, TypeVar
 
-from chefbotd.client.errors import ConnectionLost, IncompatibleProtocol
+from chefbotd.client.errors import ConnectionLost, IncompatibleProtocol, NoGreeting
 from chefbotd.client.subscription import Event, Subscription
 from chefbotd.client.wire import Wire
 
@@ -72,7 +72,8 @@ class Client:
         Raises:
             OSError: nobody listens there, or (``ssl.SSLError``) it is not whom we trust.
             CallError: the daemon wants another token (``kind`` is ``wrong_token``).
-            ConnectionLost: the connection was closed, or stayed silent, before the greeting.
+            NoGreeting: the connection was closed, or stayed silent, before the greeting.
+            ConnectionLost: the same, and it was said why.
             IncompatibleProtocol: the daemon speaks another major version.
         """
         client = cls(timeout_s)
@@ -93,9 +94,9 @@ class Client:
             async with asyncio.timeout(self._timeout_s):
                 await self._greeted.wait()
         except TimeoutError:
-            raise ConnectionLost(f"no greeting within {self._timeout_s} s") from None
+            raise NoGreeting(f"no greeting within {self._timeout_s:g} s") from None
         if self._wire.lost is not None:
-            raise ConnectionLost(str(self._wire.lost))
+            raise (ConnectionLost if self._wire.explained else NoGreeting)(str(self._wire.lost))
         if self.hello.protocol.partition(".")[0] != PROTOCOL_MAJOR:
             raise IncompatibleProtocol(f"the daemon speaks {self.hello.protocol}, we {PROTOCOL_MAJOR}.x")
 

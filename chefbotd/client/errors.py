@@ -31,5 +31,9 @@ class ConnectionLost(ClientError, ConnectionError):
     """The connection ended while something was still expected of it."""
 
 
+class NoGreeting(ConnectionLost):
+    """Whoever listens there said nothing that we understand: no daemon, or one that speaks TLS where we do not."""
+
+
 class IncompatibleProtocol(ClientError):
     """The daemon greeted with a protocol that this client does not speak."""

@@ -42,6 +42,11 @@ class Wire(asyncio.Protocol):
         self.closed.set()
         self._on_lost(self.lost)
 
+    @property
+    def explained(self) -> bool:
+        """Whether the other end said, or showed, why the connection is lost."""
+        return bool(self._complaint)
+
     def pause_writing(self) -> None:
         """Asyncio: the daemon does not read as fast as we ask."""
         self._writable.clear()
@@ -85,8 +90,9 @@ class Wire(asyncio.Protocol):
             answer.set_result(message.get("result", {}))
 
     def _give_up(self, complaint: str) -> None:
-        self._complaint = f"the daemon sent {complaint}"
-        self._transport.abort()
+        if not self._transport.is_closing():  # what follows the first complaint is of no interest
+            self._complaint = f"the daemon sent {complaint}"
+            self._transport.abort()
 
     async def call(self, method: str, params: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
         """Ask, and wait for the answer.

@@ -107,7 +107,10 @@ class PtyBoard:
         if self._link_path.exists() and not self._link_path.is_symlink():
             raise FileExistsError(f"{self._link_path} is no symbolic link: not replaced")
         fresh = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
-        fresh.symlink_to(device)
+        try:
+            fresh.symlink_to(device)
+        except OSError as error:
+            raise OSError(f"{self._link_path}: cannot be made: {error.strerror}") from error
         fresh.replace(self._link_path)
 
     def _remove_link(self, device: Path) -> None:

@@ -7,9 +7,15 @@ import socket
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from chefbotd.clock import run_virtual
+from chefbotd.api.control import Control
+from chefbotd.api.describe import describe
+from chefbotd.api.fanout import Fanout
+from chefbotd.api.methods import Methods
+from chefbotd.api.topics import topics
+from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
+from tests.fakes.robot import FakeRobot
 
 T = TypeVar("T")
 TICK_S = 0.02
@@ -17,7 +23,6 @@ DEAD_MAN_S = 0.5
 MOST = 50.0
 WHEELS = ("left_wheel", "right_wheel")
 PID = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0).model_dump()
-SCHEMA = {"description": "A velocity.\nMore.", "properties": {"linear_m_s": {}, "angular_rad_s": {}}}
 
 
 class FakeDaemon:
@@ -93,8 +98,8 @@ class FakeDaemon:
 
     def _publish(self, now_s: float) -> None:
         self._seq += 1
-        for writer, topics in self._subscribed.items():
-            for topic in topics:
+        for writer, wanted in self._subscribed.items():
+            for topic in wanted:
                 if topic in self._topics():
                     event = {"topic": topic, **self._latest(topic, now_s)}
                     _send(writer, {"method": "event", "params": event})
@@ -169,10 +174,7 @@ class FakeDaemon:
             "get_pid": lambda: {"wheels": self.gains[-1]},
             "undo_pid": lambda: {"wheels": self._undo_pid()},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},
-            "describe": lambda: {
-                "methods": {"drive": {"params": SCHEMA, "result": {}}},
-                "topics": dict.fromkeys(self._topics(), SCHEMA),
-            },
+            "describe": lambda: description(simulated=self.simulated),
         }
         return {"result": answers.get(method, lambda: {"ok": True})()}
 
@@ -190,6 +192,14 @@ class FakeDaemon:
         topics = self._topics()
         latest = {topic: self._latest(topic, now_s) for topic in topics}
         return {"stamp_s": now_s, "link": topics["link"], "safety": topics["safety"], "topics": latest}
+
+
+def description(*, simulated: bool) -> dict[str, Any]:
+    """What a real daemon says of itself."""
+    clock, known = ManualClock(), topics(WHEELS, simulated=simulated)
+    fanout = Fanout(known, clock, lambda *_: None)
+    table = Methods(FakeRobot(), fanout, clock, Control(1.0, lambda _: None, lambda _: None)).table
+    return describe(table, known).model_dump(mode="json")
 
 
 STATS: dict[str, Any] = {

@@ -1,18 +1,24 @@
 """Every command of chefbotctl against a daemon, on a virtual clock: what it asks, prints and exits with."""
 
 import asyncio
+import contextlib
 import json
 import math
+import re
 import socket
 from collections.abc import Coroutine
+from functools import partial
 from typing import Any, TypeVar
 
 import pytest
 from click.testing import CliRunner
 
 from chefbotd import __version__
+from chefbotd.cli.arguments import Address
 from chefbotd.cli.control import main
-from chefbotd.cli.exits import Exit
+from chefbotd.cli.conversation import Conversation
+from chefbotd.cli.exits import Exit, ProgramError
+from chefbotd.clock import run_virtual
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
@@ -85,11 +91,12 @@ def test_gains_are_shown_by_wheel(control: Control) -> None:
 
 
 def test_describe_names_methods_and_topics(control: Control) -> None:
-    """The overview names what can be called and watched, with fields and the first line of the meaning."""
-    told = control("describe").stdout
-    assert "drive" in told
-    assert "odometry" in told
-    assert "More." not in told
+    """A row for each of what can be called and watched: its fields, none of them cut, and what it is for."""
+    told = " ".join(control("describe").stdout.split())
+    assert re.search(r"method drive linear_m_s .*Move so", told)
+    assert re.search(r"method ping .*Answer at once", told)
+    assert re.search(r"topic battery voltage_v .*The battery", told)
+    assert "…" not in told
 
 
 def test_watch_prints_events(control: Control, daemon: FakeDaemon) -> None:
@@ -219,6 +226,50 @@ def test_a_lost_connection(control: Control, daemon: FakeDaemon) -> None:
     assert "Error: lost the daemon" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("kind", "advice"),
+    [("lease_held", "--take-over"), ("unauthenticated", "--token-file"), ("disarmed", "it will not\n")],
+)
+def test_a_refusal_says_what_to_type(control: Control, daemon: FakeDaemon, kind: str, advice: str) -> None:
+    """Where an option of ours helps, it is named; the rest is the daemon's own words."""
+    daemon.refuse["drive"] = kind
+    told = control("drive", "0.2", "0", "--for", "1").stderr
+    assert told.startswith(f"Error: {kind}: it will not")
+    assert advice in told
+
+
+async def say_only(words: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """A server of another kind: says this, and waits until its client goes."""
+    writer.write(words)
+    with contextlib.suppress(ConnectionError):
+        await reader.read()
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (b"", "(no greeting within 5 s); if it is a chefbotd that speaks TLS, --ca is needed"),
+        (b"HTTP/1.0 400 Bad Request\r\n\r\n", "sent no JSON object: b'HTTP/1.0 400 Bad Request\\r')"),
+    ],
+)
+def test_somebody_else_listens(words: bytes, told: str) -> None:
+    """What is no chefbotd is no lost connection; what it said first is told."""
+
+    async def main() -> None:
+        async with await asyncio.start_server(partial(say_only, words), "127.0.0.1", 0) as server:
+            address = Address("127.0.0.1", server.sockets[0].getsockname()[1])
+            try:
+                await Conversation(address).connected(lambda robot: robot.stop())
+            finally:
+                await asyncio.sleep(0.1)  # for the other end to close
+
+    with pytest.raises(ProgramError) as caught:
+        run_virtual(main())
+    assert caught.value.code == Exit.CANNOT_CONNECT
+    assert str(caught.value).endswith(told)
+
+
 def test_another_protocol(control: Control, daemon: FakeDaemon) -> None:
     """A daemon of another major version is not talked to."""
     daemon.protocol = "2.0"
@@ -256,6 +307,8 @@ def test_no_such_host() -> None:
         ["pid", "set", "left"],
         ["pid", "set", "left", "kp"],
         ["pid", "set", "left", "kp=much"],
+        ["pid", "set", "left", "kp=1", "kp=2"],
+        ["pid", "set", "left", "wheel=1"],
         ["--connect", "localhost", "stop"],
         ["--connect", "::1:99999", "stop"],
         ["--connect", "::1:80", "stop"],

@@ -76,6 +76,7 @@ def test_a_bad_configuration(tmp_path: Path) -> None:
         ["run", "--config", "file.toml"],
         ["simulate", "--config", "no-such-robot"],
         ["simulate", "--cycle-hz", "0"],
+        ["simulate", "--cycle-hz", "1e9"],
         ["simulate", "--seed", "-1"],
     ],
 )
@@ -105,9 +106,10 @@ def test_a_port_that_is_taken() -> None:
 
 def test_a_board_that_cannot_be_made(tmp_path: Path) -> None:
     """A link that cannot be placed is an error with a message, not a traceback."""
-    result = chefbotd("simulate", "--link", tmp_path / "no" / "such" / "folder")
+    link = tmp_path / "no" / "such" / "folder"
+    result = chefbotd("simulate", "--link", link)
     assert result.exit_code == Exit.FAILED
-    assert result.stderr.startswith("Error: ")
+    assert result.stderr == f"Error: {link}: cannot be made: No such file or directory\n"
 
 
 def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:

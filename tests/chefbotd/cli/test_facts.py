@@ -32,8 +32,17 @@ def test_a_locked_robot_alarms() -> None:
 
 def test_who_drives_is_named() -> None:
     """The source in force is part of the mode."""
-    fact = facts.safety({"mode": "armed", "reason": "", "source": "teleop", "armed": True})
-    assert fact.text == "armed, driven by teleop"
+    fact = facts.safety(
+        {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": None}
+    )
+    assert (fact.text, fact.mood) == ("armed, driven by teleop", Mood.GOOD)
+
+
+def test_what_holds_the_robot_up_is_named() -> None:
+    """An obstacle, or a driver that has said nothing for too long."""
+    data = {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": "obstacle:front"}
+    fact = facts.safety(data)
+    assert (fact.text, fact.mood) == ("armed, driven by teleop, held up by obstacle:front", Mood.NOTICE)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +81,8 @@ def test_contact_is_told() -> None:
 
 def test_counters_without_a_fault_are_calm() -> None:
     """Only what went wrong is counted out, and then it is noticed."""
-    assert facts.counters(STATS).text == "up 10 s, 0 lines in, 0 out, 1 clients"
+    assert facts.counters(STATS).text == "up 10 s, 0 lines in, 0 out, 1 client"
+    assert facts.counters({**STATS, "clients": 2}).text.endswith(", 2 clients")
     assert facts.counters(STATS).mood is Mood.PLAIN
     assert facts.counters({**STATS, "bus_dropped": {"LineSeen": 2}}).mood is Mood.NOTICE
 

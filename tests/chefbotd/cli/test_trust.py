@@ -28,8 +28,15 @@ def guard() -> Guard:
     return Guard(Keyring.parse(f"drive {TOKEN}", "tokens"), context)
 
 
-def stop(tmp_path: Path, token: str | None, *, ca: bool = True) -> Result:
-    """``chefbotctl stop`` at a daemon that wants a token and speaks TLS."""
+def stop(
+    tmp_path: Path,
+    token: str | None,
+    *,
+    ca: bool = True,
+    believed: Path | None = None,
+    guarded: bool = True,
+) -> Result:
+    """``chefbotctl stop`` at a daemon that wants a token and speaks TLS, or neither."""
     port = free_port()
     args = [f"--connect=127.0.0.1:{port}"]
     if token is not None:
@@ -37,11 +44,11 @@ def stop(tmp_path: Path, token: str | None, *, ca: bool = True) -> Result:
         args.append(f"--token-file={tmp_path / 'token'}")
     if ca:
         AUTHORITY.cert_pem.write_to_path(tmp_path / "ca.pem")
-        args.append(f"--ca={tmp_path / 'ca.pem'}")
+        args.append(f"--ca={believed or tmp_path / 'ca.pem'}")
 
     def run(talk: Coroutine[Any, Any, Any]) -> Any:
         async def beside_a_daemon() -> Any:
-            async with serving(port=port, guard=guard()):
+            async with serving(port=port, **({"guard": guard()} if guarded else {})):
                 return await talk
 
         return run_virtual(beside_a_daemon())
@@ -63,9 +70,43 @@ def test_a_missing_or_wrong_token_is_a_refusal(tmp_path: Path, token: str | None
     assert "wwww" not in result.output
 
 
-def test_plain_text_at_a_tls_socket_is_a_lost_connection(tmp_path: Path) -> None:
-    """Without --ca nothing is understood, and the program says so and ends."""
-    assert stop(tmp_path, TOKEN, ca=False).exit_code == Exit.CONNECTION_LOST
+def test_plain_text_at_a_tls_socket_cannot_connect(tmp_path: Path) -> None:
+    """Without --ca nothing is understood, and the program says so, names the option, and ends."""
+    result = stop(tmp_path, TOKEN, ca=False)
+    assert (result.exit_code, "--ca is needed" in result.stderr) == (Exit.CANNOT_CONNECT, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (b"", "found 0 words"),
+        (b"drive " + b"d" * 32, "found 2 words"),
+        (b"d" * 513, "found 1 words"),
+        (b"\xff", "text"),
+    ],
+)
+def test_a_file_that_is_no_token_is_a_wrong_argument(tmp_path: Path, text: bytes, found: str) -> None:
+    """Nothing, the daemon's own line with its role, far too much, no text: told before anything is connected."""
+    (tmp_path / "token").write_bytes(text)
+    result = CliRunner().invoke(main, [f"--token-file={tmp_path / 'token'}", "stop"])
+    assert (result.exit_code, found in result.stderr) == (Exit.USAGE, True)
+    assert "ddd" not in result.output
+
+
+def test_a_certificate_of_somebody_else_is_named(tmp_path: Path) -> None:
+    """What is wrong with it is said in words, and not as the system's error of that number."""
+    stranger = tmp_path / "stranger.pem"
+    trustme.CA().cert_pem.write_to_path(stranger)
+    result = stop(tmp_path, TOKEN, believed=stranger)
+    assert result.exit_code == Exit.CANNOT_CONNECT
+    assert "(TLS: unable to get local issuer certificate)" in result.stderr
+
+
+def test_tls_at_a_plain_socket_is_told(tmp_path: Path) -> None:
+    """The daemon's greeting is no handshake."""
+    result = stop(tmp_path, TOKEN, guarded=False)
+    assert (result.exit_code, "(TLS: " in result.stderr) == (Exit.CANNOT_CONNECT, True)
+    assert "not permitted" not in result.stderr
 
 
 def test_a_file_that_holds_no_certificate_is_a_wrong_argument(tmp_path: Path) -> None:
