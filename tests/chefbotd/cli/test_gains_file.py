@@ -1,18 +1,25 @@
-"""Gains saved into configuration files: what changes, what stays, and what happens when it cannot be done."""
+"""Gains saved into configuration files: what changes, and what stays."""
 
-import stat
+import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from chefbotd.cli import gains_file
 from chefbotd.cli.gains_file import save, with_gains
 from chefbotd.motion.pid import PidParameters
-from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings import load, packaged
 
-Spoil = Callable[[Path], None]
+PID = """kp = 400
+ki = 100.0
+ks = 85
+kv = 2400
+ka = 60
+output_limit = 1023
+integral_limit = 300
+back_calculation_s = 0.5
+"""
+"""ChefBot's gains as somebody else would write them."""
 
 
 @pytest.fixture
@@ -91,48 +98,99 @@ def test_short_names_are_kept(config: Path) -> None:
     assert "kp_duty_per_m_s" not in config.read_text()
 
 
-def test_the_file_is_replaced_as_it_was(config: Path) -> None:
-    """Mode and line ends stay, a symbolic link goes on pointing at the file, and nothing is left lying about."""
-    config.write_bytes(config.read_bytes().replace(b"\n", b"\r\n"))
-    config.chmod(0o640)
-    link = config.with_name("link.toml")
-    link.symlink_to(config.name)
-    save(link, both(kp=450.0))
-    assert stat.S_IMODE(config.stat().st_mode) == 0o640
-    assert b"kp_duty_per_m_s = 450.0\r\n" in config.read_bytes()
-    assert link.is_symlink()
-    assert sorted(path.name for path in config.parent.iterdir()) == ["link.toml", "robot.toml"]
+def test_what_goes_leaves_its_comments(config: Path) -> None:
+    """A section that goes leaves its comments where it stood; those above the next header stay right above it."""
+    apart = (
+        "# it pulls\n[wheel_pid.right_wheel]   # the worn one\n"
+        + PID
+        + "# below\n\n# of what follows\n[limits]"
+    )
+    config.write_text(
+        config.read_text().replace("[limits]", apart).replace("ki = 100.0", "ki = 7  # found by hand")
+    )
+    save(config, both())
+    assert (
+        "\n# it pulls\n# the worn one\n# found by hand\n# below\n\n# of what follows\n[limits]\n"
+        in config.read_text()
+    )
+    assert load(config).gains() == both()
 
 
-def test_another_robots_file(config: Path) -> None:
-    """Gains of wheels that the file does not have are not written into it."""
+def test_what_is_off_leaves_its_comment(config: Path) -> None:
+    """The line of a gain that is switched off goes without its comment, which is kept from the next section."""
+    config.write_text(
+        config.read_text().replace("_calculation_s = 0.5\n\n", "_calculation_s = 0.5  # slow\n# of it\n")
+    )
+    save(config, both(back_calculation_s=None))
+    assert "\nintegral_limit_duty = 300.0\n# slow\n\n# of it\n[limits]\n" in config.read_text()
+
+
+def test_a_new_gain_stands_with_the_others(config: Path) -> None:
+    """It comes below the last gain, above the comments of the next section."""
+    config.write_text(config.read_text().replace("\n[limits]", "# below\n\n# of it\n[limits]"))
+    save(config, both(deadband=0.01))
+    assert "_s = 0.5\n# below\ndeadband_m_s = 0.01\n\n# of it\n[limits]\n" in config.read_text()
+
+
+@pytest.mark.parametrize("wheels", [("left_wheel", "right_wheel"), ("right_wheel", "left_wheel")])
+def test_a_tie_changes_nothing_that_stood(config: Path, wheels: tuple[str, str]) -> None:
+    """Of two wheels that differ, ``[pid]`` stays that of the one which has its values still."""
+    tuned, usual = wheels
+    before = config.read_text()
+    save(config, {tuned: gains(kp=450.0)["right_wheel"], usual: load().pid})
+    assert config.read_text().startswith(before + f"\n[wheel_pid.{tuned}]\n")
+
+
+def test_a_tie_of_wheels_that_all_changed(config: Path) -> None:
+    """The first wheel of the chassis has ``[pid]`` then, whatever the order of the gains; saved again, it stays."""
+    left, right = both(kp=1.0)["left_wheel"], both(kp=2.0)["left_wheel"]
+    save(config, {"right_wheel": right, "left_wheel": left})
+    assert (load(config).pid, dict(load(config).wheel_pid)) == (left, {"right_wheel": right})
+    saved = config.read_bytes()
+    save(config, {"right_wheel": right, "left_wheel": left})
+    assert config.read_bytes() == saved
+
+
+def test_sections_that_are_meant_stay(config: Path) -> None:
+    """Where every wheel has a section by hand, they are changed in place, also one that is like ``[pid]``."""
+    config.write_text(config.read_text() + f"[wheel_pid.left_wheel]\n{PID}[wheel_pid.right_wheel]\n{PID}")
+    before = config.read_text()
+    save(config, gains(kp=450.0))
+    assert config.read_text() == "kp = 450.0".join(before.rsplit("kp = 400", 1))
+    save(config, both(kp=450.0))
+    assert config.read_text() == before.replace("kp = 400\n", "kp = 450.0\n")
+
+
+def test_there_and_back(config: Path) -> None:
+    """A wheel that is tuned and put back leaves the very file."""
     before = config.read_bytes()
-    with pytest.raises(
-        SettingsError, match="for the wheels left_wheel, right_wheel; the gains are for third"
-    ):
-        save(config, {"third": gains()["left_wheel"]})
+    save(config, gains(kp=450.0))
+    save(config, gains())
     assert config.read_bytes() == before
 
 
-def test_no_configuration(config: Path) -> None:
-    """What was broken before is not touched."""
-    config.write_text("[pid]\n")
-    with pytest.raises(SettingsError, match="this key is required"):
-        save(config, gains())
-    assert config.read_text() == "[pid]\n"
+def test_nothing_to_change(config: Path) -> None:
+    """Gains that the file has already do not replace it."""
+    was = config.stat().st_ino
+    save(config, both())
+    assert config.stat().st_ino == was
 
 
-def test_a_file_that_would_not_load(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Should the new file be refused, the old one stays and the new one is gone."""
-    before = config.read_bytes()
+def test_the_environment_is_not_saved(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gain that the environment sets is neither taken into the file nor kept out of it."""
+    wanted = both(kv=450.0)
+    monkeypatch.setenv("CHEFBOTD_PID__KP_DUTY_PER_M_S", "350")
+    monkeypatch.setenv("CHEFBOTD_PID__KV_DUTY_PER_M_S", "450")
+    save(config, wanted)
+    monkeypatch.undo()
+    assert load(config).gains() == wanted
 
-    def only_the_old(path: Path) -> object:
-        if path.name != config.name:
-            raise SettingsError("it is refused")
-        return load(path)
 
-    monkeypatch.setattr(gains_file, "load", only_the_old)
-    with pytest.raises(SettingsError, match="it is refused"):
-        save(config, both(kp=450.0))
-    assert config.read_bytes() == before
-    assert [path.name for path in config.parent.iterdir()] == ["robot.toml"]
+def test_what_the_environment_gave_is_said(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that has no gains of its own, because the environment gives them, gets a section for them."""
+    wanted = both(kp=450.0)
+    config.write_text(re.sub(r"(?ms)^\[pid\].*?^\[limits\]", "[limits]", config.read_text()))
+    monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 1}")
+    save(config, wanted)
+    monkeypatch.undo()
+    assert load(config).gains() == wanted
