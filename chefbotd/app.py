@@ -188,6 +188,7 @@ def _drive_service(
         clock,
         settings.safety,
         wheel_names=names,
+        counts_per_turn=settings.encoders.counts_per_turn,
         mounts=settings.range_mounts(),
     )
     return DriveService(

@@ -1,9 +1,23 @@
 """Wheels that do not do what their motors are told: stalled, turning the wrong way, or with an encoder that jumps.
 
-A wheel that is driven hard enough to turn must turn, and the right way round. How far it went since it has been pushed
-one way is all that is looked at, so neither the rate of the readings nor a velocity filter matters.
+A wheel that is driven hard enough to turn must turn, and the right way round. Only how long it was driven and how far it
+went are looked at, so neither the rate of the readings nor a velocity filter matters. Neither is forgotten when the
+direction changes: a wheel that is blocked, or whose encoder is dead, is found after the same time of driving however
+quickly the driver changes his mind. What clears a wheel is real travel, summed over pushes:
+
+- the way that it was pushed. A healthy wheel that is rocked goes that way with every push, be it by little;
+- while it rolls on after a change of direction: that is what it was pushed to before, and it does turn;
+- any way while it is not driven: it is neither blocked nor is its encoder dead.
+
+Travel within the play of three counts is none (as in a hysteresis: only what drags the ends of the play along counts).
+So an encoder that dithers by a count clears nobody, however often the direction changes. Travel the wrong way is taken
+off that the right way, so a larger dither under a steady push clears nobody either.
+
+Reversed is the mirror of it: travel against the pushes, less travel with them, summed over pushes. A wheel that only
+rolls on is excused, for ``rolls_on_s``, until it stands or turns round.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,29 +30,42 @@ from chefbotd.safety.faults import Fault, FaultKind
 class WheelWatchParameters(Parameters):
     """When to believe that something is wrong.
 
-    A wheel counts as driven above ``driven_duty_share`` of its duty range. It is stalled when it was driven one way for
-    ``stalled_s`` and turned less than ``turned_rad``; it is reversed when it turned ``reversed_rad`` the other way. A
-    refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``; ``jumps`` are too many.
-    So isolated damage on the line passes, at any rate of readings, while up to a fifth of them is refused.
+    A wheel counts as driven above ``driven_duty_share`` of its duty range. It is stalled when it was driven for
+    ``stalled_s`` and turned less than ``turned_rad``; it is reversed when it turned ``reversed_rad`` the wrong way. In a
+    pause suspicion fades: ``forgotten_s`` of it takes all away. After a change of direction a wheel may roll on for
+    ``rolls_on_s``. A refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``;
+    ``jumps`` are too many. So isolated damage on the line passes, at any rate of readings, while up to a fifth of them
+    is refused.
     """
 
     driven_duty_share: float = Field(default=0.2, gt=0, le=1)
     stalled_s: float = Field(default=1.75, gt=0, le=60)
     turned_rad: float = Field(default=0.1, gt=0, le=100)
     reversed_rad: float = Field(default=1.0, gt=0, le=100)
+    rolls_on_s: float = Field(default=0.5, ge=0, le=60)
+    forgotten_s: float = Field(default=30.0, gt=0, le=3600)
     jumps: float = Field(default=10.0, ge=1, le=1000)
     forgiven_per_reading: float = Field(default=0.25, gt=0, le=1)
 
 
+PLAY_COUNTS = 3
+"""One more than a position lies apart that dithers by a count to either side."""
+
+
 class Push(NamedTuple):
-    """A wheel pushed one way (``direction`` 1 or -1, 0: not driven): for how long, and how far it went that way."""
+    """What is held against a wheel since it last did as it was told.
+
+    ``direction`` is that of the latest push, however gentle (1 or -1; 0 before the first). The wheel was driven for
+    ``pushed_s`` and turned by ``turned_rad``; it went ``against_rad`` more against its pushes than with them. For
+    ``rolls_on_s`` it may yet roll on as before the latest push. ``play_rad`` is where in its play it is.
+    """
 
     direction: int = 0
     pushed_s: float = 0.0
     turned_rad: float = 0.0
-
-
-NOT_DRIVEN = Push()
+    against_rad: float = 0.0
+    rolls_on_s: float = 0.0
+    play_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +78,12 @@ class WheelWatchState:
 
 def at_rest(wheels: int) -> WheelWatchState:
     """So many wheels of which nothing is known."""
-    return WheelWatchState((NOT_DRIVEN,) * wheels, (0.0,) * wheels)
+    return WheelWatchState((Push(),) * wheels, (0.0,) * wheels)
+
+
+def play_of(counts_per_turn: float) -> float:
+    """The play to allow an encoder of this resolution, from end to end, in radians."""
+    return PLAY_COUNTS * math.tau / counts_per_turn
 
 
 def watch(
@@ -61,18 +93,19 @@ def watch(
     effort: tuple[float, ...],
     travel_rad: tuple[float, ...],
     dt_s: float,
+    play_rad: float,
 ) -> tuple[WheelWatchState, Fault | None]:
     """A good reading, ``dt_s`` after the last one.
 
     ``effort`` is the duty that was in force since, as a share of the range, and ``travel_rad`` what came of it: both
-    positive when the wheel rolls forward.
+    positive when the wheel rolls forward. ``play_rad`` is the play to allow its encoders.
     """
     wheels = zip(state.pushes, effort, travel_rad, strict=True)
-    pushes = tuple([_push(params, *wheel, dt_s) for wheel in wheels])
+    pushes = tuple([_push(params, *wheel, dt_s, play_rad / 2) for wheel in wheels])
     jumps = state.jumps
     if any(jumps):
         jumps = tuple([max(0.0, count - params.forgiven_per_reading) for count in jumps])
-    return WheelWatchState(pushes, jumps), _first_fault(params, names, pushes)
+    return WheelWatchState(pushes, jumps), _first_fault(params, names, pushes, effort)
 
 
 def note_jump(
@@ -85,26 +118,54 @@ def note_jump(
     return counted, _explain(FaultKind.ENCODER_JUMPS, " and ".join(bad)) if bad else None
 
 
-def _push(params: WheelWatchParameters, push: Push, effort: float, travel_rad: float, dt_s: float) -> Push:
-    """The push goes on while its direction stays; a wheel that has turned enough is above suspicion again."""
-    if abs(effort) < params.driven_duty_share:
-        return NOT_DRIVEN
-    direction = 1 if effort > 0 else -1
+def _push(
+    params: WheelWatchParameters,
+    push: Push,
+    effort: float,
+    travel_rad: float,
+    dt_s: float,
+    half_play_rad: float,
+) -> Push:
+    """A reading later: what the wheel moved, and whether it rolled on or was driven to it."""
+    reached_rad = push.play_rad + travel_rad
+    play_rad = min(max(reached_rad, -half_play_rad), half_play_rad)
+    moved_rad = reached_rad - play_rad
+    direction = 1 if effort > 0 else -1 if effort < 0 else push.direction
+    rolls_on_s = push.rolls_on_s
     if direction != push.direction:
-        return Push(direction)
-    turned_rad = push.turned_rad + direction * travel_rad
-    if turned_rad >= params.turned_rad:
-        return Push(direction)
-    return Push(direction, push.pushed_s + dt_s, turned_rad)
+        rolls_on_s = params.rolls_on_s if push.direction else 0.0
+    ahead_rad = direction * moved_rad
+    rolls_on = ahead_rad < 0 < rolls_on_s
+    rolls_on_s = rolls_on_s - dt_s if rolls_on else 0.0
+    pushed_s, against_rad = _charge(params, push, effort, 0.0 if rolls_on else ahead_rad, dt_s)
+    any_way = rolls_on or abs(effort) < params.driven_duty_share
+    turned_rad = max(0.0, push.turned_rad + (abs(moved_rad) if any_way else ahead_rad))
+    if pushed_s == 0.0 or turned_rad >= params.turned_rad:
+        pushed_s = turned_rad = 0.0
+    return Push(direction, pushed_s, turned_rad, against_rad, rolls_on_s, play_rad)
+
+
+def _charge(
+    params: WheelWatchParameters, push: Push, effort: float, ahead_rad: float, dt_s: float
+) -> tuple[float, float]:
+    """The time that the wheel was driven for and the way that it went wrong: more of them, or less with a pause."""
+    if abs(effort) >= params.driven_duty_share:
+        return push.pushed_s + dt_s, max(0.0, push.against_rad - ahead_rad)
+    share = dt_s / params.forgotten_s
+    pushed_s = max(0.0, push.pushed_s - share * params.stalled_s)
+    return pushed_s, max(0.0, push.against_rad - share * params.reversed_rad)
 
 
 def _first_fault(
-    params: WheelWatchParameters, names: tuple[str, ...], pushes: tuple[Push, ...]
+    params: WheelWatchParameters, names: tuple[str, ...], pushes: tuple[Push, ...], effort: tuple[float, ...]
 ) -> Fault | None:
-    for name, (_, pushed_s, turned_rad) in zip(names, pushes, strict=True):
-        if turned_rad <= -params.reversed_rad:
+    """Of a wheel that is driven: one that is not was judged when it was."""
+    for name, push, share in zip(names, pushes, effort, strict=True):
+        if abs(share) < params.driven_duty_share:
+            continue
+        if push.against_rad >= params.reversed_rad:
             return _explain(FaultKind.WHEEL_REVERSED, name)
-        if pushed_s >= params.stalled_s:
+        if push.pushed_s >= params.stalled_s:
             return _explain(FaultKind.WHEEL_STALLED, name)
     return None
 

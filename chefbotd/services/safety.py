@@ -33,7 +33,7 @@ OBSTACLE = "obstacle:"
 
 
 class SafetyKeeper:
-    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name."""
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'."""
 
     def __init__(
         self,
@@ -42,10 +42,11 @@ class SafetyKeeper:
         parameters: SafetyParameters,
         *,
         wheel_names: tuple[str, ...],
+        counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
-        self._wheel_names = wheel_names
+        self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._gate, self._decision = GateState(), HALT
         self._silence = SilenceState()
         self._wheels = wheels.at_rest(len(wheel_names))
@@ -133,7 +134,7 @@ class SafetyKeeper:
         """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``)."""
         self._silence = SilenceState(now_s)
         self._wheels, fault = wheels.watch(
-            self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s
+            self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad
         )
         if fault is not None:
             self.fail(fault)

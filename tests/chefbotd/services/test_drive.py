@@ -68,6 +68,7 @@ class Rig:
                 self.clock,
                 SafetyParameters(rearm=rearm),
                 wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
+                counts_per_turn=1000,
                 mounts={"front": Pose2D(0.15)},
             ),
             reader=WheelReader(

@@ -1,0 +1,111 @@
+"""A driver who changes his mind: to and fro, faster than a wheel that stands would be noticed in one push."""
+
+import asyncio
+import itertools
+import math
+
+import pytest
+
+from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
+from chefbotd.settings import load, packaged
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.scenarios.wires import Rewrite, frozen, reversed_from_now, rewire
+
+ROBOTS = ["chefbot", "khan"]
+PERIOD_S = 0.05
+MOTIONS = [(0.3, 0.0), (0.05, 0.0), (0.0, 1.0), (0.2, 0.5)]
+HALF_PERIODS_S = [0.1, 0.2, 0.5, 1.5]
+STANDS = {"on the ground": {}, "lifted": {"sim.body.mass_kg": 0.0}}
+
+
+async def rock(
+    robot: SimulatedRobot, motion: tuple[float, float], half_period_s: float, seconds: float
+) -> None:
+    """Command a motion at 20 Hz, every half period the other way."""
+    for step in range(round(seconds / PERIOD_S)):
+        way = -1 if int(step * PERIOD_S / half_period_s + 1e-6) % 2 else 1
+        await robot.client.drive(way * motion[0], way * motion[1])
+        await asyncio.sleep(PERIOD_S)
+
+
+async def fault_of(robot: SimulatedRobot) -> tuple[str | None, str]:
+    """What the safety topic says, and why."""
+    told = (await robot.client.get_state())["safety"]
+    return told["fault"], told["reason"]
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+@pytest.mark.parametrize("stand", STANDS)
+def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
+    """Every 0.1 to 1.5 s the other way, gently and not, ahead and in place: a minute without a fault."""
+
+    async def scenario() -> None:
+        overrides = {"safety.guard.enabled": False, **STANDS[stand]}
+        async with simulated_robot(load(packaged(robot_name), overrides=overrides)) as robot:
+            await asyncio.sleep(1.0)
+            for motion, half_period_s in itertools.product(MOTIONS, HALF_PERIODS_S):
+                await rock(robot, motion, half_period_s, 4.0)
+                assert (await fault_of(robot))[0] is None, (motion, half_period_s)
+
+    run_virtual(scenario())
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+def test_a_healthy_robot_may_creep(robot_name: str):
+    """So slowly that friction holds it up first, ahead at 1 cm/s and in place at 0.05 and 0.1 rad/s: nothing latches."""
+
+    async def scenario() -> None:
+        async with simulated_robot(
+            load(packaged(robot_name), overrides={"sim.board.cycle_s": 0.05})
+        ) as robot:
+            await asyncio.sleep(1.0)
+            for motion in [(0.01, 0.0), (0.0, 0.05), (0.0, 0.1)]:
+                await rock(robot, motion, math.inf, 12.0)
+                assert (await fault_of(robot))[0] is None, motion
+
+    run_virtual(scenario())
+
+
+def found(
+    robot_name: str, broken: Rewrite, motion: tuple[float, float], half_period_s: float
+) -> tuple[float, str, str]:
+    """How long a robot could be rocked with this encoder, and the fault that ended it with its reason."""
+
+    async def scenario() -> tuple[float, str, str]:
+        async with simulated_robot(load(packaged(robot_name))) as robot:
+            await asyncio.sleep(1.0)
+            rewire(robot, b"e", broken)
+            start_s = asyncio.get_running_loop().time()
+            with pytest.raises(CallError, match="disarmed"):
+                await rock(robot, motion, half_period_s, 10.0)
+            return asyncio.get_running_loop().time() - start_s, *await fault_of(robot)
+
+    return run_virtual(scenario())
+
+
+@pytest.mark.parametrize(
+    ("robot_name", "motion"),
+    [("chefbot", (0.2, 0.0)), ("chefbot", (0.0, 1.0)), ("khan", (0.2, 0.0)), ("khan", (0.3, 0.0))],
+)
+@pytest.mark.parametrize("half_period_s", [0.3, 1.0])
+def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
+    robot_name: str, motion: tuple[float, float], half_period_s: float
+):
+    """Every 0.3 or 1 s the other way, ahead and in place: the left (front) wheel is stalled within four seconds."""
+    after_s, fault, reason = found(robot_name, frozen(0), motion, half_period_s)
+    assert fault == "wheel_stalled"
+    assert reason.startswith(("left_wheel", "front_left_wheel"))
+    assert 1.7 < after_s < 4.0
+
+
+@pytest.mark.parametrize("robot_name", ROBOTS)
+@pytest.mark.parametrize("half_period_s", [0.3, 1.0])
+def test_a_reversed_encoder_is_found_however_often_the_driver_turns_round(
+    robot_name: str, half_period_s: float
+):
+    """The same with its channels exchanged: reversed, within three seconds."""
+    after_s, fault, reason = found(robot_name, reversed_from_now(0), (0.2, 0.0), half_period_s)
+    assert fault == "wheel_reversed"
+    assert reason.startswith(("left_wheel", "front_left_wheel"))
+    assert after_s < 3.0
