@@ -1,7 +1,7 @@
 """What the limits leave of a command: the target that the wheels' controller really goes for."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.commands import Allowed
@@ -101,6 +101,7 @@ def reached(drive: Drive, target: Motion) -> tuple[float, ...]:
     return drive.targets_rad_s(state)
 
 
+@settings(max_examples=50, deadline=None)
 @given(SPEED, st.floats(-10.0, 10.0), st.booleans())
 def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
     linear_m_s: float, angular_rad_s: float, keep: bool
@@ -113,6 +114,7 @@ def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
     assert (allowed.limited_by is None) == (allowed.command == wanted)
 
 
+@settings(max_examples=50, deadline=None)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
 def test_what_is_allowed_of_wheels_is_what_the_controller_goes_for(left: float, right: float) -> None:
     """The same of wheels that are each asked for a speed."""
