@@ -32,7 +32,7 @@ UNRECORDED = (events.StatsSampled, events.TruthSimulated, events.LineSeen)
 EVENTS = tuple(
     each
     for _, each in inspect.getmembers(events, dataclasses.is_dataclass)
-    if each.__module__ == events.__name__ and each not in UNRECORDED
+    if each.__module__.startswith(events.__name__) and each not in UNRECORDED
 )
 
 
