@@ -5,34 +5,34 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from chefbotd.api import models
+from chefbotd.api import answers
 from chefbotd.api.jsonrpc import ERRORS
 from chefbotd.api.method import Method
 from chefbotd.api.topics import Topic
 
 NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
-    "hello": models.Hello,
-    "event": models.Event,
-    "dropped": models.Dropped,
+    "hello": answers.Hello,
+    "event": answers.Event,
+    "dropped": answers.Dropped,
 }
 
 
-def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> models.Description:
+def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> answers.Description:
     """What ``describe`` answers, for these methods and topics."""
-    return models.Description(
-        protocol=models.PROTOCOL,
+    return answers.Description(
+        protocol=answers.PROTOCOL,
         methods={name: _method(method) for name, method in methods.items()},
         topics={name: _topic(topic) for name, topic in topics.items()},
         notifications={name: _schema(model) for name, model in NOTIFICATIONS.items()},
         errors={
-            str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
+            str(kind): answers.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
             for kind, e in ERRORS.items()
         },
     )
 
 
-def _method(method: Method) -> models.MethodDescription:
-    return models.MethodDescription(
+def _method(method: Method) -> answers.MethodDescription:
+    return answers.MethodDescription(
         summary=method.summary,
         role=method.role,
         params=_schema(method.params),
@@ -40,9 +40,9 @@ def _method(method: Method) -> models.MethodDescription:
     )
 
 
-def _topic(topic: Topic) -> models.TopicDescription:
+def _topic(topic: Topic) -> answers.TopicDescription:
     summary = (topic.model.__doc__ or "").partition("\n")[0]
-    return models.TopicDescription(summary=summary, data=_schema(topic.model, mode="serialization"))
+    return answers.TopicDescription(summary=summary, data=_schema(topic.model, mode="serialization"))
 
 
 def _schema(model: type[BaseModel], mode: Any = "validation") -> dict[str, Any]:

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from chefbotd.api import jsonrpc, urgent
 from chefbotd.api.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.api.method import Caller, Method, Unserved
-from chefbotd.api.models import Params, explain
+from chefbotd.api.problems import explain
+from chefbotd.api.requests import Params
 from chefbotd.api.session import Session
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import structlog
 
-from chefbotd.api.models import TopicState
+from chefbotd.api.answers import TopicState
 from chefbotd.api.telemetry import TopicData
 from chefbotd.api.topics import Topic
 from chefbotd.clock import Clock

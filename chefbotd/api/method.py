@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from chefbotd.api.fanout import Receiver
 from chefbotd.api.jsonrpc import ErrorKind, Failure
-from chefbotd.api.models import Params
+from chefbotd.api.requests import Params
 from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import structlog
 
-from chefbotd.api import models
+from chefbotd.api import answers, requests
 from chefbotd.api.access import Keyring
 from chefbotd.api.control import Control
 from chefbotd.api.describe import describe
@@ -25,7 +25,7 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 
 log = structlog.get_logger(__name__)
 
-DONE = models.Done()
+DONE = answers.Done()
 
 
 class Methods:
@@ -42,44 +42,44 @@ class Methods:
     ) -> None:
         self._robot, self._fanout, self._clock = robot, fanout, clock
         self._control, self._keyring = control, keyring
-        nothing, done = models.NoParams, models.Done
+        nothing, done = requests.NoParams, answers.Done
         observe, drive, admin = Role
         self.table = {
             "authenticate": Method(
-                None, models.AuthenticateParams, models.Known, self._authenticate, when_crowded=True
+                None, requests.AuthenticateParams, answers.Known, self._authenticate, when_crowded=True
             ),
-            "introduce": Method(observe, models.IntroduceParams, done, self._introduce, when_crowded=True),
-            "describe": Method(observe, nothing, models.Description, self._describe),
-            "get_description": Method(observe, nothing, models.RobotDescription, self._get_description),
-            "ping": Method(observe, nothing, models.Pong, self._ping),
-            "get_state": Method(observe, nothing, models.State, self._get_state),
+            "introduce": Method(observe, requests.IntroduceParams, done, self._introduce, when_crowded=True),
+            "describe": Method(observe, nothing, answers.Description, self._describe),
+            "get_description": Method(observe, nothing, answers.RobotDescription, self._get_description),
+            "ping": Method(observe, nothing, answers.Pong, self._ping),
+            "get_state": Method(observe, nothing, answers.State, self._get_state),
             "get_stats": Method(observe, nothing, StatsData, self._get_stats),
             "subscribe": Method(
-                observe, models.SubscribeParams, models.Subscribed, self._subscribe, self._send_snapshots
+                observe, requests.SubscribeParams, answers.Subscribed, self._subscribe, self._send_snapshots
             ),
-            "unsubscribe": Method(observe, models.UnsubscribeParams, models.Subscribed, self._unsubscribe),
-            "drive": Method(drive, models.DriveParams, models.Driven, self._drive, moves=True),
+            "unsubscribe": Method(observe, requests.UnsubscribeParams, answers.Subscribed, self._unsubscribe),
+            "drive": Method(drive, requests.DriveParams, answers.Driven, self._drive, moves=True),
             "set_wheel_velocities": Method(
                 drive,
-                models.SetWheelVelocitiesParams,
-                models.WheelsDriven,
+                requests.SetWheelVelocitiesParams,
+                answers.WheelsDriven,
                 self._set_wheel_velocities,
                 moves=True,
             ),
-            "take_control": Method(drive, models.TakeControlParams, models.Taken, self._take_control),
-            "release_control": Method(drive, nothing, models.Released, self._release_control),
+            "take_control": Method(drive, requests.TakeControlParams, answers.Taken, self._take_control),
+            "release_control": Method(drive, nothing, answers.Released, self._release_control),
             "stop": Method(observe, StopParams, done, self._stop, urgent=True, when_crowded=True),
             "estop": Method(observe, EstopParams, done, self._estop, urgent=True, when_crowded=True),
             "arm": Method(arm_role, nothing, done, self._arm, moves=True),
-            "get_pid": Method(observe, nothing, models.Wheels, self._get_pid),
-            "set_pid": Method(admin, models.SetPidParams, models.Wheels, self._set_pid),
-            "undo_pid": Method(admin, nothing, models.Wheels, self._undo_pid),
-            "reset_odometry": Method(drive, models.ResetOdometryParams, done, self._reset_odometry),
+            "get_pid": Method(observe, nothing, answers.Wheels, self._get_pid),
+            "set_pid": Method(admin, requests.SetPidParams, answers.Wheels, self._set_pid),
+            "undo_pid": Method(admin, nothing, answers.Wheels, self._undo_pid),
+            "reset_odometry": Method(drive, requests.ResetOdometryParams, done, self._reset_odometry),
             "reset_board": Method(admin, nothing, done, self._reset_board),
         }
         self._description = describe(self.table, fanout.topics)
 
-    def _authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Known:
+    def _authenticate(self, caller: Caller, params: requests.AuthenticateParams) -> answers.Known:
         """Show a token; the role that it gives decides what else may be asked."""
         session, keyring = caller.session, self._keyring
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
@@ -87,57 +87,57 @@ class Methods:
             raise Unserved(ErrorKind.WRONG_TOKEN, "this token opens nothing here")
         session.role = role
         log.info("client_authenticated", client=str(session), role=str(role))
-        return models.Known(client=str(session), role=role)
+        return answers.Known(client=str(session), role=role)
 
-    def _introduce(self, caller: Caller, params: models.IntroduceParams) -> models.Done:
+    def _introduce(self, caller: Caller, params: requests.IntroduceParams) -> answers.Done:
         """Say what this client is called where others see who drives."""
         caller.session.client = params.client
         self._control.renamed(caller.session, self._clock.now_s())
         return DONE
 
-    def _describe(self, caller: Caller, params: models.NoParams) -> models.Description:
+    def _describe(self, caller: Caller, params: requests.NoParams) -> answers.Description:
         """Methods, topics and errors, with the JSON Schemas of what they carry."""
         return self._description
 
-    def _get_description(self, caller: Caller, params: models.NoParams) -> models.RobotDescription:
+    def _get_description(self, caller: Caller, params: requests.NoParams) -> answers.RobotDescription:
         """The robot's own description: its links and joints."""
-        return models.RobotDescription(urdf=self._robot.description)
+        return answers.RobotDescription(urdf=self._robot.description)
 
-    def _ping(self, caller: Caller, params: models.NoParams) -> models.Pong:
+    def _ping(self, caller: Caller, params: requests.NoParams) -> answers.Pong:
         """Answer at once, with the daemon's time."""
-        return models.Pong(stamp_s=self._clock.now_s())
+        return answers.Pong(stamp_s=self._clock.now_s())
 
-    def _get_state(self, caller: Caller, params: models.NoParams) -> models.State:
+    def _get_state(self, caller: Caller, params: requests.NoParams) -> answers.State:
         """The link, the gate, and the latest value of each topic with its age."""
-        return models.State(
+        return answers.State(
             stamp_s=self._clock.now_s(),
             link=link_data(self._fanout.state("link")),
             safety=safety_data(self._fanout.state("safety")),
             topics=self._fanout.states(),
         )
 
-    def _get_stats(self, caller: Caller, params: models.NoParams) -> TopicData:
+    def _get_stats(self, caller: Caller, params: requests.NoParams) -> TopicData:
         """The daemon's counters as they stand."""
         return StatsData.model_validate(self._robot.stats(), from_attributes=True)
 
-    def _subscribe(self, caller: Caller, params: models.SubscribeParams) -> models.Subscribed:
+    def _subscribe(self, caller: Caller, params: requests.SubscribeParams) -> answers.Subscribed:
         """Receive topics from now on, the latest value of each first; replaces their rate and policy."""
         self._require_known(params.topics)
         interval_s = 0.0 if params.max_rate_hz is None else 1.0 / params.max_rate_hz
         self._fanout.subscribe(caller, params.topics, params.policy, interval_s)
         return self._subscribed(caller)
 
-    def _send_snapshots(self, caller: Caller, params: models.SubscribeParams) -> None:
+    def _send_snapshots(self, caller: Caller, params: requests.SubscribeParams) -> None:
         self._fanout.snapshot(caller, dict.fromkeys(params.topics))
 
-    def _unsubscribe(self, caller: Caller, params: models.UnsubscribeParams) -> models.Subscribed:
+    def _unsubscribe(self, caller: Caller, params: requests.UnsubscribeParams) -> answers.Subscribed:
         """Receive these topics no more; without any, none at all."""
         self._require_known(params.topics or ())
         self._fanout.unsubscribe(caller, params.topics)
         return self._subscribed(caller)
 
-    def _subscribed(self, caller: Caller) -> models.Subscribed:
-        return models.Subscribed(topics=self._fanout.subscribed(caller))
+    def _subscribed(self, caller: Caller) -> answers.Subscribed:
+        return answers.Subscribed(topics=self._fanout.subscribed(caller))
 
     def _require_known(self, names: Iterable[str]) -> None:
         known = self._fanout.topics
@@ -145,29 +145,29 @@ class Methods:
             if name not in known:
                 raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(known)}")
 
-    def _drive(self, caller: Caller, params: models.DriveParams) -> models.Driven:
+    def _drive(self, caller: Caller, params: requests.DriveParams) -> answers.Driven:
         """Move so until the command is replaced or too old; repeat it to keep moving."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
         self._control.require(source, caller.session, now_s)
         allowed = self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
         self._control.renew(source, caller.session, now_s)
         twist = allowed.command
-        return models.Driven(
+        return answers.Driven(
             linear_m_s=twist.linear_m_s, angular_rad_s=twist.angular_rad_s, limited_by=allowed.limited_by
         )
 
     def _set_wheel_velocities(
-        self, caller: Caller, params: models.SetWheelVelocitiesParams
-    ) -> models.WheelsDriven:
+        self, caller: Caller, params: requests.SetWheelVelocitiesParams
+    ) -> answers.WheelsDriven:
         """Turn each wheel so, as ``drive`` moves the whole robot; wheels that are not named stand."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
         self._control.require(source, caller.session, now_s)
         allowed = self._robot.set_wheel_velocities(source, params.by_name())
         self._control.renew(source, caller.session, now_s)
         speeds = [allowed.command[name] for name in params.name]
-        return models.WheelsDriven(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
+        return answers.WheelsDriven(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
 
-    def _take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
+    def _take_control(self, caller: Caller, params: requests.TakeControlParams) -> answers.Taken:
         """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
         source, known = params.source or self._robot.default_source, self._robot.sources
         if source not in known:
@@ -176,45 +176,45 @@ class Methods:
             )
         before = self._control.take(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
-        return models.Taken(source=source, taken_from=others)
+        return answers.Taken(source=source, taken_from=others)
 
-    def _release_control(self, caller: Caller, params: models.NoParams) -> models.Released:
+    def _release_control(self, caller: Caller, params: requests.NoParams) -> answers.Released:
         """Give back every source that this client has; its commands are withdrawn."""
-        return models.Released(sources=self._control.release(caller.session, self._clock.now_s()))
+        return answers.Released(sources=self._control.release(caller.session, self._clock.now_s()))
 
-    def _stop(self, caller: Caller, params: StopParams) -> models.Done:
+    def _stop(self, caller: Caller, params: StopParams) -> answers.Done:
         """Come to rest within the deceleration limit; the next drive moves again."""
         self._robot.stop()
         return DONE
 
-    def _estop(self, caller: Caller, params: EstopParams) -> models.Done:
+    def _estop(self, caller: Caller, params: EstopParams) -> answers.Done:
         """Stop the motors at once, and until armed again."""
         self._robot.estop(params.reason)
         return DONE
 
-    def _arm(self, caller: Caller, params: models.NoParams) -> models.Done:
+    def _arm(self, caller: Caller, params: requests.NoParams) -> answers.Done:
         """Allow motion, after an emergency stop or a fault."""
         self._robot.arm()
         return DONE
 
-    def _get_pid(self, caller: Caller, params: models.NoParams) -> models.Wheels:
+    def _get_pid(self, caller: Caller, params: requests.NoParams) -> answers.Wheels:
         """The gains of every wheel."""
-        return models.Wheels(wheels=dict(self._robot.pid()))
+        return answers.Wheels(wheels=dict(self._robot.pid()))
 
-    def _set_pid(self, caller: Caller, params: models.WheelParams) -> models.Wheels:
+    def _set_pid(self, caller: Caller, params: requests.WheelParams) -> answers.Wheels:
         """Change some gains of a wheel, or of all, while it runs; what every wheel now has."""
-        return models.Wheels(wheels=dict(self._robot.set_pid(params.wheel, params.changes())))
+        return answers.Wheels(wheels=dict(self._robot.set_pid(params.wheel, params.changes())))
 
-    def _undo_pid(self, caller: Caller, params: models.NoParams) -> models.Wheels:
+    def _undo_pid(self, caller: Caller, params: requests.NoParams) -> answers.Wheels:
         """Take the latest change of gains back, whoever made it; what every wheel now has."""
-        return models.Wheels(wheels=dict(self._robot.undo_pid()))
+        return answers.Wheels(wheels=dict(self._robot.undo_pid()))
 
-    def _reset_odometry(self, caller: Caller, params: models.ResetOdometryParams) -> models.Done:
+    def _reset_odometry(self, caller: Caller, params: requests.ResetOdometryParams) -> answers.Done:
         """Declare where the robot stands in odom; the origin, if nothing is said."""
         self._robot.set_odometry(Pose2D(params.x_m, params.y_m, params.heading_rad))
         return DONE
 
-    def _reset_board(self, caller: Caller, params: models.NoParams) -> models.Done:
+    def _reset_board(self, caller: Caller, params: requests.NoParams) -> answers.Done:
         """Restart the board; its counters begin anew."""
         self._robot.reset_board()
         return DONE

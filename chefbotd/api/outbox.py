@@ -13,7 +13,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from chefbotd.api import jsonrpc
-from chefbotd.api.models import Dropped
+from chefbotd.api.answers import Dropped
 from chefbotd.api.parameters import ApiParameters
 
 FULL_S = 1.0

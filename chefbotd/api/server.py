@@ -8,13 +8,13 @@ import structlog
 
 from chefbotd.api import jsonrpc
 from chefbotd.api.access import UNGUARDED, Guard
+from chefbotd.api.answers import Hello
 from chefbotd.api.control import Control
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.doorway import Doorway
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.lobby import Lobby
 from chefbotd.api.methods import Methods
-from chefbotd.api.models import Hello
 from chefbotd.api.parameters import ApiParameters, is_loopback
 from chefbotd.api.robot import Robot
 from chefbotd.api.topics import Topic, link_data, topics

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from chefbotd.api.jsonrpc import MAX_INTEGER_DIGITS, Request
-from chefbotd.api.models import Params
+from chefbotd.api.requests import Params
 
 MAX_REASON_CHARACTERS = 200
 NO_REASON = "asked by a client"

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.api.models import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams, explain
+from chefbotd.api.problems import explain
+from chefbotd.api.requests import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams
 from chefbotd.motion.pid import PidParameters
 
 
