@@ -107,7 +107,7 @@ class Drive:
         ``apart``: the path has no curvature to keep, so neither axis waits for the other.
         """
         state = self._ramp(state, target, now_s, apart)
-        if self._rests(state, target):
+        if _is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         wheels = zip(self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         return replace(state, duty=self._duty([pid.preview(*wheel) for wheel in wheels]))
@@ -133,7 +133,7 @@ class Drive:
         asked = Asked(dt_s, state.setpoint_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)
         state = self._ramp(state, target, now_s, apart)
-        if self._rests(state, target):
+        if _is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self.rim_speeds_m_s(velocity_rad_s)
@@ -161,7 +161,7 @@ class Drive:
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""
-        wheels = zip(self.gains, gains, state.pids, state.setpoint_m_s, strict=True)
+        wheels = zip(self.gains, gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         pids = tuple(pid.retune(*wheel) for wheel in wheels)
         self.gains = gains
         return replace(state, pids=pids)
@@ -195,6 +195,8 @@ class Drive:
     def _ramp(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         dt_s = min(elapsed_s, self._parameters.longest_step_s)
+        if _is_rest(target):
+            state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.loose or isinstance(target, WheelVelocities):
             return self._ramp_wheels(state, target, now_s, dt_s)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
@@ -231,12 +233,6 @@ class Drive:
             loose=loose,
         )
 
-    @staticmethod
-    def _rests(state: DriveState, target: Motion) -> bool:
-        if any(state.setpoint_m_s):
-            return False
-        return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
-
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
         most = self._parameters.max_duty
         wheels = zip(outputs, self._motor_signs, strict=True)
@@ -253,6 +249,10 @@ class Drive:
             if abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S:
                 change = -self._parameters.yield_per_s
         return min(1.0, max(LEAST_SHARE, state.share + change * dt_s))
+
+
+def _is_rest(target: Motion) -> bool:
+    return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
 
 
 def _following(values: tuple[T, ...], led: Sequence[tuple[int, int]]) -> tuple[T, ...]:

@@ -3,9 +3,12 @@
 Speeds are of the wheel's rim in m/s, outputs are signed duty in the board's PWM counts. The feedforward is
 WPILib's motor model (static friction, speed, acceleration). The feedback takes the derivative of the
 measurement, so that a new setpoint does not kick, and stops its integral from winding up by back
-calculation and conditional integration (Astrom and Hagglund, "PID Controllers", 3.5). The integral is kept
-as an output, so a new ``ki`` makes no bump; what other new gains change at once is taken up by the integral (the same
-book's bumpless transfer), and what the integral cannot hold fades out.
+calculation and conditional integration (Astrom and Hagglund, "PID Controllers", 3.5).
+
+New gains make no bump. Integral and derivative are kept as outputs, so that a new ``ki`` or ``kd`` changes nothing at
+once; what the other gains change the integral takes up (Astrom and Wittenmark, "Computer-Controlled Systems", 3rd ed.,
+eq. 8.28: P + I must not depend on the parameters). What it cannot hold fades, as in the transient-free switches of
+flight control, and never outlasts the motion: it goes down with the setpoint, and is gone where that is zero.
 """
 
 import math
@@ -47,13 +50,13 @@ FADE_S = 0.5
 class PidState:
     """What the controller remembers between encoder frames; ``measured_m_s`` is None before the first.
 
-    ``fading_duty`` is what is left of a change of gains (``retune``).
+    ``fading_duty`` is what is left of a change of gains (``retune``), at the last ``setpoint_m_s``.
     """
 
     integral_duty: float = 0.0
     measured_m_s: float | None = None
-    measured_rate_m_s2: float = 0.0
-    acceleration_m_s2: float = 0.0
+    derivative_duty: float = 0.0
+    setpoint_m_s: float = 0.0
     fading_duty: float = 0.0
 
 
@@ -79,7 +82,7 @@ def step(
     Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated.
     """
     dt_s = max(dt_s, 0.0)
-    seen = _observe(params, state, acceleration_m_s2, measured_m_s, dt_s)
+    seen = _observe(params, state, setpoint_m_s, measured_m_s, dt_s)
     other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2)
     growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * dt_s
     integral_duty = _integrate(params, seen.integral_duty, growth, other_duty + seen.integral_duty, dt_s)
@@ -97,34 +100,57 @@ def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceler
     return _clamp(other_duty + state.integral_duty, params.output_limit)
 
 
-def retune(old: PidParameters, new: PidParameters, state: PidState, setpoint_m_s: float) -> PidState:
+def retune(
+    old: PidParameters,
+    new: PidParameters,
+    state: PidState,
+    setpoint_m_s: float,
+    acceleration_m_s2: float,
+) -> PidState:
     """The state with which new gains put out what the old ones did, as far as the new output limit lets them.
 
-    The integral takes up the difference within its clamp; the rest, and all of it where ``ki`` is zero, fades. Where
-    there is none, as when both ask for more than there is, the state stays as it is.
+    The integral takes up the difference within its clamp; the rest, and all of it where ``ki`` is zero, fades. So does
+    what the derivative put out, if it gets another filter. Where there is nothing to take up, as when both ask for more
+    than there is, the state stays as it is. A setpoint of zero lets nothing fade.
     """
-    kept = _clamp(preview(old, state, setpoint_m_s, state.acceleration_m_s2), new.output_limit)
+    kept = _clamp(preview(old, state, setpoint_m_s, acceleration_m_s2), new.output_limit)
     most = _integral_limit(new) if new.ki > 0 else 0.0
-    if abs(state.integral_duty) <= most and kept == preview(
-        new, state, setpoint_m_s, state.acceleration_m_s2
-    ):
+    is_same_filter = new.derivative_filter_s == old.derivative_filter_s
+    is_kept = kept == preview(new, state, setpoint_m_s, acceleration_m_s2)
+    if is_kept and is_same_filter and abs(state.integral_duty) <= most:
         return state
-    bare = replace(state, integral_duty=0.0, fading_duty=0.0)
-    missing = kept - _without_integral(new, bare, setpoint_m_s, state.acceleration_m_s2)
-    integral_duty = _clamp(missing, most)
-    return replace(bare, integral_duty=integral_duty, fading_duty=missing - integral_duty)
+    passing_duty = 0.0 if is_same_filter else state.derivative_duty
+    derivative_duty = state.derivative_duty - passing_duty
+    bare = PidState(0.0, state.measured_m_s, derivative_duty, setpoint_m_s)
+    missing = kept - _without_integral(new, bare, setpoint_m_s, acceleration_m_s2)
+    integral_duty = _clamp(missing - passing_duty, most)
+    fading_duty = missing - integral_duty if setpoint_m_s else 0.0
+    return replace(bare, integral_duty=integral_duty, fading_duty=fading_duty)
+
+
+def let_go(state: PidState) -> PidState:
+    """The state on the way to rest: what fades and would push on is gone at once, what brakes goes with the setpoint."""
+    pushes_on = state.fading_duty * state.setpoint_m_s > 0
+    return replace(state, fading_duty=0.0) if pushes_on else state
 
 
 def _observe(
-    params: PidParameters, state: PidState, acceleration_m_s2: float, measured_m_s: float, dt_s: float
+    params: PidParameters, state: PidState, setpoint_m_s: float, measured_m_s: float, dt_s: float
 ) -> PidState:
-    """The state with the new measurement, its rate of change through a first-order low-pass, and less to fade."""
-    rate_m_s2 = state.measured_rate_m_s2
+    """The state with the new measurement, its derivative through a first-order low-pass, and less to fade."""
+    derivative_duty = state.derivative_duty
     if state.measured_m_s is not None and dt_s > 0:
-        change_m_s = measured_m_s - state.measured_m_s
-        rate_m_s2 += (change_m_s - rate_m_s2 * dt_s) / (params.derivative_filter_s + dt_s)
-    fading_duty = state.fading_duty * math.exp(-dt_s / FADE_S) if state.fading_duty else 0.0
-    return PidState(state.integral_duty, measured_m_s, rate_m_s2, acceleration_m_s2, fading_duty)
+        change_m_s, filter_s = measured_m_s - state.measured_m_s, params.derivative_filter_s
+        derivative_duty = (filter_s * derivative_duty - params.kd * change_m_s) / (filter_s + dt_s)
+    fading_duty = _fading(state, setpoint_m_s) * math.exp(-dt_s / FADE_S) if state.fading_duty else 0.0
+    return PidState(state.integral_duty, measured_m_s, derivative_duty, setpoint_m_s, fading_duty)
+
+
+def _fading(state: PidState, setpoint_m_s: float) -> float:
+    """What fades at this setpoint: the less, the nearer it has come to zero, and nothing beyond it."""
+    if state.fading_duty == 0.0 or setpoint_m_s * state.setpoint_m_s <= 0:
+        return 0.0
+    return state.fading_duty * min(setpoint_m_s / state.setpoint_m_s, 1.0)
 
 
 def _integrate(params: PidParameters, integral: float, growth: float, demand: float, dt_s: float) -> float:
@@ -141,11 +167,10 @@ def _without_integral(
     params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float
 ) -> float:
     """Feedforward, proportional and derivative part, and what fades; not clamped."""
-    forward = feedforward(params, setpoint_m_s, acceleration_m_s2) + state.fading_duty
+    other_duty = feedforward(params, setpoint_m_s, acceleration_m_s2) + _fading(state, setpoint_m_s)
     if state.measured_m_s is None:
-        return forward
-    error_m_s = _error(params, setpoint_m_s, state.measured_m_s)
-    return forward + params.kp * error_m_s - params.kd * state.measured_rate_m_s2
+        return other_duty
+    return other_duty + params.kp * _error(params, setpoint_m_s, state.measured_m_s) + state.derivative_duty
 
 
 def _error(params: PidParameters, setpoint_m_s: float, measured_m_s: float) -> float:

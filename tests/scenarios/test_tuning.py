@@ -6,6 +6,7 @@ import pytest
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 STEADY_S = 4.0
@@ -43,6 +44,31 @@ def test_tuning_while_driving_makes_no_bump() -> None:
 
     ripple, jumps = run_virtual(scenario())
     assert max(jumps) <= ripple + 3
+
+
+@pytest.mark.parametrize("robot_name", ["chefbot", "khan"])
+def test_gains_far_off_make_no_bump_and_hold_back_no_stop(robot_name: str) -> None:
+    """No feedforward from one moment to the next: no bump, and a stop just after it is through within its ramp."""
+
+    async def scenario() -> tuple[list[int], float]:
+        async with simulated_robot(load(packaged(robot_name))) as robot:
+            await steady_drive(robot, STEADY_S)
+            before = max(map(abs, robot.board.duty))
+            await robot.client.set_pid("all", ks=0.0, kv=0.0, ka=0.0, integral_limit=10.0)
+            retuned = max(map(abs, robot.board.duty))
+            await steady_drive(robot, 0.05)
+            after = max(map(abs, robot.board.duty))
+            stopped_s = asyncio.get_running_loop().time()
+            await robot.client.stop()
+            for _ in range(500):
+                if not any(robot.board.duty):
+                    break
+                await asyncio.sleep(0.002)
+            return [before, retuned, after], asyncio.get_running_loop().time() - stopped_s
+
+    duties, stopped_after_s = run_virtual(scenario())
+    assert duties == pytest.approx([duties[0]] * 3, rel=0.12)
+    assert stopped_after_s < 0.15
 
 
 def test_undo_is_shared_by_all_clients() -> None:

@@ -145,6 +145,31 @@ def test_new_gains_make_no_bump():
     assert controller.gains == (gains, gains)
 
 
+def test_new_gains_on_a_ramp_make_no_bump():
+    """Between two frames the setpoint went on and began to accelerate: ten times ka leaves the duty as it is."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.0), 2.0, rim_m_s=0.15)
+    ramping = controller.retarget(state, Twist2D(0.5, 0.0), state.stepped_s + 0.01)
+    gains = GAINS.model_copy(update={"ka": 100.0})
+    retuned = controller.retune(ramping, (gains, gains))
+    assert controller.retarget(retuned, Twist2D(0.5, 0.0), ramping.stepped_s).duty == ramping.duty
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("kv", "left_duty"), [(0.0, 50), (2000.0, 250)])
+def test_a_stop_is_not_held_back_by_what_new_gains_left(direction: int, kv: float, left_duty: int):
+    """At 0.2 m/s kv 1000 asked for 200. Without it that fades, and is gone with the stop; what brakes 2000 stays."""
+    gains = GAINS.model_copy(update={"kp": 0.0, "ki": 0.0, "ks": 50.0, "ka": 0.0})
+    controller = drive(gains)
+    ahead = Twist2D(0.2 * direction, 0.0)
+    state = regulated(controller, controller.at_rest, ahead, 2.0, rim_m_s=0.2 * direction)
+    other = gains.model_copy(update={"kv": kv})
+    state = controller.retune(state, (other, other))
+    assert controller.retarget(state, ahead, state.stepped_s).duty == (250 * direction, -250 * direction)
+    stopping = controller.retarget(state, STANDING, state.stepped_s)
+    assert stopping.duty == (left_duty * direction, -left_duty * direction)
+
+
 def test_closed_loop_reaches_the_speed_that_feedforward_misses():
     """A first-order wheel that reaches only 0.8 of what the feedforward thinks: the integral makes up for it."""
     controller = drive(GAINS.model_copy(update={"ki": 1000.0}))

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -148,7 +148,7 @@ def test_no_time_integrates_nothing(dt_s: float) -> None:
     state, _ = run(params, 0.3, 0.1)
     again, output = pid.step(params, state, 0.3, 0.0, 0.2, dt_s)
     assert again.integral_duty == state.integral_duty
-    assert again.measured_rate_m_s2 == state.measured_rate_m_s2
+    assert again.derivative_duty == state.derivative_duty
     assert output == pytest.approx(400 * 0.1 + 2)
 
 
@@ -156,45 +156,134 @@ def test_a_new_integral_gain_makes_no_bump() -> None:
     """Ten times the gain: the integral that was gathered stays what it is."""
     old, new = parameters(), parameters(ki=1000)
     state, _ = run(old, 0.3, 0.1, 0.1)
-    assert pid.retune(old, new, state, 0.3).integral_duty == pytest.approx(state.integral_duty)
+    assert pid.retune(old, new, state, 0.3, 0.0).integral_duty == pytest.approx(state.integral_duty)
 
 
 gain = st.floats(0, 5000)
+limit = st.floats(1, 1500)
 gains = st.builds(
-    lambda kp, ki, kd, ks, kv, ka, deadband, limit: parameters(
-        kp=kp, ki=ki, kd=kd, ks=ks, kv=kv, ka=ka, deadband=deadband, integral_limit=limit
+    lambda kp, ki, kd, ks, kv, ka, deadband, output, integral, filter_s, drain_s, conditional: parameters(
+        kp=kp,
+        ki=ki,
+        kd=kd,
+        ks=ks,
+        kv=kv,
+        ka=ka,
+        deadband=deadband,
+        output_limit=output,
+        integral_limit=integral,
+        derivative_filter_s=filter_s,
+        back_calculation_s=drain_s,
+        conditional_integration=conditional,
     ),
-    *[gain] * 6,
+    gain,
+    st.just(0.0) | gain,
+    *[gain] * 4,
     st.floats(0, 0.05),
-    st.none() | st.floats(0, 1023),
+    limit,
+    st.none() | limit,
+    st.just(0.0) | st.floats(0.01, 1),
+    st.none() | st.floats(0.05, 10),
+    st.booleans(),
 )
 speed = st.floats(-0.5, 0.5)
+moving = speed.filter(lambda speed_m_s: abs(speed_m_s) > 1e-3)
+duty = st.floats(-1000, 1000)
 
 
-@given(gains, gains, gains, speed, st.lists(speed, min_size=1, max_size=5), speed)
-@settings(max_examples=200)
+@st.composite
+def tunings(draw: st.DrawFn) -> tuple[PidParameters, PidParameters, PidState, float, float]:
+    """Old and new gains, any state that the old ones may be in, and the setpoint with its acceleration."""
+    old, setpoint_m_s = draw(gains), draw(moving)
+    most = old.output_limit if old.integral_limit is None else old.integral_limit
+    state = PidState(
+        draw(st.floats(-most, most)), draw(st.none() | speed), draw(duty), draw(moving), draw(duty)
+    )
+    return old, draw(gains), state, setpoint_m_s, draw(speed)
+
+
+@given(tunings(), gains)
+@settings(max_examples=300)
 def test_new_gains_make_no_bump(
-    first: PidParameters,
-    second: PidParameters,
-    third: PidParameters,
-    setpoint_m_s: float,
-    measured_m_s: list[float],
-    acceleration_m_s2: float,
+    tuning: tuple[PidParameters, PidParameters, PidState, float, float], third: PidParameters
 ) -> None:
     """Whatever gains come, and others after them, whatever the state: the duty for unchanged inputs is the same."""
-    state = RESET
-    for measurement in measured_m_s:
-        state, before = pid.step(first, state, setpoint_m_s, acceleration_m_s2, measurement, DT_S)
-    for old, new in ((first, second), (second, third)):
-        state = pid.retune(old, new, state, setpoint_m_s)
-        assert pid.preview(new, state, setpoint_m_s, acceleration_m_s2) == pytest.approx(before, abs=1e-6)
+    old, new, state, setpoint_m_s, acceleration_m_s2 = tuning
+    kept = pid.preview(old, state, setpoint_m_s, acceleration_m_s2)
+    for before, after in ((old, new), (new, third)):
+        kept = min(max(kept, -after.output_limit), after.output_limit)
+        state = pid.retune(before, after, state, setpoint_m_s, acceleration_m_s2)
+        assert pid.preview(after, state, setpoint_m_s, acceleration_m_s2) == pytest.approx(kept, abs=1e-6)
+
+
+@given(tunings(), st.floats(0, 0.1))
+@settings(max_examples=300)
+def test_after_new_gains_only_time_moves_the_duty(
+    tuning: tuple[PidParameters, PidParameters, PidState, float, float], dt_s: float
+) -> None:
+    """The next step, nothing else being new, differs by no more than the integral's growth and what fades in it."""
+    old, new, state, setpoint_m_s, acceleration_m_s2 = tuning
+    state = pid.retune(old, new, state, setpoint_m_s, acceleration_m_s2)
+    kept = pid.preview(new, state, setpoint_m_s, acceleration_m_s2)
+    measured_m_s = state.measured_m_s
+    assume(measured_m_s is not None)
+    _, output = pid.step(new, state, setpoint_m_s, acceleration_m_s2, measured_m_s, dt_s)
+    growth = new.ki * abs(setpoint_m_s - measured_m_s) * dt_s
+    faded = abs(state.fading_duty) * (1 - math.exp(-dt_s / pid.FADE_S))
+    derivative_faded = abs(state.derivative_duty) * (dt_s / (new.derivative_filter_s + dt_s) if dt_s else 0)
+    assert abs(output - kept) <= growth + faded + derivative_faded + 1e-6
+
+
+@given(tunings())
+@settings(max_examples=200)
+def test_what_fades_never_outlasts_the_motion(
+    tuning: tuple[PidParameters, PidParameters, PidState, float, float],
+) -> None:
+    """At half the setpoint there is half of it, at zero or the other way none, and none comes back."""
+    old, new, state, setpoint_m_s, acceleration_m_s2 = tuning
+    state = pid.retune(old, new, state, setpoint_m_s, acceleration_m_s2)
+    for share in (1.0, 0.5, 0.0, -1.0):
+        here_m_s = share * state.setpoint_m_s
+        without = replace(state, fading_duty=max(0.0, share) * state.fading_duty, setpoint_m_s=here_m_s)
+        assert pid.preview(new, state, here_m_s, 0.0) == pytest.approx(
+            pid.preview(new, without, here_m_s, 0.0)
+        )
+    stopped, _ = pid.step(new, state, 0.0, 0.0, 0.1, DT_S)
+    assert stopped.fading_duty == 0.0
+    again, _ = pid.step(new, stopped, setpoint_m_s, 0.0, 0.1, DT_S)
+    assert again.fading_duty == 0.0
+
+
+def test_on_the_way_to_rest_nothing_that_fades_pushes_on() -> None:
+    """Forward it is gone where it pushes forward, and left where it brakes; in reverse the mirror image."""
+    for setpoint_m_s in (0.2, -0.2):
+        ahead = PidState(setpoint_m_s=setpoint_m_s, fading_duty=math.copysign(100, setpoint_m_s))
+        braking = replace(ahead, fading_duty=-ahead.fading_duty)
+        assert pid.let_go(ahead) == replace(ahead, fading_duty=0.0)
+        assert pid.let_go(braking) == braking
+
+
+def test_new_gains_at_a_setpoint_of_zero_leave_nothing_to_fade() -> None:
+    """A wheel that is held still: what the integral cannot hold is let go, for it would push against its target."""
+    old, new = parameters(kp=4000), parameters(kp=0, integral_limit=30)
+    retuned = pid.retune(old, new, PidState(measured_m_s=0.1), 0.0, 0.0)
+    assert (retuned.integral_duty, retuned.fading_duty) == (-30, 0)
+
+
+def test_a_new_derivative_gain_makes_no_bump_later_either() -> None:
+    """An unfiltered derivative of -20 is of its moment: with any kd it is gone in the next step, the integral stays."""
+    old, new = parameters(kp=0, ki=1, kd=20), parameters(kp=0, ki=1, kd=500)
+    state = PidState(integral_duty=100.0, measured_m_s=0.2, derivative_duty=-20.0, setpoint_m_s=0.2)
+    retuned = pid.retune(old, new, state, 0.2, 0.0)
+    assert pid.preview(new, retuned, 0.2, 0.0) == pytest.approx(80)
+    assert run(new, 0.2, 0.2, state=retuned)[1] == [pytest.approx(100)]
 
 
 def test_gains_changed_at_the_limit_do_not_wind_up() -> None:
     """A demand of 4000 put out 1023: the new gains start at that 1023, with no hidden rest of the 4000."""
     old, new = parameters(), parameters(kp=0, integral_limit=5000)
     state, _ = run(old, 10.0, 0.0)
-    retuned = pid.retune(old, new, state, 10.0)
+    retuned = pid.retune(old, new, state, 10.0, 0.0)
     assert (retuned.integral_duty, retuned.fading_duty) == (pytest.approx(1023), pytest.approx(0))
 
 
@@ -202,7 +291,7 @@ def test_a_smaller_output_limit_is_kept_at_once() -> None:
     """From 1023 to a limit of 500: 500, and nothing is held back for when the demand of 4000 has gone."""
     old, new = parameters(), parameters(output_limit=500)
     state, _ = run(old, 10.0, 0.0)
-    retuned = pid.retune(old, new, state, 10.0)
+    retuned = pid.retune(old, new, state, 10.0, 0.0)
     assert pid.preview(new, retuned, 10.0, 0.0) == 500
     assert retuned == state
 
@@ -212,7 +301,7 @@ def test_what_the_integral_cannot_hold_fades() -> None:
     old, new = parameters(), parameters(kp=0, ki=1e-9, integral_limit=30)
     state, _ = run(old, 0.3, 0.1)
     state = replace(state, integral_duty=0.0)
-    retuned = pid.retune(old, new, state, 0.3)
+    retuned = pid.retune(old, new, state, 0.3, 0.0)
     assert (retuned.integral_duty, retuned.fading_duty) == pytest.approx((30, 50))
     state, outputs = run(new, 0.3, *[0.1] * 5, state=retuned)
     assert outputs[-1] == pytest.approx(30 + 50 / math.e, abs=1e-6)
@@ -222,7 +311,7 @@ def test_without_an_integral_nothing_stays_of_one() -> None:
     """``ki`` set to zero while the integral held 300: the duty stays, and within 5 s it is kp times the error alone."""
     old, new = parameters(), parameters(ki=0)
     state = PidState(integral_duty=300.0, measured_m_s=0.2)
-    retuned = pid.retune(old, new, state, 0.3)
+    retuned = pid.retune(old, new, state, 0.3, 0.0)
     assert pid.preview(new, retuned, 0.3, 0.0) == pytest.approx(340)
     _, outputs = run(new, 0.3, *[0.2] * 50, state=retuned)
     assert outputs[-1] == pytest.approx(40, abs=0.05)
@@ -254,7 +343,7 @@ def test_clamps_hold_whatever_happens(
         state, output = pid.step(params, state, setpoint_m_s, 0.0, measured_m_s, dt_s)
         assert abs(output) <= 1023
         assert abs(state.integral_duty) <= 300
-        assert math.isfinite(state.measured_rate_m_s2)
+        assert math.isfinite(state.derivative_duty)
 
 
 def test_the_configuration_names_the_units() -> None:
