@@ -1,23 +1,19 @@
 """The composition root: build every part, wire them, run them in one task group, stop the motors on the way out."""
 
 import asyncio
-import gc
 import os
 import random
 import secrets
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
 import structlog
-import uvloop
 
-from chefbotd import signals, systemd
-from chefbotd.api.access import AccessError, load_guard
-from chefbotd.api.doorway import CannotListen
+from chefbotd.api.access import load_guard
 from chefbotd.api.server import Server
 from chefbotd.bus import Bus
-from chefbotd.clock import Clock, SystemClock
+from chefbotd.clock import Clock
 from chefbotd.core.events import StatsSampled
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import BoardLink, Opener
@@ -37,7 +33,6 @@ from chefbotd.services.tuning import Tuning
 from chefbotd.services.watchdog import Watchdog
 from chefbotd.services.wheel_reader import WheelReader
 from chefbotd.settings import Settings
-from chefbotd.simulation import simulation_of
 from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
@@ -201,81 +196,3 @@ def _drive_service(
         wheel_names=names,
         control=settings.control,
     )
-
-
-def run(settings: Settings, *, simulated: bool) -> int:
-    """Run the daemon until a signal ends it; returns the exit code.
-
-    0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
-    """
-    try:
-        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_until_signalled(settings, simulated=simulated))
-    except BaseExceptionGroup as failures:
-        for failure in _leaves(failures):
-            if isinstance(failure, CannotListen):
-                log.error("cannot serve", error=str(failure))
-            else:
-                log.error("cannot go on", error=repr(failure), exc_info=failure)
-        return 1
-    except AccessError as problem:
-        log.error("cannot serve", error=str(problem))
-        return os.EX_CONFIG
-    return 0
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
-    for error in group.exceptions:
-        if isinstance(error, BaseExceptionGroup):
-            yield from _leaves(error)
-        else:
-            yield error
-
-
-async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
-    task = asyncio.current_task()
-    assert task is not None  # noqa: S101 - a coroutine that runs has a task
-    received: list[str] = []
-
-    def end(name: str) -> None:
-        received.append(name)
-        task.cancel()
-
-    signals.handle(end)
-    try:
-        await (_serve_simulated(settings) if simulated else _serve(Daemon(settings, clock=SystemClock())))
-    except asyncio.CancelledError:
-        if not received:
-            raise
-    finally:
-        systemd.notify("STOPPING=1")
-    log.info("stopped", signal=received[0])
-
-
-async def _serve(daemon: Daemon, *more: Loop) -> None:
-    async def report_ready() -> None:
-        host, port = await daemon.server.address()
-        settle()
-        systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
-
-    with daemon.watchdog:
-        await daemon.run(report_ready, *more)
-
-
-def settle() -> None:
-    """Let the garbage collector pass over what has been built: it lives as long as the process does.
-
-    A full collection would stop the control loop for as long as it takes to look at every module, class and service.
-    """
-    gc.collect()
-    gc.freeze()
-
-
-async def _serve_simulated(settings: Settings) -> None:
-    # Imported here: what simulates a robot has no place in the memory of a daemon on a real one.
-    from chefbotd.sim.embedded import EmbeddedBoard
-
-    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
-        link = settings.link.model_copy(update={"device": str(board.device)})
-        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
-        await _serve(daemon, lambda: board.run(daemon.bus.publish))

@@ -62,10 +62,10 @@ def run(
         "log.level": log_level,
     }
     settings = _load(path, {key: value for key, value in wanted.items() if value is not None})
-    from chefbotd import app, logs
+    from chefbotd import logs, process
 
     logs.configure(settings.log.level)
-    ctx.exit(app.run(settings, simulated=simulated))
+    ctx.exit(process.run(settings, simulated=simulated))
 
 
 @main.command()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from chefbotd import app
+from chefbotd import process
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.settings import SettingsError, load
@@ -206,7 +206,7 @@ def test_a_daemon_that_cannot_be_guarded_does_not_start(tmp_path: Path):
     absent = tmp_path / "tokens"
     settings = load(overrides={"api.token_file": str(absent), "api.port": 0, "link.device": "/dev/null"})
     with capture_logs() as logs:
-        assert app.run(settings, simulated=False) == 78
+        assert process.run(settings, simulated=False) == 78
     assert [entry["event"] for entry in logs] == ["cannot serve"]
     assert f"{absent}: cannot be read" in logs[0]["error"]
     assert "openssl rand" in logs[0]["error"]

@@ -1,8 +1,8 @@
-"""What the composition root sees to once everything is built."""
+"""What the process sees to once the daemon is built."""
 
 import gc
 
-from chefbotd import app
+from chefbotd import process
 
 
 def test_what_has_been_built_is_passed_over_by_the_garbage_collector():
@@ -10,7 +10,7 @@ def test_what_has_been_built_is_passed_over_by_the_garbage_collector():
     gc.collect()
     built = len(gc.get_objects())
     try:
-        app.settle()
+        process.settle()
         assert gc.get_freeze_count() >= 0.9 * built
     finally:
         gc.unfreeze()
