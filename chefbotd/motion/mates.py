@@ -83,11 +83,13 @@ class Mates:
         return MatesState(rolled_m, asked_m, tuple(led))
 
     def credit(self, state: MatesState, effort: tuple[float, ...]) -> tuple[float, ...]:
-        """The wheels' effort, -1 to 1, in full for those left out: little as it was, their mates turned by it."""
+        """The wheels' effort, -1 to 1, at least a half for those left out: little as it was, their mates turned by it."""
         if not state.led:
             return effort
         out = state.left_out
-        return tuple([math.copysign(1.0, e) if e and i in out else e for i, e in enumerate(effort)])
+        return tuple(
+            [math.copysign(max(abs(e), 0.5), e) if e and i in out else e for i, e in enumerate(effort)]
+        )
 
     def _strays(
         self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]

@@ -31,14 +31,15 @@ class WheelWatchParameters(Parameters):
     """When to believe that something is wrong.
 
     A wheel counts as driven above ``driven_duty_share`` of its duty range. It is stalled when it was driven for
-    ``stalled_s`` and turned less than ``turned_rad``; it is reversed when it turned ``reversed_rad`` the wrong way. In a
+    ``stalled_s`` and turned less than ``turned_rad``; above half of the range time counts with the square of the duty, as
+    a motor that stands heats up. It is reversed when it turned ``reversed_rad`` the wrong way. In a
     pause suspicion fades: ``forgotten_s`` of it takes all away. After a change of direction a wheel may roll on for
     ``rolls_on_s``. A refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``;
     ``jumps`` are too many. So isolated damage on the line passes, at any rate of readings, while up to a fifth of them
     is refused.
     """
 
-    driven_duty_share: float = Field(default=0.2, gt=0, le=1)
+    driven_duty_share: float = Field(default=0.2, gt=0, le=0.5)
     stalled_s: float = Field(default=1.75, gt=0, le=60)
     turned_rad: float = Field(default=0.1, gt=0, le=100)
     reversed_rad: float = Field(default=1.0, gt=0, le=100)
@@ -47,6 +48,9 @@ class WheelWatchParameters(Parameters):
     jumps: float = Field(default=10.0, ge=1, le=1000)
     forgiven_per_reading: float = Field(default=0.25, gt=0, le=1)
 
+
+FULL_WEIGHT_SHARE = 0.5
+"""Of the duty range: from here on driving weighs more than its time, at full duty four times as much."""
 
 PLAY_COUNTS = 3
 """One more than a position lies apart that dithers by a count to either side."""
@@ -150,7 +154,8 @@ def _charge(
 ) -> tuple[float, float]:
     """The time that the wheel was driven for and the way that it went wrong: more of them, or less with a pause."""
     if abs(effort) >= params.driven_duty_share:
-        return push.pushed_s + dt_s, max(0.0, push.against_rad - ahead_rad)
+        weight = max(1.0, (effort / FULL_WEIGHT_SHARE) ** 2)
+        return push.pushed_s + weight * dt_s, max(0.0, push.against_rad - ahead_rad)
     share = dt_s / params.forgotten_s
     pushed_s = max(0.0, push.pushed_s - share * params.stalled_s)
     return pushed_s, max(0.0, push.against_rad - share * params.reversed_rad)

@@ -103,12 +103,12 @@ def test_counts_too_coarse_to_tell_are_allowed_for():
     assert state.left_out == ()
 
 
-def test_the_effort_of_a_wheel_that_is_left_out_counts_in_full():
+def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():
     """A stalled one is to be noticed however gently it is pushed; no push stays none."""
     judge = mates()
     healthy, broken = after(judge, ALL, ALL), after(judge, (0.0, 0.3, 0.3, 0.0), ALL)
     assert judge.credit(healthy, (0.1, 0.1, 0.1, -0.1)) == (0.1, 0.1, 0.1, -0.1)
-    assert judge.credit(broken, (0.1, 0.1, 0.1, -0.1)) == (1.0, 0.1, 0.1, -1.0)
+    assert judge.credit(broken, (0.1, 0.1, 0.1, -0.1)) == (0.5, 0.1, 0.1, -0.5)
     assert judge.credit(broken, (0.0,) * 4) == (0.0,) * 4
 
 

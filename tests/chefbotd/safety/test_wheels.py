@@ -52,6 +52,13 @@ def test_a_wheel_that_is_driven_and_stands_is_stalled(
     assert "motor has power" in fault.reason
 
 
+@pytest.mark.parametrize(("effort", "at_s"), [(0.25, 1.75), (0.75, 0.8), (-1.0, 0.45)])
+def test_hard_driving_of_a_wheel_that_stands_counts_with_its_square(effort: float, at_s: float):
+    """Up to half of the range time counts as it is; at 3/4 1.5^2 times (0.78 s), at full duty four times (0.44 s)."""
+    turning = math.copysign(0.2, effort)
+    assert watched(*[((effort, effort), (0.0, turning))] * 60)[0] == pytest.approx(at_s)
+
+
 def test_a_wheel_that_stands_for_a_while_and_then_turns_is_no_fault():
     """Static friction that takes 1.5 s to be overcome, again and again, is not a stall: 0.1 rad is a new start."""
     stuck, turned = ((0.5, 0.5), (0.0, 0.0)), ((0.5, 0.5), (0.1, 0.1))
