@@ -16,15 +16,14 @@ from chefbotd.api import jsonrpc
 from chefbotd.api.backlog import Backlog
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.jsonrpc import ErrorKind, Failure
+from chefbotd.api.last_look import LAST_LOOK_BYTES, LAST_LOOK_S, LastLook
 from chefbotd.api.outbox import Outbox
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.session import Session
 from chefbotd.clock import Clock
 
-LAST_LOOK_S = 0.2
-"""How long a client whose connection is being ended is still read; what the kernel holds is there at once."""
-LAST_LOOK_BYTES = 524_288
-"""How much: more than the kernel (twice ``backlog_bytes`` and a segment) and TLS (256 KiB) can hold."""
+SERVED_PER_LOOK = 4
+"""In a turn so many lines may be served for each that looks like a stop and is looked at before its turn."""
 
 
 class House(Protocol):
@@ -60,8 +59,8 @@ class Connection(asyncio.Protocol):
         self._at_last: Callable[[], None] | None = (
             None  # once nothing more is heard, and all has been seen to
         )
-        self._last_look: asyncio.TimerHandle | None = None
-        self._last_bytes = LAST_LOOK_BYTES
+        self._last_look = LastLook()
+        self._last_look_ends: asyncio.TimerHandle | None = None
         self._outbox: Outbox
         self._transport: asyncio.Transport
         self.reply: Callable[[bytes], None]
@@ -85,9 +84,7 @@ class Connection(asyncio.Protocol):
         self.session.heard(self._house.clock.now_s())
         self._backlog.add(data)
         if self.closing:
-            self._last_bytes -= len(data)
-            if self._last_bytes < 0:
-                self._hear_no_more()
+            self._last_look.read(len(data))
         if self._turn is None:
             self._take_turn()
 
@@ -131,18 +128,26 @@ class Connection(asyncio.Protocol):
         """Carry out the stops that wait, before their turn or, at the end, instead of it; whether there may be more."""
         if self.session.role is None and not self.closing:
             return False  # the token comes first
-        dispatcher, more = self._house.dispatcher, True
-        for _ in range(self._house.parameters.requests_per_turn):
+        line, lines = None, self._house.parameters.requests_per_turn
+        for _ in range(lines if self.closing else 1 + lines // SERVED_PER_LOOK):
             line = self._backlog.find()
             if line is None:
-                more = False
                 break
-            if dispatcher.is_early(self.session, line):
-                self._backlog.take_found()
-                dispatcher.serve(self, line)
+            self._look_at(line)
         if self.closing:
             self._backlog.drop_seen()
-        return more
+        if self._last_look.over:
+            self._backlog.clear()
+            self._hears = False
+        return line is not None
+
+    def _look_at(self, line: bytearray) -> None:
+        dispatcher = self._house.dispatcher
+        method = dispatcher.early(self.session, line)
+        if method is not None:
+            self._backlog.take_found()
+        if self._last_look.is_to_do(method) if self.closing else method is not None:
+            dispatcher.serve(self, line)
 
     def _read_on(self) -> None:
         """Read, unless a turn's worth still waits or, of a client that is behind, as much as may."""
@@ -183,8 +188,8 @@ class Connection(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Asyncio: the client is gone, in good order or not; what it still has to say is looked through for stops."""
         self._outbox.lost()
-        if self._last_look is not None:
-            self._last_look.cancel()
+        if self._last_look_ends is not None:
+            self._last_look_ends.cancel()
         if self._hears and self._plain is not None:
             self._backlog.add(_rest(self._plain))
         if not self._is_ours and (self._backlog.too_long or self._is_foreign()):
@@ -211,7 +216,7 @@ class Connection(asyncio.Protocol):
     def end(self, failure: Failure) -> None:
         """Send this error, carry out what stops have come by now, and close."""
         if self.closing:  # the last look has come upon something that ends it
-            self._backlog.clear()
+            self._last_look.over = True
             return
         self._house.ended(self.session, failure)
         self.reply(jsonrpc.error(failure))
@@ -230,7 +235,7 @@ class Connection(asyncio.Protocol):
     def _look_for_the_last_time(self, then: Callable[[], None]) -> None:
         self._outbox.shut()
         self._at_last = then
-        self._last_look = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
+        self._last_look_ends = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
         self._take_another_turn()
 
     @property

@@ -28,7 +28,7 @@ WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 class Dispatcher:
     """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have.
 
-    ``hint`` is found in every line for which ``is_early`` can be true, however it is escaped.
+    ``hint`` is found in every line that ``early`` has a method of, however it is escaped.
     """
 
     def __init__(self, methods: Mapping[str, Method], clock: Clock) -> None:
@@ -53,11 +53,13 @@ class Dispatcher:
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
 
-    def is_early(self, session: Session, line: bytes | bytearray) -> bool:
-        """Whether a line need not wait for its turn: a stop, or the token that it takes; ``hint`` is found in it."""
+    def early(self, session: Session, line: bytes | bytearray) -> str | None:
+        """The method of a line that need not wait for its turn: a stop, or the token that it takes; else None."""
         request = self._read(line)
         method = None if isinstance(request, Failure) else self._methods.get(request.method)
-        return method is not None and (method.urgent or (session.role is None and method.role is None))
+        if isinstance(request, Failure) or method is None:
+            return None
+        return request.method if method.urgent or (session.role is None and method.role is None) else None
 
     def is_foreign(self, line: bytes | bytearray) -> bool:
         """Whether a line is of another protocol."""

@@ -19,6 +19,10 @@ DESCRIBE = b'{"jsonrpc":"2.0","id":3,"method":"describe"}\n'
 ESTOP = b'{"jsonrpc":"2.0","id":4,"method":"estop","params":{"reason":"smoke"}}\n'
 ARM = b'{"jsonrpc":"2.0","id":5,"method":"arm"}\n'
 DRIVE = b'{"jsonrpc":"2.0","id":6,"method":"drive","params":{"linear_m_s":%.1f,"angular_rad_s":0}}\n'
+TURN = (
+    b'{"jsonrpc":"2.0","id":7,"method":"set_wheel_velocities",'
+    b'"params":{"name":["left"],"velocity_rad_s":[1.0]}}\n'
+)
 ESTOPPED = ("estop", "smoke")
 BEHIND = b"x" * 5000  # more than the buffer takes before it pauses, and less than twice as much
 
@@ -129,11 +133,11 @@ def test_no_motion_that_was_asked_for_before_a_stop_is_carried_out_after_it() ->
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
-        connection.data_received(DESCRIBE + ARM + DRIVE % 0.1 + PING + STOP + DRIVE % 0.2)
+        connection.data_received(DESCRIBE + ARM + DRIVE % 0.1 + TURN + PING + STOP + DRIVE % 0.2)
         transport.written.clear()
         transport.client_takes(1_000_000)
         assert robot.calls == [("stop",), drove(0.2)]
-        assert kinds(transport) == ["overtaken", "overtaken", "ok", "ok"]
+        assert kinds(transport) == ["overtaken", "overtaken", "overtaken", "ok", "ok"]
 
     run_virtual(scenario())
 
@@ -165,13 +169,13 @@ def test_a_stop_behind_many_requests_is_carried_out_after_one_turn() -> None:
 
 
 def test_looking_for_stops_keeps_the_loop_no_longer_than_serving_does() -> None:
-    """Of 500 lines that merely look like a stop 16 are read in a turn; the stop behind them comes in time."""
+    """Of 500 lines that merely look like a stop 5 are read in a turn of 16; the stop behind them comes in time."""
 
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
         connection.data_received(DESCRIBE + b'{"jsonrpc":"2.0","method":"stop it","x":"stop"}\n' * 500 + STOP)
-        for _turn in range(31):
+        for _turn in range(100):
             assert (robot.calls, transport.is_read) == ([], False)
             await asyncio.sleep(0)
         assert (robot.calls, transport.is_read) == ([("stop",)], True)
@@ -187,8 +191,9 @@ def test_answers_to_stops_that_are_not_read_are_bounded() -> None:
         transport.client_reads = False
         connection.data_received(DESCRIBE)
         before = transport.unread_bytes
-        for _ in range(1000):
-            connection.data_received(STOP * 10)
+        for _ in range(2000):
+            connection.data_received(STOP * 5)
+            await asyncio.sleep(0)
         assert robot.calls == [("stop",)] * 10_000
         assert transport.unread_bytes <= max(before, 2 * 4096 + 100)
 
@@ -333,6 +338,40 @@ def test_what_is_ended_is_not_looked_through_without_end() -> None:
             connection.data_received(b"x" * 65536)
         connection.data_received(b"x")
         assert transport.closed
+
+    run_virtual(scenario())
+
+
+def test_what_is_ended_is_not_worth_any_effort() -> None:
+    """Of the same stop a thousand times one is carried out, and a thousand lines that look like one are enough."""
+
+    async def scenario() -> None:
+        connection, _, robot = connected()
+        connection.data_received(PING * 16 + STOP * 999)
+        connection.connection_lost(None)
+        await asyncio.sleep(1.0)
+        before_the_loss = 5
+        assert len(robot.calls) == before_the_loss + 1
+
+        connection, _, robot = connected()
+        connection.data_received(PING * 16 + b'"stop"\n' * 1100 + STOP)
+        connection.connection_lost(None)
+        await asyncio.sleep(1.0)
+        assert robot.calls == []
+
+    run_virtual(scenario())
+
+
+def test_what_comes_later_is_asked_for_again() -> None:
+    """In a last look, too, a stop that comes after another was carried out is carried out."""
+
+    async def scenario() -> None:
+        connection, _, robot = connected()
+        connection.data_received(PING + b"x" * 5000)
+        await asyncio.sleep(0)
+        connection.data_received(b"\n" + ESTOP + ESTOP)
+        connection.data_received(ESTOP)
+        assert robot.calls == [ESTOPPED] * 2
 
     run_virtual(scenario())
 
