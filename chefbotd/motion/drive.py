@@ -7,6 +7,7 @@ A twist is limited as a twist. Wheels that are each asked for a speed go there e
 come back to a twist, until the wheels of a side turn alike again: no setpoint ever jumps.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -31,6 +32,10 @@ class DriveParameters(Parameters):
     ``response_delay_s`` is by how much the encoders show what the wheels were asked for later than the mean over their
     readings explains: the line both ways, the board's cycle, the motors.
 
+    Wheels behind each other are dragged sideways in a turn: on the spot that takes ``scrub_duty`` of each beyond its
+    friction, and in a curve the share of its way over the ground that is sideways, ``scrub_reach_m`` (half the
+    wheelbase) from the middle.
+
     ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
     slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
     ``regain_per_s`` gives it back.
@@ -39,6 +44,8 @@ class DriveParameters(Parameters):
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
     max_duty: int = Field(default=1023, ge=1, le=32_767)
     response_delay_s: float = Field(default=0.05, ge=0, le=0.5)
+    scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
+    scrub_reach_m: float = Field(default=0.1, gt=0, le=5)
     longest_step_s: float = Field(default=0.1, gt=0, le=1)
     yield_per_s: float = Field(default=2.0, ge=0, le=100)
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
@@ -110,7 +117,8 @@ class Drive:
         if _is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         wheels = zip(self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
-        return replace(state, duty=self._duty([pid.preview(*wheel) for wheel in wheels]))
+        scrub_duty = self._scrub_duty(state)
+        return replace(state, duty=self._duty([pid.preview(*wheel, scrub_duty) for wheel in wheels]))
 
     def regulate(
         self,
@@ -144,7 +152,8 @@ class Drive:
         if led:
             pids, speeds_m_s = _following(pids, led), _following(speeds_m_s, led)
         wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
-        steps = [pid.step(*wheel, dt_s) for wheel in wheels]
+        scrub_duty = self._scrub_duty(state)
+        steps = [pid.step(*wheel, dt_s, scrub_duty) for wheel in wheels]
         outputs = tuple([step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         return DriveState(
@@ -162,7 +171,8 @@ class Drive:
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""
         wheels = zip(self.gains, gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
-        pids = tuple(pid.retune(*wheel) for wheel in wheels)
+        scrub_duty = self._scrub_duty(state)
+        pids = tuple(pid.retune(*wheel, scrub_duty) for wheel in wheels)
         self.gains = gains
         return replace(state, pids=pids)
 
@@ -191,6 +201,14 @@ class Drive:
         """The duty in force per wheel as a share of its range, positive where it pushes forward."""
         wheels = zip(state.duty, self._motor_signs, strict=True)
         return tuple([duty * sign / self._parameters.max_duty for duty, sign in wheels])
+
+    def _scrub_duty(self, state: DriveState) -> float:
+        """What the turn that is asked for adds to each wheel's friction; wheels at odds with their mates have none."""
+        twist = state.limiter.twist
+        if state.loose or not (self._parameters.scrub_duty and twist.angular_rad_s):
+            return 0.0
+        sideways_m_s = abs(twist.angular_rad_s) * self._parameters.scrub_reach_m
+        return self._parameters.scrub_duty * sideways_m_s / math.hypot(twist.linear_m_s, sideways_m_s)
 
     def _ramp(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)

@@ -83,7 +83,7 @@ class Mates:
         return MatesState(rolled_m, asked_m, tuple(led))
 
     def credit(self, state: MatesState, effort: tuple[float, ...]) -> tuple[float, ...]:
-        """The wheels' effort, -1 to 1, at least a half for those left out: little as it was, their mates turned by it."""
+        """The wheels' effort, -1 to 1; at least a half for those left out: small as it was, their mates turned by it."""
         if not state.led:
             return effort
         out = state.left_out

@@ -63,9 +63,16 @@ class PidState:
 RESET = PidState()
 
 
-def feedforward(params: PidParameters, setpoint_m_s: float, acceleration_m_s2: float) -> float:
-    """The duty that a wheel needs to move so, by the motor's model alone; not clamped."""
-    friction = params.ks if setpoint_m_s > 0 else -params.ks if setpoint_m_s < 0 else 0.0
+def feedforward(
+    params: PidParameters, setpoint_m_s: float, acceleration_m_s2: float, scrub_duty: float = 0.0
+) -> float:
+    """The duty that a wheel needs to move so, by the motor's model alone; not clamped.
+
+    ``scrub_duty`` is what overcomes the friction that it has now beyond that of driving straight.
+    """
+    friction = (
+        params.ks + scrub_duty if setpoint_m_s > 0 else -params.ks - scrub_duty if setpoint_m_s < 0 else 0.0
+    )
     return friction + params.kv * setpoint_m_s + params.ka * acceleration_m_s2
 
 
@@ -76,6 +83,7 @@ def step(
     acceleration_m_s2: float,
     measured_m_s: float,
     dt_s: float,
+    scrub_duty: float = 0.0,
 ) -> tuple[PidState, float]:
     """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
 
@@ -83,20 +91,26 @@ def step(
     """
     dt_s = max(dt_s, 0.0)
     seen = _observe(params, state, setpoint_m_s, measured_m_s, dt_s)
-    other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2)
+    other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2, scrub_duty)
     growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * dt_s
     integral_duty = _integrate(params, seen.integral_duty, growth, other_duty + seen.integral_duty, dt_s)
     stepped = replace(seen, integral_duty=integral_duty)
     return stepped, _clamp(other_duty + integral_duty, params.output_limit)
 
 
-def preview(params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float) -> float:
+def preview(
+    params: PidParameters,
+    state: PidState,
+    setpoint_m_s: float,
+    acceleration_m_s2: float,
+    scrub_duty: float = 0.0,
+) -> float:
     """The duty, within the output limit, for a setpoint that changed between encoder frames.
 
     Feedforward and proportional part follow the setpoint at once; integral and derivative wait for the
     encoder.
     """
-    other_duty = _without_integral(params, state, setpoint_m_s, acceleration_m_s2)
+    other_duty = _without_integral(params, state, setpoint_m_s, acceleration_m_s2, scrub_duty)
     return _clamp(other_duty + state.integral_duty, params.output_limit)
 
 
@@ -106,6 +120,7 @@ def retune(
     state: PidState,
     setpoint_m_s: float,
     acceleration_m_s2: float,
+    scrub_duty: float = 0.0,
 ) -> PidState:
     """The state with which new gains put out what the old ones did, as far as the new output limit lets them.
 
@@ -113,16 +128,16 @@ def retune(
     what the derivative put out, if it gets another filter. Where there is nothing to take up, as when both ask for more
     than there is, the state stays as it is. A setpoint of zero lets nothing fade.
     """
-    kept = _clamp(preview(old, state, setpoint_m_s, acceleration_m_s2), new.output_limit)
+    kept = _clamp(preview(old, state, setpoint_m_s, acceleration_m_s2, scrub_duty), new.output_limit)
     most = _integral_limit(new) if new.ki > 0 else 0.0
     is_same_filter = new.derivative_filter_s == old.derivative_filter_s
-    is_kept = kept == preview(new, state, setpoint_m_s, acceleration_m_s2)
+    is_kept = kept == preview(new, state, setpoint_m_s, acceleration_m_s2, scrub_duty)
     if is_kept and is_same_filter and abs(state.integral_duty) <= most:
         return state
     passing_duty = 0.0 if is_same_filter else state.derivative_duty
     derivative_duty = state.derivative_duty - passing_duty
     bare = PidState(0.0, state.measured_m_s, derivative_duty, setpoint_m_s)
-    missing = kept - _without_integral(new, bare, setpoint_m_s, acceleration_m_s2)
+    missing = kept - _without_integral(new, bare, setpoint_m_s, acceleration_m_s2, scrub_duty)
     integral_duty = _clamp(missing - passing_duty, most)
     fading_duty = missing - integral_duty if setpoint_m_s else 0.0
     return replace(bare, integral_duty=integral_duty, fading_duty=fading_duty)
@@ -164,10 +179,12 @@ def _integrate(params: PidParameters, integral: float, growth: float, demand: fl
 
 
 def _without_integral(
-    params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float
+    params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float, scrub_duty: float
 ) -> float:
     """Feedforward, proportional and derivative part, and what fades; not clamped."""
-    other_duty = feedforward(params, setpoint_m_s, acceleration_m_s2) + _fading(state, setpoint_m_s)
+    other_duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty) + _fading(
+        state, setpoint_m_s
+    )
     if state.measured_m_s is None:
         return other_duty
     return other_duty + params.kp * _error(params, setpoint_m_s, state.measured_m_s) + state.derivative_duty

@@ -31,12 +31,11 @@ class WheelWatchParameters(Parameters):
     """When to believe that something is wrong.
 
     A wheel counts as driven above ``driven_duty_share`` of its duty range. It is stalled when it was driven for
-    ``stalled_s`` and turned less than ``turned_rad``; above half of the range time counts with the square of the duty, as
-    a motor that stands heats up. It is reversed when it turned ``reversed_rad`` the wrong way. In a
-    pause suspicion fades: ``forgotten_s`` of it takes all away. After a change of direction a wheel may roll on for
-    ``rolls_on_s``. A refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``;
-    ``jumps`` are too many. So isolated damage on the line passes, at any rate of readings, while up to a fifth of them
-    is refused.
+    ``stalled_s`` and turned less than ``turned_rad``; above half of the range time counts with the square of the duty,
+    as a motor that stands heats up. It is reversed when it turned ``reversed_rad`` the wrong way. In a pause suspicion
+    fades: ``forgotten_s`` of it takes all away. After a change of direction a wheel may roll on for ``rolls_on_s``. A
+    refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``; ``jumps`` are too many.
+    So isolated damage on the line passes, at any rate of readings, while up to a fifth of them is refused.
     """
 
     driven_duty_share: float = Field(default=0.2, gt=0, le=0.5)

@@ -159,6 +159,23 @@ def test_what_feedforward_gets_wrong_is_corrected_within_two_seconds(settings: S
     on_robot(scenario, unguarded(lifted))
 
 
+@pytest.mark.parametrize(
+    ("linear_m_s", "angular_rad_s"), [(0.0, 0.3), (0.1, 0.3), (0.1, 0.5), (0.15, -1.0), (0.2, 1.0)]
+)
+def test_a_curve_is_driven_evenly(settings: Settings, linear_m_s: float, angular_rad_s: float):
+    """From the third second on, for two seconds, neither speed strays from what is asked by more than a tenth."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, linear_m_s, angular_rad_s, 2.0)
+        for _ in range(40):
+            await drive(robot, linear_m_s, angular_rad_s, 0.05)
+            twist = truth(robot).twist
+            assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.1, abs=0.01)
+            assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.1)
+
+    on_robot(scenario, unguarded(settings))
+
+
 def test_too_fast_a_curve_is_slowed_and_not_straightened(settings: Settings):
     """Unguarded, asked for 1 m/s and 2 rad/s, the wheels give less, but the robot still turns with a radius of 0.5 m."""
 

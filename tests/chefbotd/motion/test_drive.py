@@ -315,3 +315,19 @@ def test_a_wheel_that_lags_behind_its_ramp_is_pushed_by_the_lag_alone():
     state = controller.regulate(state, Twist2D(0.2, 0.0), 1.02, (3.0, 3.0), 0.02, measured_over_s=0.04)
     assert state.pids[0].integral_duty - before == pytest.approx(50.0 * 0.05 * 0.02)
     assert state.duty[0] == round(40.0 + 1000.0 * 0.2 + 100.0 * 0.05 + state.pids[0].integral_duty)
+
+
+@pytest.mark.parametrize(
+    ("linear_m_s", "angular_rad_s", "share"),
+    [(0.0, 1.0, 1.0), (0.0, -1.0, 1.0), (0.3, 0.0, 0.0), (0.2, 1.5, 0.6)],
+)
+def test_wheels_that_are_dragged_sideways_get_more(linear_m_s: float, angular_rad_s: float, share: float):
+    """On the spot all of ``scrub_duty``, straight on none; 0.15 m/s sideways at 0.2 m/s ahead: 0.15 / 0.25 of it."""
+    twist = Twist2D(linear_m_s, angular_rad_s)
+    feedforward = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1023.0)
+    plain, dragged = drive(feedforward), drive(feedforward, scrub_duty=100.0, scrub_reach_m=0.1)
+    bare = regulated(plain, plain.at_rest, twist, 2.0, rim_m_s=0.0).duty
+    more = regulated(dragged, dragged.at_rest, twist, 2.0, rim_m_s=0.0).duty
+    assert [abs(a) - abs(b) for a, b in zip(more, bare, strict=True)] == pytest.approx(
+        [100 * share] * 2, abs=1
+    )
