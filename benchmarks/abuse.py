@@ -1,7 +1,8 @@
 """What hostile clients cost: memory, control steps, and the answers of the client that drives meanwhile.
 
 Fourteen shapes of a bad first message, each followed by 100 MB; a thousand connections at once; a crowd that reads
-nothing. All while a well-behaved client drives at 10 Hz and a board sends encoder frames at 50 Hz.
+nothing, and one that floods besides, with what looks like a stop and is none. All while a well-behaved client drives
+at 10 Hz and a board sends encoder frames at 50 Hz.
 
     python -m benchmarks.abuse [--quick]
 """
@@ -56,6 +57,7 @@ def run(*, quick: bool = False) -> Outcome:
     attacks = {name: partial(_shout, *shape, body_mb) for name, shape in SHAPES.items()}
     attacks["a crowd at once"] = partial(_crowd, crowd)
     attacks["a crowd that does not read"] = partial(_deaf, DEAF)
+    attacks["a crowd that floods and does not read"] = partial(_deaf_flood, DEAF)
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
         instrument.start(1 / CYCLE_HZ)
         caller.drive_for(1.0, 0.1, 0.0)
@@ -122,6 +124,32 @@ def _deaf(count: int, port: int) -> None:
             with contextlib.suppress(OSError):
                 client.send(ask + (_CALL + b'"describe"}\n') * 200)
         time.sleep(7.0)
+
+
+def _deaf_flood(count: int, port: int) -> None:
+    """Ask without reading for as fast as it is taken, for three seconds, with new clients for those that are cut off."""
+    flood, over_s = _CALL + b'"introduce","params":{"client":"stop"}}\n', time.monotonic() + 3.0
+    crowd: list[socket.socket] = []
+    while time.monotonic() < over_s:
+        while len(crowd) < count:
+            crowd.append(socket.create_connection(("127.0.0.1", port)))
+            crowd[-1].setblocking(False)
+            crowd[-1].send((_CALL + b'"describe"}\n') * 200)
+        crowd = [client for client in crowd if _goes_on(client, flood * 500)]
+    for client in crowd:
+        client.close()
+
+
+def _goes_on(client: socket.socket, data: bytes) -> bool:
+    """Send what is taken; whether the client is still connected."""
+    try:
+        client.send(data)
+    except BlockingIOError:
+        pass
+    except OSError:
+        client.close()
+        return False
+    return True
 
 
 @contextmanager
