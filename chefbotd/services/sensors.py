@@ -41,16 +41,13 @@ class SensorService:
         self._interpret: dict[type[Any], Callable[[Any], object | None]] = {BatteryCounted: self._charge}
         if ultrasonic_parameters is not None:
             self._interpret[UltrasonicEchoed] = partial(_echo, ultrasonic_parameters)
+        interruptions = (BoardRestarted, LinkClosed) if infrared_parameters else ()
         if infrared_parameters:
-            self._interpret |= {
-                AnalogueCounted: self._glow,
-                BoardRestarted: self._forget,
-                LinkClosed: self._forget,
-            }
+            self._interpret |= {AnalogueCounted: self._glow, **dict.fromkeys(interruptions, self._forget)}
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(_orientation, imu_parameters)
             self._interpret[InertialCounted] = partial(_inertial, imu_parameters)
-        self._inbox: Inbox[Any] = bus.subscribe(*self._interpret)
+        self._inbox: Inbox[Any] = bus.subscribe(*self._interpret, kept=interruptions)
 
     async def run(self) -> None:
         """Interpret until cancelled."""

@@ -15,8 +15,8 @@ from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.sensors import SensorService
 
 
-def interpreted(*raw: object, bare: bool = False) -> list[object]:
-    """What the service publishes for raw readings: a 3.3 V reference behind a divider by 5.
+def interpreted(*raw: object, bare: bool = False, first: tuple[object, ...] = ()) -> list[object]:
+    """What the service publishes for raw readings: a 3.3 V reference behind a divider by 5. ``first`` is taken before.
 
     A ``bare`` robot has nothing but its battery; the other one has infrared sensors on inputs 0 and 3.
     """
@@ -27,7 +27,7 @@ def interpreted(*raw: object, bare: bool = False) -> list[object]:
 
     async def scenario() -> list[object]:
         bus = Bus()
-        inbox = bus.subscribe(events.RangeMeasured, events.ImuMeasured, events.BatteryMeasured)
+        inbox = bus.subscribe(events.RangeMeasured, events.ImuMeasured, events.BatteryMeasured, size=2000)
         service = SensorService(
             bus,
             ultrasonic_parameters=None if bare else UltrasonicParameters(name="front"),
@@ -38,10 +38,11 @@ def interpreted(*raw: object, bare: bool = False) -> list[object]:
             ),
         )
         task = asyncio.create_task(service.run())
-        for event in raw:
-            bus.publish(event)
-        for _ in range(len(raw) + 1):
-            await asyncio.sleep(0)
+        for events_at_once in (first, raw):
+            for event in events_at_once:
+                bus.publish(event)
+            for _ in range(len(events_at_once) + 1):
+                await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         return [inbox.take() for _ in range(len(inbox))]
@@ -97,11 +98,14 @@ def test_a_robot_without_sensors_interprets_its_battery():
     assert battery.stamp_s == 4.0
 
 
-@pytest.mark.parametrize(
+INTERRUPTIONS = pytest.mark.parametrize(
     "interruption",
     [events.BoardRestarted(1.05, "reset"), events.LinkClosed(1.05, "/dev/ttyACM0", "unplugged")],
     ids=["board restarted", "link lost"],
 )
+
+
+@INTERRUPTIONS
 def test_who_was_away_believes_no_near_range_until_a_far_one(interruption: object):
     """2.02 V, 0.297 m, are a number after 1.98 V; not after an interruption, until 0.5 m end the doubt."""
     levels = [volts / 3.3 * 4095 for volts in (1.98, 2.02, 2.02, 2.02, 1.25)]
@@ -110,3 +114,14 @@ def test_who_was_away_believes_no_near_range_until_a_far_one(interruption: objec
     )
     seen = interpreted(far, near, same, interruption, again, gone)
     assert [str(one.status) for one in seen] == ["ok", "ok", "ok", "ambiguous", "ok"]
+
+
+@INTERRUPTIONS
+def test_no_flood_of_readings_hides_an_interruption(interruption: object):
+    """A thousand echoes after it, before the service has a turn: 2.02 V after 1.98 V are still not believed."""
+    far, near = (
+        events.AnalogueCounted(at_s, 0, volts / 3.3 * 4095) for at_s, volts in ((1.0, 1.98), (1.1, 2.02))
+    )
+    flood = [events.UltrasonicEchoed(1.06, 150)] * 1000
+    seen = interpreted(interruption, *flood, near, first=(far,))
+    assert [str(one.status) for one in seen if one.sensor == "left"] == ["ok", "ambiguous"]
