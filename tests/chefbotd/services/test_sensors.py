@@ -120,8 +120,8 @@ def test_who_was_away_believes_no_near_range_until_a_far_one(interruption: objec
 def test_no_flood_of_readings_hides_an_interruption(interruption: object):
     """A thousand echoes after it, before the service has a turn: 2.02 V after 1.98 V are still not believed."""
     far, near = (
-        events.AnalogueCounted(at_s, 0, volts / 3.3 * 4095) for at_s, volts in ((1.0, 1.98), (1.1, 2.02))
+        events.AnalogueCounted(at_s, 0, volts / 3.3 * 4095) for at_s, volts in ((1.0, 1.98), (1.02, 2.02))
     )
-    flood = [events.UltrasonicEchoed(1.06, 150)] * 1000
+    flood = [events.UltrasonicEchoed(1.01, 150)] * 1000
     seen = interpreted(interruption, *flood, near, first=(far,))
     assert [str(one.status) for one in seen if one.sensor == "left"] == ["ok", "ambiguous"]
