@@ -63,9 +63,10 @@ fuzz: $(VENV)/ready
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
 
-# An hour of simulated driving with seeded faults, on the virtual clock.
+# An hour of simulated driving with seeded faults on the virtual clock, with either robot.
 soak: $(VENV)/ready
-	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES)
+	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 chefbot
+	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 khan
 
 # Every fault of docs/safety.md that the simulated robot can have, on both robots, and what it does. CLOCK=virtual leaves out
 # those of the real program, which take real time: what is left is the same in every run.

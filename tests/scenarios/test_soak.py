@@ -1,14 +1,48 @@
-"""A few minutes of the soak; `make soak` drives an hour."""
+"""A few minutes of the soak, and that it can fail; `make soak` drives an hour with each robot."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
+from chefbotd.motion import limits
+from chefbotd.safety import gate, silence
 from tests.scenarios.soak import soak
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_nothing_breaks_in_three_minutes_of_faults(seed: int):
+@pytest.mark.parametrize(("robot", "seed"), [("chefbot", 1), ("chefbot", 2), ("khan", 1)])
+def test_nothing_breaks_in_three_minutes_of_faults(robot: str, seed: int):
     """Seeded faults at random: no motion while disarmed, setpoints within limits, odometry near the truth."""
-    report = soak(3.0, seed)
+    report = soak(3.0, seed, robot)
     assert report.control_steps > 2000
     assert report.faults.total() > 5
     assert report.travelled_m > 3.0
+
+
+def always_armed(check: Callable[..., Any]) -> Callable[..., Any]:
+    """The gate without its modes."""
+    return lambda parameters, state, *rest: check(parameters, replace(state, mode=gate.Mode.ARMED), *rest)
+
+
+@pytest.mark.parametrize(
+    ("module", "broken", "complaint"),
+    [
+        (
+            gate,
+            {"accept": always_armed(gate.accept), "decide": always_armed(gate.decide)},
+            "on the wire while|because it was armed",
+        ),
+        (silence, {"is_stale": lambda params, state, now_s: False}, "drives without being able to see"),
+        (limits, {"advance": lambda axis, speed, rate, aim, dt_s: (aim, 0.0)}, "setpoint changed by"),
+    ],
+    ids=["modes", "encoders", "ramps"],
+)
+def test_what_does_not_hold_is_told(
+    monkeypatch: pytest.MonkeyPatch, module: object, broken: dict[str, object], complaint: str
+):
+    """A gate that moves a disarmed robot, blind driving, setpoints that jump: each ends the soak and is named."""
+    for name, function in broken.items():
+        monkeypatch.setattr(module, name, function)
+    with pytest.raises(AssertionError, match=complaint):
+        soak(10.0, 1)
