@@ -4,9 +4,11 @@ Three modes. ``ARMED``: the highest live command is followed. ``DISARMED``: a fa
 pressed stop in earnest. The latter two brake at once and end only with ``arm``.
 
 Two times end a command, as a multiplexer's and a drive controller's do in a classic stack. Its source's ``timeout_s`` is
-for how long it keeps lower sources out. The dead-man's ``command_timeout_s`` is for how long the winning command moves
-the robot, which comes to rest then, rather than change its driver for one that it did not wait for. What feeds the
-dead-man is commands, never a heartbeat.
+for how long it is live, which keeps lower sources out; the dead-man's ``command_timeout_s`` is for how long any command
+moves the robot. So a command moves it until the first of the two. If that is the dead-man's, the robot brakes, and no
+lower source drives before ``timeout_s``; if it is the source's, the highest one that is still live takes over at once,
+through the motion limits, and without one the robot brakes. That a silent driver is why it brakes is told until the
+second of the two has passed. What feeds either time is commands, never a heartbeat.
 """
 
 from collections.abc import Mapping
@@ -27,7 +29,7 @@ from chefbotd.safety.wheels import WheelWatchParameters
 
 
 class SourceParameters(Parameters):
-    """One source of velocity commands: 0 (weakest) to 255, and for how long its last command keeps lower ones out."""
+    """One source of velocity commands: 0 (weakest) to 255, and for how long its last command is live."""
 
     priority: int = Field(ge=0, le=255)
     timeout_s: float = Field(gt=0, le=10)
@@ -140,7 +142,7 @@ HALT = Decision(STANDING, None, halted=True)
 COME_TO_REST = Decision(STANDING, None, halted=False)
 
 DEAD_MAN = "dead_man"
-"""What limits a command that is too old to be followed, while its source still keeps lower ones out."""
+"""What limits a command that is too old to be followed, until it is past its source's time-out as well."""
 
 _REFUSALS = {Mode.DISARMED: RefusalKind.DISARMED, Mode.ESTOPPED: RefusalKind.ESTOPPED}
 
@@ -187,17 +189,23 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
 
 
 def decide(parameters: SafetyParameters, state: GateState, now_s: float) -> Decision:
-    """The highest live command wins; of two with the same priority, the newer. One past the dead-man moves nothing."""
+    """The highest live command wins; of two with the same priority, the newer. One past the dead-man moves nothing.
+
+    Without a live one, a command whose source has timed out before the dead-man did is what the robot brakes for.
+    """
     if state.mode is not Mode.ARMED:
         return HALT
     winner: Command | None = None
-    rank = (-1, 0.0)
+    rank = (False, -1, 0.0)
     for command in state.commands:
-        source = parameters.sources[command.source]
-        if now_s - command.stamp_s <= source.timeout_s and (source.priority, command.stamp_s) > rank:
-            winner, rank = command, (source.priority, command.stamp_s)
+        source, age_s = parameters.sources[command.source], now_s - command.stamp_s
+        if age_s > source.timeout_s and age_s > parameters.command_timeout_s:
+            continue
+        candidate = (age_s <= source.timeout_s, source.priority, command.stamp_s)
+        if winner is None or candidate > rank:
+            winner, rank = command, candidate
     if winner is None:
         return COME_TO_REST
-    if now_s - winner.stamp_s > parameters.command_timeout_s:
+    if not rank[0] or now_s - winner.stamp_s > parameters.command_timeout_s:
         return Decision(STANDING, winner.source, halted=False, limited_by=DEAD_MAN)
     return Decision(winner.motion, winner.source, halted=False)

@@ -39,10 +39,8 @@ def pairs() -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("robot_name", "higher", "lower"), pairs())
-def test_a_silent_source_stops_the_robot_first_and_lets_others_drive_later(
-    robot_name: str, higher: str, lower: str
-):
-    """One message by the higher source, the lower at 20 Hz: the dead-man, then its own time-out, then on."""
+def test_a_silent_source_keeps_lower_ones_out_until_its_time_out(robot_name: str, higher: str, lower: str):
+    """One message by the higher source, the lower at 20 Hz: the dead-man, if it is sooner, the time-out, then on."""
     settings = load(packaged(robot_name))
     moves_s, keeps_s = settings.safety.command_timeout_s, settings.safety.sources[higher].timeout_s
 
@@ -65,6 +63,26 @@ def test_a_silent_source_stops_the_robot_first_and_lets_others_drive_later(
         assert moves_s <= stopped_s <= moves_s + TICK_S
 
     on_robot(settings, scenario)
+
+
+def test_a_handover_in_mid_motion_goes_through_zero_within_the_limits():
+    """ChefBot's safety backs up and falls silent for 0.2 s: navigation turns the robot round at 1 m/s2, no faster."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        loop, driven = asyncio.get_running_loop(), robot.daemon.bus.subscribe(WheelsDriven, size=1000)
+        began_s = loop.time()
+        while loop.time() < began_s + 1.5:
+            if loop.time() < began_s + 0.5:
+                await robot.client.drive(-0.2, 0.0, "safety")
+            await robot.client.drive(0.2, 0.0, "navigation")
+            await asyncio.sleep(0.05)
+        events = [driven.take() for _ in range(len(driven))]
+        setpoints = [(e.stamp_s, e.target_rad_s[0] * 0.045) for e in events if e.stamp_s > began_s + 0.4]
+        assert (setpoints[0][1], setpoints[-1][1]) == (pytest.approx(-0.2), pytest.approx(0.2))
+        for (before_s, before_m_s), (after_s, after_m_s) in pairwise(setpoints):
+            assert abs(after_m_s - before_m_s) <= 1.0 * (after_s - before_s) + 0.005
+
+    on_robot(load(packaged("chefbot")), scenario)
 
 
 @pytest.mark.parametrize("source", ["joystick", "marker", "move_base", "external"])

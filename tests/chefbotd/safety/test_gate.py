@@ -173,6 +173,76 @@ def test_a_source_keeps_lower_ones_out_until_its_own_timeout():
         assert (decision.source, decision.motion) == (source, motion), now_s
 
 
+SHORT, LONG = 0.2, 0.5
+GONE = (None, STANDING, None)
+HIGH, LOW = ("high", FAST, None), ("low", SLOW, None)
+HIGH_BRAKES, LOW_BRAKES = ("high", STANDING, DEAD_MAN), ("low", STANDING, DEAD_MAN)
+
+
+@pytest.mark.parametrize(
+    ("dead_man_s", "timeout_s", "high_age_s", "low_age_s", "expected"),
+    [
+        # The dead-man is the shorter time: the robot brakes from 0.2 s, and the lower source waits for 0.5 s.
+        (SHORT, LONG, 0.2, None, HIGH),
+        (SHORT, LONG, 0.2, 0.0, HIGH),
+        (SHORT, LONG, 0.21, None, HIGH_BRAKES),
+        (SHORT, LONG, 0.5, 0.0, HIGH_BRAKES),
+        (SHORT, LONG, 0.51, None, GONE),
+        (SHORT, LONG, 0.51, 0.0, LOW),
+        (SHORT, LONG, 0.51, 0.21, LOW_BRAKES),
+        (SHORT, LONG, 0.51, 0.51, GONE),
+        # The source's time-out is the shorter: who is still live takes over at once; without one it is the dead-man.
+        (LONG, SHORT, 0.2, None, HIGH),
+        (LONG, SHORT, 0.2, 0.0, HIGH),
+        (LONG, SHORT, 0.21, None, HIGH_BRAKES),
+        (LONG, SHORT, 0.21, 0.0, LOW),
+        (LONG, SHORT, 0.21, 0.2, LOW),
+        (LONG, SHORT, 0.21, 0.21, HIGH_BRAKES),
+        (LONG, SHORT, 0.5, None, HIGH_BRAKES),
+        (LONG, SHORT, 0.5, 0.0, LOW),
+        (LONG, SHORT, 0.51, 0.21, LOW_BRAKES),
+        (LONG, SHORT, 0.51, None, GONE),
+        (LONG, SHORT, 0.51, 0.0, LOW),
+        (LONG, SHORT, 0.51, 0.51, GONE),
+        # Both are the same: there is nothing between them.
+        (SHORT, SHORT, 0.2, None, HIGH),
+        (SHORT, SHORT, 0.2, 0.0, HIGH),
+        (SHORT, SHORT, 0.21, None, GONE),
+        (SHORT, SHORT, 0.21, 0.0, LOW),
+    ],
+)
+def test_who_drives_before_and_after_each_time(
+    dead_man_s: float,
+    timeout_s: float,
+    high_age_s: float,
+    low_age_s: float | None,
+    expected: tuple[str | None, Twist2D, str | None],
+):
+    """By the age of the last word of each source (None: it never spoke): who drives, how, and limited by what."""
+    sources = {
+        name: SourceParameters(priority=priority, timeout_s=timeout_s)
+        for name, priority in (("high", 2), ("low", 1))
+    }
+    parameters = SafetyParameters(sources=sources, default_source="low", command_timeout_s=dead_man_s)
+    commands = [Command("high", FAST, 1.0 - high_age_s)]
+    if low_age_s is not None:
+        commands.append(Command("low", SLOW, 1.0 - low_age_s))
+    decision = decide(parameters, GateState(commands=tuple(commands)), 1.0 - 1e-9)
+    assert (decision.source, decision.motion, decision.limited_by) == expected
+    assert not decision.halted
+
+
+def test_a_source_that_is_out_sooner_than_the_dead_man_stops_the_robot_and_says_why():
+    """command_timeout_s 2.0 and teleop's 1.0 s: it brakes after 1.0 s, as dead_man until 2.0 s are over."""
+    parameters = SafetyParameters(command_timeout_s=2.0)
+    state = GateState(commands=(Command("teleop", FAST, 0.0),))
+    for now_s in (1.001, 2.0):
+        assert decide(parameters, state, now_s) == Decision(
+            STANDING, "teleop", halted=False, limited_by=DEAD_MAN
+        )
+    assert decide(parameters, state, 2.001) == COME_TO_REST
+
+
 def test_each_of_khans_sources_keeps_the_lower_ones_out_for_half_a_second():
     """Joystick 10, marker 8, move_base 2, external 1: each moves it for 0.25 s, and holds it for 0.5 s."""
     parameters = load(packaged("khan")).safety
