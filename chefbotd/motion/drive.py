@@ -56,6 +56,9 @@ T = TypeVar("T")
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
 
+STICTION = 1.3
+"""A wheel that stands takes up to this many times the friction of one that turns to break loose."""
+
 LAGGING_M_S = 0.02
 """A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
 
@@ -198,9 +201,15 @@ class Drive:
         return tuple([v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True)])
 
     def effort(self, state: DriveState) -> tuple[float, ...]:
-        """The duty in force per wheel as a share of its range, positive where it pushes forward."""
+        """The duty in force per wheel, less what scrubbing may take, as a share of its range; positive pushes forward."""
+        scrub_duty = STICTION * self._scrub_duty(state)
         wheels = zip(state.duty, self._motor_signs, strict=True)
-        return tuple([duty * sign / self._parameters.max_duty for duty, sign in wheels])
+        return tuple(
+            [
+                math.copysign(max(0.0, abs(duty) - scrub_duty), duty * sign) / self._parameters.max_duty
+                for duty, sign in wheels
+            ]
+        )
 
     def _scrub_duty(self, state: DriveState) -> float:
         """What the turn that is asked for adds to each wheel's friction; wheels at odds with their mates have none."""

@@ -51,6 +51,20 @@ def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
     run_virtual(scenario())
 
 
+@pytest.mark.parametrize("motion", [(0.05, 0.3), (0.1, 1.0)])
+def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, float]):
+    """KHAN's inner wheels are hardly asked to turn and dragged sideways: twelve seconds without a fault."""
+
+    async def scenario() -> None:
+        settings = load(packaged("khan"), overrides={"safety.guard.enabled": False})
+        async with simulated_robot(settings) as robot:
+            await asyncio.sleep(1.0)
+            await rock(robot, motion, 60.0, 12.0)
+            assert (await fault_of(robot))[0] is None
+
+    run_virtual(scenario())
+
+
 @pytest.mark.parametrize("robot_name", ROBOTS)
 def test_a_healthy_robot_may_creep(robot_name: str):
     """So slowly that friction holds it up first, ahead at 1 cm/s and in place at 0.05 and 0.1 rad/s: nothing latches."""

@@ -331,3 +331,12 @@ def test_wheels_that_are_dragged_sideways_get_more(linear_m_s: float, angular_ra
     assert [abs(a) - abs(b) for a, b in zip(more, bare, strict=True)] == pytest.approx(
         [100 * share] * 2, abs=1
     )
+
+
+def test_effort_is_what_is_pushed_beyond_scrubbing():
+    """On the spot at 0.3 m/s of the rims: 40 + 300 + 100 of 1000; less 1.3 times the 100 that scrubbing takes: 0.31."""
+    gains = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1000.0)
+    controller = drive(gains, scrub_duty=100.0, scrub_reach_m=0.1, max_duty=1000)
+    state = regulated(controller, controller.at_rest, Twist2D(0.0, 2.0), 2.0, rim_m_s=0.0)
+    assert state.duty == (-440, -440)
+    assert controller.effort(state) == pytest.approx((-0.31, 0.31))
