@@ -27,6 +27,9 @@ REMARKS = (
     "After kill -9, a crash, and while a cable is pulled, the motors run on: only firmware with a dead-man stops them.",
 )
 
+PAGE_COLUMNS = 132
+"""Where there is no terminal that says how wide it is."""
+
 
 class Part(NamedTuple):
     """A table of faults with a ``row``, a ``name`` and ``robots``, and how one of them is tried on a robot."""
@@ -116,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = _parser().parse_args(arguments)
     began_s = time.monotonic()
     results = list(run(chosen.robot or ROBOTS, lambda name: chosen.only in name, CLOCKS[chosen.clock]))
-    figures, console = totals(results), Console()
+    figures, console = totals(results), Console(width=None if sys.stdout.isatty() else PAGE_COLUMNS)
     console.print(table(results))
     for line in (*(f"{name}: {value}" for name, value in figures.items()), *REMARKS):
         console.print(line, highlight=False)

@@ -9,6 +9,7 @@ from functools import partial
 from chefbotd.client import Client
 from chefbotd.core.events import SafetyChanged
 from chefbotd.settings import load, packaged
+from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, latched
 from tests.scenarios.trial import Expected, Fault, Inject, Trial
 from tests.scenarios.wires import (
@@ -39,6 +40,21 @@ async def rewired(kind: bytes, rewrite: Rewrite, trial: Trial) -> AsyncIterator[
 def broken_encoder(broken: Callable[[], Rewrite]) -> Inject:
     """This encoder counts wrongly."""
     return lambda trial: rewired(b"e", broken(), trial)
+
+
+@asynccontextmanager
+async def rocked(index: int, period_s: float, trial: Trial) -> AsyncIterator[None]:
+    """This encoder is unplugged while the driver changes his mind again and again."""
+    turns = itertools.count()
+    every = max(1, round(period_s / 2 / PERIOD_S))
+
+    async def rock(client: Client) -> None:
+        way = 1 if next(turns) // every % 2 else -1
+        await client.drive(way * trial.driver.twist[0], 0.0)
+
+    trial.driver.says = rock
+    async with rewired(b"e", frozen(index), trial):
+        yield
 
 
 def swapped_encoders(trial: Trial) -> AbstractAsyncContextManager[None]:
@@ -147,6 +163,17 @@ FAULTS = (
         )
         for wheel in range(4)
         for row, what, broken, expected in BROKEN_ENCODERS
+    ),
+    *(
+        Fault(
+            "Wheel blocked",
+            f"encoder unplugged, rocked every {period_s:g} s",
+            partial(rocked, 0, period_s),
+            latched("wheel_stalled", 3.0),
+            lasts_s=8.0,
+            on_wire=True,
+        )
+        for period_s in (0.4, 1.0, 2.0)
     ),
     *(
         Fault(
