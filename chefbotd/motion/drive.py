@@ -201,7 +201,7 @@ class Drive:
         return tuple([v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True)])
 
     def effort(self, state: DriveState) -> tuple[float, ...]:
-        """The duty in force per wheel, less what scrubbing may take, as a share of its range; positive pushes forward."""
+        """The duty in force per wheel, less what scrubbing may take, as a share of the range; forward is positive."""
         scrub_duty = STICTION * self._scrub_duty(state)
         wheels = zip(state.duty, self._motor_signs, strict=True)
         return tuple(
