@@ -128,6 +128,8 @@ class Connection(asyncio.Protocol):
         """Carry out the stops that wait, before their turn or, at the end, instead of it; whether there may be more."""
         if self.session.role is None and not self.closing:
             return False  # the token comes first
+        if self.closing and not self._is_ours:
+            self._judge_first_line()
         line, lines = None, self._house.parameters.requests_per_turn
         for _ in range(lines if self.closing else 1 + lines // SERVED_PER_LOOK):
             line = self._backlog.find()
@@ -140,6 +142,12 @@ class Connection(asyncio.Protocol):
             self._backlog.clear()
             self._hears = False
         return line is not None
+
+    def _judge_first_line(self) -> None:
+        """Who begins with another protocol is not listened to, also when its connection ends for another reason."""
+        foreign = self._house.dispatcher.is_foreign(self._backlog.first())
+        self._last_look.over = self._last_look.over or foreign or self._backlog.too_long
+        self._is_ours = bool(self._backlog) and not self._backlog.unfinished
 
     def _look_at(self, line: bytearray) -> None:
         dispatcher = self._house.dispatcher
@@ -190,17 +198,12 @@ class Connection(asyncio.Protocol):
         self._outbox.lost()
         if self._last_look_ends is not None:
             self._last_look_ends.cancel()
-        if self._hears and self._plain is not None:
-            self._backlog.add(_rest(self._plain))
-        if not self._is_ours and (self._backlog.too_long or self._is_foreign()):
-            self._backlog.clear()
+        if self._hears:
+            self._backlog.add(self._rest())
         self._house.farewell(self)
         self._hears, self._at_last = False, None
         self._backlog.finish()
         self._take_another_turn()
-
-    def _is_foreign(self) -> bool:
-        return self._house.dispatcher.is_foreign(self._backlog.first())
 
     def _give_up(self) -> None:
         """The client reads nothing: it would not read an error either."""
@@ -213,8 +216,8 @@ class Connection(asyncio.Protocol):
         else:
             self._look_for_the_last_time(self.abort)
 
-    def end(self, failure: Failure) -> None:
-        """Send this error, carry out what stops have come by now, and close."""
+    def end(self, failure: Failure, *, at_once: bool = False) -> None:
+        """Send this error, carry out what stops have come by now, or come while it is read, and close."""
         if self.closing:  # the last look has come upon something that ends it
             self._last_look.over = True
             return
@@ -223,7 +226,7 @@ class Connection(asyncio.Protocol):
         if self._is_hopeless(failure):
             self.close()
         else:
-            self._look_for_the_last_time(self.close)
+            self._look_for_the_last_time(self.close, at_once)
 
     def _is_hopeless(self, failure: Failure) -> bool:
         """Whether a client that is ended for this may not stop the robot either: a web page, or one without a token."""
@@ -232,11 +235,22 @@ class Connection(asyncio.Protocol):
         endless = kind is ErrorKind.REQUEST_TOO_LARGE and not self._is_ours
         return foreign or endless or (kind is ErrorKind.WRONG_TOKEN and self.session.role is None)
 
-    def _look_for_the_last_time(self, then: Callable[[], None]) -> None:
+    def _look_for_the_last_time(self, then: Callable[[], None], at_once: bool = False) -> None:
         self._outbox.shut()
         self._at_last = then
-        self._last_look_ends = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
-        self._take_another_turn()
+        if at_once:
+            self._backlog.add(self._rest())
+            self._hear_no_more()
+        else:
+            self._last_look_ends = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
+            self._take_another_turn()
+
+    def _rest(self) -> bytes:
+        """What the kernel holds, and Linux even after a reset; through TLS it says nothing."""
+        try:
+            return b"" if self._plain is None else self._plain.recv(LAST_LOOK_BYTES)
+        except OSError:  # it holds nothing, or has been closed
+            return b""
 
     @property
     def closing(self) -> bool:
@@ -253,11 +267,3 @@ class Connection(asyncio.Protocol):
         """Close now."""
         self._hears = False
         self._transport.abort()
-
-
-def _rest(connected: socket.socket) -> bytes:
-    """What the kernel still holds of a client that is gone: Linux keeps that, even after a reset."""
-    try:
-        return connected.recv(LAST_LOOK_BYTES)
-    except OSError:  # it holds nothing, or has been closed
-        return b""

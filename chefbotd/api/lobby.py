@@ -91,7 +91,7 @@ class Lobby:
         failure = Failure(ErrorKind.TOO_MANY_CLIENTS, "gave way to a newcomer")
         connection, break_off = self._sessions[session], self._handshakes.get(session)
         if connection is not None:
-            connection.end(failure)
+            connection.end(failure, at_once=True)
         elif break_off is not None:
             self.ended(session, failure)
             self.leave(session)

@@ -4,6 +4,8 @@ import asyncio
 import json
 import socket
 
+import pytest
+
 from chefbotd.api.connection import Connection
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.session import Session
@@ -32,13 +34,13 @@ def drove(linear_m_s: float) -> tuple[object, ...]:
     return ("drive", "teleop", Twist2D(linear_m_s, 0.0))
 
 
-def connected() -> tuple[Connection, FakeTransport, FakeRobot]:
+def connected(plain: socket.socket | None = None) -> tuple[Connection, FakeTransport, FakeRobot]:
     """A greeted connection to a fake robot; one turn is 16 requests, and ``describe`` overfills the buffer."""
     server, robot, _ = new_server(requests_per_turn=16, write_buffer_bytes=4096)
     transport = FakeTransport()
     session = server.lobby.admit("127.0.0.1", 50000, 9)
     assert isinstance(session, Session)
-    connection = Connection(server.lobby, session)
+    connection = Connection(server.lobby, session, plain)
     transport.pause_writing = connection.pause_writing
     transport.resume_writing = connection.resume_writing
     connection.connection_made(transport)
@@ -358,6 +360,38 @@ def test_what_is_ended_is_not_worth_any_effort() -> None:
         connection.connection_lost(None)
         await asyncio.sleep(1.0)
         assert robot.calls == []
+
+    run_virtual(scenario())
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+@pytest.mark.parametrize(
+    ("first", "calls"),
+    [
+        (b"", [ESTOPPED]),
+        (b"oops\n", [ESTOPPED]),
+        (b"POST / HTTP/1.1\r\n\r\n", []),
+        (b"GET /" + b"x" * 5000 + b" HTTP/1.1\r\n\r\n", []),
+    ],
+)
+def test_a_last_look_at_who_has_not_spoken_yet(
+    first: bytes, calls: list[tuple[object, ...]], at_once: bool
+) -> None:
+    """A web page that comes when its connection is being ended cannot stop the robot either; others can."""
+
+    async def scenario() -> None:
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            ours.setblocking(False)
+            connection, transport, robot = connected(ours)
+            if at_once:
+                theirs.send(first + ESTOP)
+            connection.end(Failure(ErrorKind.TIMED_OUT, "too slow"), at_once=at_once)
+            for i in range(0 if at_once else len(first + ESTOP)):
+                await asyncio.sleep(0)
+                connection.data_received((first + ESTOP)[i : i + 1])
+        await asyncio.sleep(0.3)
+        assert (robot.calls, transport.closed) == (calls, True)
 
     run_virtual(scenario())
 

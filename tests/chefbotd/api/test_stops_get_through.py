@@ -11,6 +11,7 @@ import pytest
 import uvloop
 from structlog.testing import capture_logs
 
+from chefbotd.api.session import Session
 from chefbotd.clock import run_virtual
 from tests.chefbotd.api.test_guarded import GUARD, TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, serving
@@ -191,6 +192,22 @@ def test_behind_what_ends_the_connection(run: Run, offence: bytes) -> None:
             assert await until(lambda: served.server.clients == 0, 1.0)
 
     serve(run, scenario, requests_per_s=10.0, requests_burst=20)
+
+
+@BOTH_LOOPS
+def test_from_a_client_that_makes_way(run: Run) -> None:
+    """Whose place a newcomer needs is out of it at once, since descriptors are scarce, and its stop is carried out."""
+
+    async def scenario(served: Served) -> None:
+        async with raw_client(served), raw_client(served) as client:
+            client.send(ESTOP)
+            assert isinstance(served.server.lobby.admit("127.0.0.2", 50000, 9), Session)
+            assert estopped(served)
+            await asyncio.sleep(0.01)
+            assert b"gave way" in client.recv(10_000)
+            assert client.recv(1) == b""
+
+    serve(run, scenario, max_clients=1, stop_places=1)
 
 
 def test_what_a_dead_client_asked_for_otherwise_is_not_done() -> None:
