@@ -42,6 +42,16 @@ class Description:
         if problem := _problem_of_tree(self._model, self._root):
             raise DescriptionError(f"{path}: not a URDF: {problem}")
 
+    def inertias(self) -> dict[str, tuple[float, Matrix]]:
+        """By link: its mass in kg, and its 3 x 3 inertia about its centre of mass in kg m2, where it has any."""
+        found = {}
+        for link in self._model.links:
+            if link.inertial is not None:
+                inertia = link.inertial.inertia
+                tensor = np.zeros((3, 3)) if inertia is None else np.array(inertia.to_matrix(), dtype=float)
+                found[link.name] = (float(link.inertial.mass), tensor)
+        return found
+
     def wheel_names(self) -> list[str]:
         """The joints that turn without end."""
         return [joint.name for joint in self._model.joints if joint.type == "continuous"]

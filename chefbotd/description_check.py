@@ -1,4 +1,4 @@
-"""The robot's description held against its configuration, joint by joint.
+"""The robot's description held against its configuration, joint by joint, and against what a body can be.
 
 Compared are the numbers that can be measured on the robot: radii, ``track_width_m`` and mounts. The multipliers of a
 calibration (``track_multiplier``, ``left_radius_multiplier``) say how its wheels behave, and change no description.
@@ -7,6 +7,8 @@ calibration (``track_multiplier``, ``left_radius_multiplier``) say how its wheel
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+import numpy as np
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.description import Description
@@ -18,6 +20,9 @@ ALLOWED_M = 0.0005
 
 ALLOWED_RAD = 0.005
 """A quarter of a degree: angles are written by hand as well."""
+
+ALLOWED_SHARE = 0.01
+"""Of the moments of inertia, for a flat disc whose numbers were rounded."""
 
 LEFTWARDS = (0.0, 1.0, 0.0)
 """A wheel that turns positively about this axis rolls forward, as positive speeds do, whatever its wiring is."""
@@ -35,7 +40,11 @@ class Mount:
 
 def differences(description: Description, settings: Settings) -> list[str]:
     """What the two do not agree on: a line each, with the joint, the value found and the one expected."""
-    return [*_wheels(description, settings.chassis), *_sensors(description, settings)]
+    return [
+        *_bodies(description),
+        *_wheels(description, settings.chassis),
+        *_sensors(description, settings),
+    ]
 
 
 def mounts(settings: Settings) -> list[Mount]:
@@ -54,6 +63,18 @@ def mounts(settings: Settings) -> list[Mount]:
         heading = Pose2D(heading_rad=settings.imu.mount_heading_rad)
         found.append(Mount("imu_joint", "imu", heading, placed=False))
     return found
+
+
+def _bodies(description: Description) -> Iterator[str]:
+    """Of the three principal moments none is larger than the two others together: they share the same mass."""
+    for link, (mass_kg, inertia_kg_m2) in description.inertias().items():
+        if not mass_kg > 0:
+            yield f"{link}: the mass is {mass_kg:g} kg, expected more than 0"
+            continue
+        small, middle, large = np.linalg.eigvalsh(inertia_kg_m2)
+        if not small > 0 or large > (small + middle) * (1 + ALLOWED_SHARE):
+            moments = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m2"
+            yield f"{link}: the moments of inertia are {moments}, which no body has: each is less than the others' sum"
 
 
 def _wheels(description: Description, chassis: ChassisParameters) -> Iterator[str]:

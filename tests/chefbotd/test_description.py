@@ -337,3 +337,34 @@ def test_a_daemon_without_a_description_runs_and_says_so(named: Path | None) -> 
     settings = load()
     robot = settings.robot.model_copy(update={"description": named})
     assert served(settings.model_copy(update={"robot": robot})) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            'izz="0.02706"',
+            'izz="0.03"',
+            "base_link: the moments of inertia are 0.00566, 0.02297 and 0.03 kg m2, which no body has",
+        ),
+        ('ixx="0.00566"', 'ixx="0"', "base_link: the moments of inertia are 0, 0.02297 and 0.02706 kg m2"),
+        (
+            '<mass value="2.6"/>',
+            '<mass value="-2.6"/>',
+            "base_link: the mass is -2.6 kg, expected more than 0",
+        ),
+    ],
+)
+def test_a_link_that_no_body_can_be_is_told(spoilt: Path, old: str, new: str, told: str) -> None:
+    """Of three moments of inertia two together are at least the third, none is zero, and no mass is negative."""
+    (problem,) = differences(spoil(spoilt, old, new), KHAN)
+    assert problem.startswith(told)
+
+
+@pytest.mark.parametrize("robot", ["chefbot", "khan"])
+def test_inertias_are_those_of_the_shapes(robot: str) -> None:
+    """ChefBot's body, a cylinder of 5.6 kg: 5.6 * 0.18^2 / 2; KHAN's, a box of 2.6 kg: 2.6 / 12 * (0.32^2 + 0.15^2)."""
+    upright = {"chefbot": 5.6 * 0.18**2 / 2, "khan": 2.6 / 12 * (0.32**2 + 0.15**2)}[robot]
+    mass_kg, inertia_kg_m2 = Description(urdf_of(robot)).inertias()["base_link"]
+    assert mass_kg == {"chefbot": 5.6, "khan": 2.6}[robot]
+    assert inertia_kg_m2[2, 2] == pytest.approx(upright, rel=0.005)
