@@ -8,9 +8,11 @@ import pytest
 
 from chefbotd.api.connection import Connection
 from chefbotd.api.jsonrpc import ErrorKind, Failure
+from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.session import Session
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
+from tests.chefbotd.api.test_urgent import STOPS
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
 from tests.fakes.transport import FakeTransport
@@ -125,6 +127,22 @@ def test_a_stop_does_not_wait_for_a_client_that_is_behind() -> None:
         assert robot.calls == [ESTOPPED, ("stop",)]
         transport.client_takes(1_000_000)
         assert [json.loads(line)["id"] for line in transport.written[1:]] == [4, 2, 1]
+
+    run_virtual(scenario())
+
+
+IN_LINES = [line for line in STOPS if len(line) <= ApiParameters().max_request_bytes]
+
+
+@pytest.mark.parametrize("line", [*IN_LINES, b'{"\\u006dethod":"\\u0073t\\u006fp"}'])
+def test_a_stop_in_any_form_does_not_wait(line: bytes) -> None:
+    """However bad its form, or hidden in escapes, it is seen among what waits."""
+
+    async def scenario() -> None:
+        connection, transport, robot = connected()
+        transport.client_reads = False
+        connection.data_received(DESCRIBE + PING + line + b"\r\n" + PING)
+        assert robot.calls == [("stop",)]
 
     run_virtual(scenario())
 
