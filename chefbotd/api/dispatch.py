@@ -72,7 +72,7 @@ class Dispatcher:
 
     def _urgent_in(self, line: bytes | bytearray) -> Request | None:
         """A request to stop, in a line that was refused for its form."""
-        request = urgent.read_leniently(line)
+        request = urgent.read_leniently(line) if self.hint.search(line) is not None else None
         method = self._methods.get(request.method) if request is not None else None
         return request if method is not None and method.urgent else None
 

@@ -154,8 +154,8 @@ def _decode(line: bytes | bytearray) -> object:
 def _depth(line: bytes | bytearray) -> int:
     """How deep the brackets outside of strings are nested, for any bytes."""
     depth = deepest = 0
-    for bracket in re.findall(rb"[\[{\]}]", re.sub(rb'"(?:[^"\\]|\\.)*"', b"", line)):
-        depth += 1 if bracket in b"[{" else -1
+    for run in _RUNS_OF_BRACKETS.findall(_STRING.sub(b"", line)):
+        depth += len(run) if run[0] in b"[{" else -len(run)
         deepest = max(deepest, depth)
     return deepest
 
@@ -197,6 +197,10 @@ _DECODER = json.JSONDecoder(
     parse_int=_bounded_int,
     parse_constant=_refuse_constant,
 )
+
+_STRING = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
+"""Possessive, and its end optional: a string without an end is the whole rest, in one pass."""
+_RUNS_OF_BRACKETS = re.compile(rb"[\[{]+|[\]}]+")
 
 _MEMBERS = {"jsonrpc", "id", "method", "params"}
 

@@ -5,6 +5,7 @@ have understood and not obeyed. So what the strict reading refuses is read once 
 """
 
 import json
+import re
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
@@ -14,6 +15,9 @@ from chefbotd.api.requests import Params
 
 MAX_REASON_CHARACTERS = 200
 NO_REASON = "asked by a client"
+
+_STRINGS_AND_BRACKETS = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[{]+|[\]}]', re.DOTALL)
+_COMMA_AT_THE_END = re.compile(r",\s*\}\s*\Z")
 
 
 class StopParams(Params):
@@ -44,10 +48,7 @@ def read_leniently(line: bytes | bytearray) -> Request | None:
 
     What cannot be an id is answered as null. Never raises, whatever the bytes.
     """
-    try:
-        message = json.loads(line.decode(errors="replace"), parse_int=_int_that_fits)
-    except (ValueError, RecursionError):
-        return None
+    message = _decode(line.decode("utf-8-sig", errors="replace"))
     if not isinstance(message, dict) or not isinstance(message.get("method"), str):
         return None
     params, request_id = message.get("params"), message.get("id")
@@ -60,5 +61,36 @@ def read_leniently(line: bytes | bytearray) -> Request | None:
     )
 
 
+def _decode(text: str) -> object:
+    """What the text says, or at least its outermost object; None when it is none."""
+    try:
+        return _DECODER.decode(text)
+    except (ValueError, RecursionError):
+        pass  # something inside it, perhaps: the outermost object alone is enough
+    try:
+        return _DECODER.decode(_COMMA_AT_THE_END.sub("}", _outermost(text)))
+    except ValueError:
+        return None
+
+
+def _outermost(text: str) -> str:
+    """The outermost object or list, with null for each that is nested in it; in one pass, however deep they are."""
+    kept: list[str] = []
+    kept_to = depth = 0
+    for token in _STRINGS_AND_BRACKETS.finditer(text):
+        first, start, end = text[token.start()], token.start(), token.end()
+        if first in "[{":
+            if depth <= 1 < depth + end - start:
+                kept += (text[kept_to : start + 1 - depth], "null")
+            depth += end - start
+        elif first in "]}":
+            depth -= 1
+            kept_to = end if depth == 1 else kept_to
+    return "".join(kept) + text[kept_to:] if depth == 0 else ""
+
+
 def _int_that_fits(digits: str) -> int | None:
     return int(digits) if len(digits) <= MAX_INTEGER_DIGITS else None
+
+
+_DECODER = json.JSONDecoder(parse_int=_int_that_fits, strict=False)

@@ -153,6 +153,14 @@ def test_any_bytes_are_a_request_or_a_failure(line: bytes) -> None:
         assert json.loads(jsonrpc.error(parsed))["error"]["data"]["kind"] == parsed.kind
 
 
+@pytest.mark.parametrize("ending", [b"", b"\\", b'"', b"]"])
+def test_quotes_without_end_are_read_in_one_pass(ending: bytes) -> None:
+    """100,000 escaped quotes in a string without an end are refused, and not after the minutes of going back."""
+    parsed = jsonrpc.parse(b"[" * 9 + b'"' + b'\\"' * 100_000 + ending)
+    assert isinstance(parsed, Failure)
+    assert parsed.kind == ErrorKind.TOO_DEEP
+
+
 JSON_VALUES = st.recursive(
     st.none()
     | st.booleans()

@@ -40,6 +40,11 @@ STOPS = [
     b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"a":' + b"[" * 20 + b"]" * 20 + b"}}",
     b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"why":"\\ud800"}}',
     b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"why":"caf\xe9"}}',
+    b'{"jsonrpc":"2.0","id":1,"method":"stop","params":' + b"[" * 2000 + b"]" * 2000 + b"}",
+    b'{"a":' + b'{"]":' * 1200 + b'"}"' + b"}" * 1200 + b',"id":1,"method":"stop"}',
+    b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"why":"a\tb\x1b[31m"}}',
+    b'{"jsonrpc":"2.0","id":1,"method":"stop",}',
+    b'\xef\xbb\xbf{"jsonrpc":"2.0","id":1,"method":"stop"}',
     b'{"jsonrpc":"2.0","id":1,"method":"stop","parms":{}}',
     b'{"id":1,"method":"stop"}',
 ]
@@ -79,9 +84,23 @@ def test_a_lenient_stop_without_id_is_not_answered() -> None:
     assert (desk.robot.calls, desk.heard) == ([("stop",)], [])
 
 
-@pytest.mark.parametrize("line", [b"stop", b'"stop"', b'["stop"]', b'{"method":["stop"]}', b'{"a":' * 5000])
+WORDS = [
+    b"stop",
+    b'"stop"',
+    b'["stop"]',
+    b'{"method":["stop"]}',
+    b'{"a":' * 5000,
+    b'{"a":' * 1500 + b'{"method":"stop"}' + b"}" * 1500,
+    b'{"a":"' + b"[" * 1500 + b'\\",\\"method\\":\\"stop"}',
+    b"]" * 1500 + b'{"method":"stop"}',
+    b'{"method":"stop"}' * 2,
+    b'{"method":"stop","a":"}',
+]
+
+
+@pytest.mark.parametrize("line", WORDS)
 def test_words_are_no_request(line: bytes) -> None:
-    """What is no JSON object with a method asks for nothing; nesting without end is no exception."""
+    """What is no JSON object with a method of its own asks for nothing, however deep it hides one."""
     assert read_leniently(line) is None
 
 
