@@ -57,6 +57,10 @@ ALL = (0.3, 0.3, 0.3, 0.3)
         ((0.0, 0.0, 0.2, 0.0), (0.0,) * 4, ((0, 2),)),
         ((0.3, 0.3, 0.0, 0.3), (0.3, 0.3, 0.0, 0.3), ()),  # asked for each on its own
         ((0.0, 0.3, 0.3, 0.0), ALL, ((0, 2), (3, 1))),  # one on each side
+        ((0.0, 0.0, 0.0, 0.1), (-0.1, 0.1, -0.1, 0.1), ((1, 3),)),  # the left side still sticks, and tells nothing
+        ((0.0, 0.0, 0.0, 0.3), (-0.1, 0.1, -0.1, 0.1), ((1, 3),)),  # nor when the mate has overshot threefold
+        ((0.0, 0.07, 0.0, 0.4), (-0.1, 0.1, -0.1, 0.1), ((3, 1),)),  # both move: the nearer to what it was asked for
+        ((0.3, 0.0, 0.3, -0.2), ALL, ((1, 3),)),  # the direction has just changed: one rolls on, one is dead
         ((0.3, 0.0, 0.0, 0.0), (0.3, 0.0, 0.3, 0.0), ((2, 0),)),  # the other side is to stand, and tells nothing
     ],
 )  # fmt: skip
@@ -67,6 +71,23 @@ def test_of_two_mates_the_likelier_is_believed(
     state = after(mates(), rims_m_s, asked_m_s)
     assert state.led == led
     assert state.left_out == tuple(wheel for wheel, _ in led)
+
+
+def test_a_wrong_choice_is_taken_back():
+    """The wheel that stood was believed while it was asked to; asked to roll, the mate that does is, at once."""
+    judge = mates()
+    state = MatesState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, led=((3, 1),))
+    travel_rad = tuple(rim * DT_S / RADIUS_M for rim in (0.3, 0.0, 0.3, 0.3))
+    assert judge.compare(state, travel_rad, ALL, DT_S).led == ((1, 3),)
+
+
+def test_without_movement_the_choice_stays():
+    """The wheel that died rolled less far before both stood, and the robot is now asked to go back."""
+    judge = mates(params=MatesParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    state = MatesState((0.03, 0.01, 0.03, 0.03), (0.0,) * 4, (0.03,) * 4, led=((1, 3),))
+    for _ in range(15):
+        state = judge.compare(state, (0.0,) * 4, (-0.3,) * 4, DT_S)
+        assert state.left_out == (1,)
 
 
 def test_of_three_mates_the_majority_is_believed():
