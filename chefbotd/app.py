@@ -92,7 +92,11 @@ class Daemon:
                 self._odometry,
                 self.session,
                 self._stats,
-                Tuning(self.driving, settings.drive.max_duty),
+                Tuning(
+                    self.driving,
+                    settings.drive.max_duty,
+                    settings.drive.max_duty * settings.safety.wheels.driven_duty_share,
+                ),
                 settings.safety.default_source,
                 _description(settings.robot.description),
                 tuple(settings.safety.sources),

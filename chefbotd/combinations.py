@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
 from chefbotd.motion.kinematics import Kinematics
+from chefbotd.motion.ramp import braking_distance
+from chefbotd.safety.guard import mount
 from firmware_protocol.codec import VARIANTS
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -27,6 +29,7 @@ def complaints(settings: "Settings") -> Iterator[str]:
     yield from _duty(settings)
     yield from _names(settings)
     yield from _guard(settings)
+    yield from _braking(settings)
 
 
 def _wheels(settings: "Settings") -> Iterator[str]:
@@ -80,12 +83,15 @@ def _load(settings: "Settings") -> Iterator[str]:
 
 
 def _duty(settings: "Settings") -> Iterator[str]:
+    most, share = settings.drive.max_duty, settings.safety.wheels.driven_duty_share
     for name, gains in settings.gains().items():
-        if gains.output_limit > settings.drive.max_duty:
+        if round(gains.output_limit) <= share * most:
             yield (
-                f"output_limit_duty {gains.output_limit} of {name} "
-                f"is beyond drive.max_duty {settings.drive.max_duty}"
+                f"output_limit_duty {gains.output_limit} of {name} never drives it beyond {share * most:g} "
+                f"(safety.wheels.driven_duty_share {share:g} of drive.max_duty {most}): no stalled wheel would be found"
             )
+        if gains.output_limit > most:
+            yield (f"output_limit_duty {gains.output_limit} of {name} is beyond drive.max_duty {most}")
 
 
 def _names(settings: "Settings") -> Iterator[str]:
@@ -107,4 +113,47 @@ def _guard(settings: "Settings") -> Iterator[str]:
             yield (
                 f"infrared {sensor.name} sits {sensor.setback_m:g} m behind the foremost part of the robot, which would "
                 f"touch before the guard stops it {stop_m:g} m from the sensor: raise safety.guard.stop_distance_m"
+            )
+
+
+BRAKING_SLACK_M = 0.01
+"""The guard keeps its stop distance as well as this."""
+
+
+def _braking(settings: "Settings") -> Iterator[str]:
+    """The guard must not count on more braking than the limits allow, for any sensor that driving brings nearer.
+
+    It counts on ``c^2 / 2a`` from a closing speed ``c``. Driven at ``v``, a slanting beam shortens by ``p v``; braking
+    takes it ``p`` times the braking distance, in which a jerk limit has its share, at slow speeds most. Turning is left
+    out: nothing that the guard takes for a wall stays in the beam over so much of a turn.
+    """
+    guard, axis, linear = settings.safety.guard, settings.limits.linear.axis, settings.limits.linear
+    if not guard.enabled:
+        return
+    for beam in mount(settings.range_mounts()):
+        if beam.per_linear == 0:
+            continue
+        forward = beam.per_linear > 0
+        key = "deceleration_m_s2" if forward else "reverse_deceleration_m_s2"
+        allowed_m_s2 = axis.deceleration if forward else axis.reverse_deceleration
+        if guard.deceleration_m_s2 > allowed_m_s2:
+            yield (
+                f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on more braking than "
+                f"limits.linear.{key} {allowed_m_s2:g} allows: the robot would touch what {beam.sensor} sees"
+            )
+            continue
+        top_m_s = min(axis.max_forward if forward else axis.max_reverse, settings.drive.max_rim_speed_m_s)
+        slant, counted_on = abs(beam.per_linear), 2 * guard.deceleration_m_s2
+        brakings = [braking_distance(axis, top_m_s * share / 20, forward=forward) for share in range(1, 21)]
+        short_m, from_m_s, needed_m = max(
+            (slant * (needed_m - slant * from_m_s**2 / counted_on), from_m_s, needed_m)
+            for from_m_s, needed_m in brakings
+        )
+        if short_m > BRAKING_SLACK_M:
+            jerk = "" if linear.jerk_m_s3 is None else f" with jerk_m_s3 {linear.jerk_m_s3:g}"
+            yield (
+                f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on "
+                f"{needed_m - short_m / slant:.3f} m to brake from {from_m_s:.2f} m/s before what {beam.sensor} "
+                f"sees, and limits.linear.{key} "
+                f"{allowed_m_s2:g}{jerk} takes {needed_m:.3f} m: lower the guard's, or raise the limits"
             )

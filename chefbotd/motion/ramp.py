@@ -60,6 +60,27 @@ def advance(
     return _s_curve(limits, speed, acceleration, target, dt_s)
 
 
+def braking_distance(limits: AxisLimits, top_speed: float, *, forward: bool) -> tuple[float, float]:
+    """From which speed on, and how far, an axis goes until it is at rest, where braking begins at the worst moment.
+
+    Without a jerk limit that is the top speed ``v``: ``v^2 / 2d``. With one, of ``j``, it is while the axis still gains
+    speed at ``a`` (at most ``sqrt(j v)``) and will be at ``v`` just as that is over: from ``v - a^2 / 2j`` it goes
+    ``(v - a^2 / 2j) a / j + a^3 / 3j^2``, and then ``v / 2`` over the ``v / d + d / j`` seconds of braking, or
+    ``2 sqrt(v / j)`` where ``d`` is not reached.
+    """
+    gain = limits.acceleration if forward else limits.reverse_acceleration
+    braking = limits.deceleration if forward else limits.reverse_deceleration
+    jerk = limits.jerk
+    if math.isinf(jerk):
+        return top_speed, top_speed**2 / (2 * braking)
+    gain = min(gain, math.sqrt(jerk * top_speed))
+    speed = top_speed - gain**2 / (2 * jerk)
+    gaining = speed * gain / jerk + gain**3 / (3 * jerk**2)
+    reached = top_speed >= braking**2 / jerk
+    braking_s = top_speed / braking + braking / jerk if reached else 2 * math.sqrt(top_speed / jerk)
+    return speed, gaining + top_speed / 2 * braking_s
+
+
 def _ramp(limits: AxisLimits, speed: float, target: float, dt_s: float) -> float:
     """Brake to zero where the target lies beyond it, then go on with the time that is left."""
     direction = math.copysign(1.0, target - speed)

@@ -19,9 +19,10 @@ from chefbotd.core.parameters import Parameters
 class GuardParameters(Parameters):
     """How close is close enough, from the sensor, and how the robot brakes before that.
 
-    ``deceleration_m_s2`` should not exceed what the motion limits allow. ``reaction_s`` passes between a reading and
-    the first braking; a reading's age comes on top. A sensor that is silent for longer than ``max_age_s`` sees nothing,
-    or, where ``silent_is_obstacle``, an obstacle at no distance.
+    ``deceleration_m_s2`` must not exceed what the motion limits allow: a configuration where it does is refused.
+    ``reaction_s`` passes between a reading and the first braking; a reading's age comes on top. A
+    sensor that is silent for longer than ``max_age_s`` sees nothing, or, where ``silent_is_obstacle``, an obstacle at no
+    distance.
     """
 
     enabled: bool = True

@@ -28,10 +28,15 @@ class Tunable(Protocol):
 
 
 class Tuning:
-    """The gains of a running loop and what they were: one history for all clients. No output goes past ``max_duty``."""
+    """The gains of a running loop and what they were: one history for all clients.
 
-    def __init__(self, wheels: Tunable, max_duty: int, depth: int = HISTORY_DEPTH) -> None:
-        self._wheels, self._max_duty = wheels, max_duty
+    No output goes past ``max_duty``, and none is kept so low that a wheel would not be watched, below ``watched_duty``.
+    """
+
+    def __init__(
+        self, wheels: Tunable, max_duty: int, watched_duty: float = 0.0, depth: int = HISTORY_DEPTH
+    ) -> None:
+        self._wheels, self._max_duty, self._watched_duty = wheels, max_duty, watched_duty
         self._before: deque[Mapping[str, PidParameters]] = deque(maxlen=depth)
 
     def gains(self) -> Mapping[str, PidParameters]:
@@ -52,9 +57,9 @@ class Tuning:
             name: _changed(gains, changes) if wheel in (ALL_WHEELS, name) else gains
             for name, gains in before.items()
         }
-        if any(gains.output_limit > self._max_duty for gains in after.values()):
-            message = f"output_limit={changes['output_limit']!r}: expected at most {self._max_duty}, the duty's range"
-            raise Refused(RefusalKind.OUT_OF_RANGE, message)
+        if expected := self._expected_of_limits(after):
+            told = f"output_limit={changes['output_limit']!r}: expected {expected}"
+            raise Refused(RefusalKind.OUT_OF_RANGE, told)
         if after != before:
             self._wheels.retune(after)
             self._before.append(before)
@@ -70,6 +75,15 @@ class Tuning:
             raise Refused(RefusalKind.NOTHING_TO_UNDO, "no change of gains is left to take back")
         self._wheels.retune(self._before.pop())
         return self._wheels.gains()
+
+    def _expected_of_limits(self, gains: Mapping[str, PidParameters]) -> str | None:
+        """What is asked of the output limits, if one is not so."""
+        limits = [each.output_limit for each in gains.values()]
+        if max(limits) > self._max_duty:
+            return f"at most {self._max_duty}, the duty's range"
+        if round(min(limits)) <= self._watched_duty:
+            return f"more than {self._watched_duty:g}, below which no stalled wheel is looked for"
+        return None
 
 
 def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:

@@ -334,3 +334,60 @@ def test_gains_beyond_the_duty_range_are_refused(chefbot: Path):
         SettingsError, match=r"output_limit_duty 5000.0 of left_wheel is beyond drive.max_duty 1023"
     ):
         load(spoil(chefbot, "output_limit_duty = 1023.0", "output_limit_duty = 5000.0"))
+
+
+def test_a_limit_that_blinds_the_stall_detector_is_refused(chefbot: Path):
+    """Duty of 122 at most never reaches 0.12 of 1023, from where on a wheel must turn: both are named. 123 does."""
+    with pytest.raises(
+        SettingsError,
+        match=r"output_limit_duty 122.0 of left_wheel never drives it beyond 122.76 .*share 0.12",
+    ):
+        load(chefbot, overrides={"pid.output_limit_duty": 122.0})
+    assert load(chefbot, overrides={"pid.output_limit_duty": 123.0}).pid.output_limit == 123.0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        (
+            {"limits.linear.deceleration_m_s2": 0.1},
+            "guard.deceleration_m_s2 0.5 counts on more braking than limits.linear.deceleration_m_s2 0.1 allows.* front",
+        ),
+        (
+            {"ultrasonic.mount_heading_rad": 3.0, "limits.linear.reverse_deceleration_m_s2": 0.4},
+            "more braking than limits.linear.reverse_deceleration_m_s2 0.4 allows",
+        ),
+        # Still gaining 1 m/s2 at 0.24 m/s, with 5 m/s3: 0.061 m up to 0.34 m/s, and 0.17 m/s x (0.34 + 0.2) s.
+        (
+            {"limits.linear.jerk_m_s3": 5.0},
+            r"counts on 0.058 m to brake from 0.24 m/s .*deceleration_m_s2 1 with jerk_m_s3 5 takes 0.153 m",
+        ),
+        # At 1.2 rad a beam shortens by 0.36 of the way: 0.36 x (0.116 - 0.042) m would be missing.
+        (
+            {"ultrasonic.mount_heading_rad": 1.2, "limits.linear.deceleration_m_s2": 0.5},
+            r"counts on 0.042 m to brake from 0.34 m/s .* takes 0.116 m",
+        ),
+    ],
+    ids=["forward", "reverse", "jerk", "slanting"],
+)
+def test_a_guard_that_counts_on_more_braking_than_there_is_is_refused(
+    overrides: dict[str, object], told: str
+):
+    """Both numbers are named; without the guard the same limits are fine."""
+    with pytest.raises(SettingsError, match=told):
+        load(overrides=overrides)
+    assert load(overrides={**overrides, "safety.guard.enabled": False}).safety.guard.enabled is False
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"limits.linear.deceleration_m_s2": 0.5},
+        {"limits.linear.jerk_m_s3": 20.0},
+        {"limits.linear.deceleration_m_s2": 0.1, "safety.guard.deceleration_m_s2": 0.1},
+        {"limits.linear.reverse_deceleration_m_s2": 0.1},
+    ],
+)
+def test_a_guard_that_counts_on_no_more_braking_than_there_is_is_accepted(overrides: dict[str, object]):
+    """As much as the limits allow, a jerk that costs millimetres, and a limit that no sensor hangs on."""
+    assert load(overrides=overrides).safety.guard.enabled

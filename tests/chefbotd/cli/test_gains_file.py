@@ -190,7 +190,7 @@ def test_what_the_environment_gave_is_said(config: Path, monkeypatch: pytest.Mon
     """A file that has no gains of its own, because the environment gives them, gets a section for them."""
     wanted = both(kp=450.0)
     config.write_text(re.sub(r"(?ms)^\[pid\].*?^\[limits\]", "[limits]", config.read_text()))
-    monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 1}")
+    monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 1023}")
     save(config, wanted)
     monkeypatch.undo()
     assert load(config).gains() == wanted

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.motion.ramp import AxisLimits, advance
+from chefbotd.motion.ramp import AxisLimits, advance, braking_distance
 
 
 def limits(**changes: float) -> AxisLimits:
@@ -182,3 +182,40 @@ def test_every_target_is_reached(axis: AxisLimits, speed: float, acceleration: f
     for _ in range(400):
         speed, acceleration = advance(axis, speed, acceleration, target, 0.2)
     assert (speed, acceleration) == (target, 0.0)
+
+
+@given(
+    st.floats(0.05, 2.0),
+    st.sampled_from([math.inf, 1.0, 5.0, 20.0, 100.0]),
+    st.booleans(),
+    st.floats(0.0, 1.0),
+)
+@settings(deadline=None)
+def test_no_moment_to_brake_needs_more_way_than_is_told(
+    top: float, jerk: float, forward: bool, moment: float
+):
+    """Driven off towards the top speed and braked at any moment, it goes no farther than from the worst one."""
+    axis, sign = limits(jerk=jerk), 1.0 if forward else -1.0
+    speed, acceleration, gone, step_s = 0.0, 0.0, 0.0, 0.002
+    gaining_s = 2 * (top + math.sqrt(top / jerk) + 3.0 / jerk) * moment
+    for _ in range(int(gaining_s / step_s)):
+        speed, acceleration = advance(axis, speed, acceleration, sign * top, step_s)
+    _, needed = braking_distance(axis, top, forward=forward)
+    while abs(speed) > 1e-9 or abs(acceleration) > 1e-9:
+        before = speed
+        speed, acceleration = advance(axis, speed, acceleration, 0.0, step_s)
+        gone += abs(before + speed) / 2 * step_s
+    assert gone <= needed + 0.002 * top
+
+
+@pytest.mark.parametrize(
+    ("jerk", "start", "way"),
+    [
+        (math.inf, 1.0, 1.0 / 8),  # 1^2 / (2 x 4)
+        (32.0, 0.9375, 0.9375 / 16 + 1 / 384 + 0.5 * 0.375),  # gains 2, for 1/16 s more; then 1/4 + 4/32 s
+        (1.0, 0.5, 0.5 + 1 / 3 + 1.0),  # gains 1 at most, for 1 s; then 2 s, at 1 at most
+    ],
+)
+def test_the_way_to_rest_from_the_worst_moment(jerk: float, start: float, way: float) -> None:
+    """To a top speed of 1, forward: worked out by hand."""
+    assert braking_distance(limits(jerk=jerk), 1.0, forward=True) == pytest.approx((start, way))
