@@ -3,14 +3,13 @@
 Two occasions step it. An encoder frame runs everything (``regulate``). A new command between two frames runs what
 needs no measurement: limiter, feedforward and the proportional term (``retarget``); integral and derivative wait.
 
-A twist is limited as a twist. Wheels that are each asked for a speed go there each on a ramp of its own, and so they
-come back to a twist, until the wheels of a side turn alike again: no setpoint ever jumps.
+A twist is limited as a twist, and so is what wheels that are each asked for a speed come to together. Where the wheels
+of a side differ, that is ramped beside it, until they turn alike again: no setpoint ever jumps.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 from pydantic import Field
 
@@ -18,6 +17,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters
 from chefbotd.motion import pid, reference, rims
+from chefbotd.motion.following import followed, heard
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import AT_REST, LimiterState, MotionLimits, limit
 from chefbotd.motion.pid import PidParameters, PidState
@@ -50,8 +50,6 @@ class DriveParameters(Parameters):
     yield_per_s: float = Field(default=2.0, ge=0, le=100)
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
 
-
-T = TypeVar("T")
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
@@ -95,6 +93,7 @@ class Drive:
             raise ValueError(f"expected gains for {len(chassis.wheels)} wheels, got {len(gains)}")
         self._parameters, self._limits = parameters, limits
         self._limits_apart = limits.model_copy(update={"keep_curvature": False})
+        self._limits_in_step = limits.model_copy(update={"keep_curvature": True})
         self._kinematics = Kinematics(chassis)
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
@@ -153,7 +152,7 @@ class Drive:
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
         pids = state.pids
         if led:
-            pids, speeds_m_s = _following(pids, led), _following(speeds_m_s, led)
+            pids, speeds_m_s = followed(led, pids), heard(led, speeds_m_s, state.setpoint_m_s)
         wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state)
         steps = [pid.step(*wheel, dt_s, scrub_duty) for wheel in wheels]
@@ -225,7 +224,7 @@ class Drive:
         if _is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.loose or isinstance(target, WheelVelocities):
-            return self._ramp_wheels(state, target, now_s, dt_s)
+            return self._ramp_wheels(state, target, now_s, dt_s, apart)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
         if state.share < 1.0:
             target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
@@ -237,20 +236,33 @@ class Drive:
             state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration
         )
 
-    def _ramp_wheels(self, state: DriveState, target: Motion, now_s: float, dt_s: float) -> DriveState:
-        """Each wheel on its own; the limiter follows, so that a twist can take over where the wheels are."""
-        kinematics = self._kinematics
-        if isinstance(target, WheelVelocities):
-            aims_m_s, twist = self.rim_speeds_m_s(target.rad_s), target.twist
-        else:
-            aims_m_s, twist = kinematics.rim_speeds_m_s(target), target
-        share = state.share * rims.share_of(self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist)
-        aims_m_s = tuple([aim_m_s * share for aim_m_s in aims_m_s])
-        setpoint, acceleration = rims.ramp(
-            self._limits.linear.axis, state.setpoint_m_s, state.acceleration_m_s2, aims_m_s, dt_s
+    def _ramp_wheels(
+        self, state: DriveState, target: Motion, now_s: float, dt_s: float, apart: bool
+    ) -> DriveState:
+        """The twist that the wheels make as any other, and how the wheels of a side differ in step with it."""
+        if dt_s <= 0:
+            return replace(state, stepped_s=now_s)
+        axis, rims_of = self._limits.linear.axis, self._kinematics.rim_speeds_m_s
+        aims_m_s, aim = self._aims(state, target)
+        differ, aims_differ = (
+            rims.minus(state.setpoint_m_s, rims_of(state.limiter.twist)),
+            rims.minus(aims_m_s, rims_of(aim)),
         )
-        limiter = LimiterState(kinematics.twist_of_rims(setpoint), kinematics.twist_of_rims(acceleration))
-        loose = not rims.alike(setpoint, kinematics.rim_speeds_m_s(limiter.twist))
+        if apart or _is_rest(target):
+            limiter = limit(self._limits_apart, state.limiter, aim, dt_s)
+            share, pace_s = 1.0, rims.pace_s(axis, differ, aims_differ)
+        else:
+            pace_s = rims.pace_s(axis, state.setpoint_m_s, aims_m_s)
+            limiter = limit(self._limits_in_step, state.limiter, aim, dt_s, pace_s)
+            share = rims.progress(state.limiter.twist, limiter.twist, aim)
+        share = min(share, dt_s / pace_s) if pace_s > 0 else 1.0
+        differs = rims.approach(differ, aims_differ, share)
+        loose = not (rims.alike(differs, self._still) and rims.alike(aims_differ, self._still))
+        setpoint, acceleration = rims_of(limiter.twist), rims_of(limiter.acceleration)
+        if loose:
+            setpoint = rims.plus(setpoint, differs)
+            change = rims.minus(differs, differ)
+            acceleration = rims.plus(acceleration, tuple([one / dt_s for one in change]))
         return replace(
             state,
             limiter=limiter,
@@ -259,6 +271,16 @@ class Drive:
             acceleration_m_s2=acceleration,
             loose=loose,
         )
+
+    def _aims(self, state: DriveState, target: Motion) -> tuple[rims.Rims, Twist2D]:
+        """Rim speeds to go for, and the twist they make: as much of the target as speeds and motors allow."""
+        if isinstance(target, WheelVelocities):
+            aims_m_s, twist = self.rim_speeds_m_s(target.rad_s), target.twist
+        else:
+            aims_m_s, twist = self._kinematics.rim_speeds_m_s(target), target
+        share = state.share * rims.share_of(self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist)
+        aims_m_s = tuple([aim_m_s * share for aim_m_s in aims_m_s])
+        return aims_m_s, Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)
 
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
         most = self._parameters.max_duty
@@ -280,11 +302,3 @@ class Drive:
 
 def _is_rest(target: Motion) -> bool:
     return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
-
-
-def _following(values: tuple[T, ...], led: Sequence[tuple[int, int]]) -> tuple[T, ...]:
-    """What belongs to each wheel, with its leader's for a wheel that is led."""
-    followed = list(values)
-    for wheel, leader in led:
-        followed[wheel] = values[leader]
-    return tuple(followed)
