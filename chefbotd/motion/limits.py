@@ -100,10 +100,13 @@ NO_GAP = 1e-9
 """An axis as near to its target as this (m/s or rad/s) shapes no path any more, so it need not keep any pace."""
 
 
-def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: float) -> LimiterState:
+def limit(
+    params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: float, pace_s: float = 0.0
+) -> LimiterState:
     """Go towards a finite target for ``dt_s``, as far as the limits allow; no time (<= 0), no change.
 
-    Standing still has no curvature to keep: to a stop, each axis brakes as hard as it may.
+    Standing still has no curvature to keep: to a stop, each axis brakes as hard as it may. Where the curvature is kept,
+    what else has to arrive with the twist may need ``pace_s`` seconds for it.
     """
     if dt_s <= 0:
         return state
@@ -112,7 +115,7 @@ def limit(params: MotionLimits, state: LimiterState, target: Twist2D, dt_s: floa
     if state.twist == aim and state.acceleration == STANDING:
         return state
     if params.keep_curvature and aim != STANDING:
-        linear, angular = _in_step(linear, angular, state, aim)
+        linear, angular = _in_step(linear, angular, state, aim, pace_s)
     now, change = state.twist, state.acceleration
     linear_m_s, linear_m_s2 = advance(linear, now.linear_m_s, change.linear_m_s, aim.linear_m_s, dt_s)
     angular_rad_s, angular_rad_s2 = advance(
@@ -131,7 +134,7 @@ def within_speeds(params: MotionLimits, target: Twist2D) -> Twist2D:
 
 
 def _in_step(
-    linear: AxisLimits, angular: AxisLimits, state: LimiterState, aim: Twist2D
+    linear: AxisLimits, angular: AxisLimits, state: LimiterState, aim: Twist2D, others_pace_s: float
 ) -> tuple[AxisLimits, AxisLimits]:
     """Limits under which both axes arrive together: from rest, or faster on an arc, the curvature is kept.
 
@@ -141,6 +144,7 @@ def _in_step(
     linear_gap = aim.linear_m_s - state.twist.linear_m_s
     angular_gap = aim.angular_rad_s - state.twist.angular_rad_s
     pace_s = max(
+        others_pace_s,
         abs(linear_gap) / linear.rate(state.twist.linear_m_s, linear_gap),
         abs(angular_gap) / angular.rate(state.twist.angular_rad_s, angular_gap),
     )

@@ -1,13 +1,15 @@
-"""Wheels that are each asked for a speed of their own: every rim on a ramp to it, within the robot's limits.
+"""Wheels that are each asked for a speed of their own: what they come to together is limited as any twist is.
 
-The robot's speed limits hold for what the wheels come to together; the linear acceleration limits hold for every rim.
+So are its acceleration and jerk, and a stop brakes the robot as hard as any other. What is left is how the wheels of a
+side differ from their mean, which moves nothing. On the way to other speeds all rims go in step, none faster than the
+linear acceleration limits: a wheel that is to stand does. To a stop the differences end on their own, at that rate.
 """
 
 from collections.abc import Sequence
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.motion.limits import NO_GAP, MotionLimits
-from chefbotd.motion.ramp import AxisLimits, advance
+from chefbotd.motion.ramp import AxisLimits
 
 Rims = tuple[float, ...]
 
@@ -29,15 +31,37 @@ def share_of_rims(max_rim_speed_m_s: float, speeds_m_s: Sequence[float]) -> floa
     return 1.0 if fastest_m_s <= max_rim_speed_m_s else max_rim_speed_m_s / fastest_m_s
 
 
-def ramp(
-    axis: AxisLimits, speeds_m_s: Rims, accelerations_m_s2: Rims, aims_m_s: Rims, dt_s: float
-) -> tuple[Rims, Rims]:
-    """Speeds and accelerations after ``dt_s`` on the way to the aims; no time (<= 0), no change."""
-    if dt_s <= 0:
-        return speeds_m_s, accelerations_m_s2
-    wheels = zip(speeds_m_s, accelerations_m_s2, aims_m_s, strict=True)
-    steps = [advance(axis, *wheel, dt_s) for wheel in wheels]
-    return tuple([speed for speed, _ in steps]), tuple([acceleration for _, acceleration in steps])
+def pace_s(axis: AxisLimits, speeds_m_s: Rims, aims_m_s: Rims) -> float:
+    """How long the rim that needs most takes to its aim at the axis' accelerations."""
+    gaps = [(speed, aim - speed) for speed, aim in zip(speeds_m_s, aims_m_s, strict=True)]
+    return max(abs(gap) / axis.rate(speed, gap) for speed, gap in gaps)
+
+
+def progress(before: Twist2D, after: Twist2D, aim: Twist2D) -> float:
+    """How much of the way to the aim lies between two twists, 0 to 1; 1 where there was none to go."""
+    gaps = [
+        (abs(aim.linear_m_s - was.linear_m_s), abs(aim.angular_rad_s - was.angular_rad_s))
+        for was in (before, after)
+    ]
+    was, left = max(zip(*gaps, strict=True))
+    return 1.0 if was < NO_GAP else min(1.0, max(0.0, 1.0 - left / was))
+
+
+def approach(speeds_m_s: Rims, aims_m_s: Rims, share: float) -> Rims:
+    """The speeds after this share of the way to the aims."""
+    if share >= 1.0:
+        return aims_m_s
+    return tuple([now + share * (aim - now) for now, aim in zip(speeds_m_s, aims_m_s, strict=True)])
+
+
+def minus(some_m_s: Rims, others_m_s: Rims) -> Rims:
+    """By how much each rim is faster than the other."""
+    return tuple([one - other for one, other in zip(some_m_s, others_m_s, strict=True)])
+
+
+def plus(some_m_s: Rims, others_m_s: Rims) -> Rims:
+    """Each rim's two speeds together."""
+    return tuple([one + other for one, other in zip(some_m_s, others_m_s, strict=True)])
 
 
 def alike(some_m_s: Rims, others_m_s: Rims) -> bool:

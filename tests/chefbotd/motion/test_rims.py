@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.motion.limits import MotionLimits
-from chefbotd.motion.rims import alike, ramp, share_of
+from chefbotd.motion.rims import alike, approach, pace_s, progress, share_of
 
 LIMITS = MotionLimits.model_validate(
     {
@@ -31,16 +31,30 @@ def test_the_tightest_limit_slows_all_wheels(speeds_m_s: tuple[float, ...], twis
     assert share_of(LIMITS, 0.5, speeds_m_s, twist) == pytest.approx(share)
 
 
-def test_each_rim_keeps_the_acceleration_limits():
-    """In 0.1 s: 0.1 m/s up, 0.2 m/s down, and no farther than the aim."""
-    speeds, rates = ramp(LIMITS.linear.axis, (0.0, 0.4, 0.1), (0.0,) * 3, (0.4, 0.0, 0.12), 0.1)
-    assert speeds == pytest.approx((0.1, 0.2, 0.12))
-    assert rates == pytest.approx((1.0, -2.0, 0.2))
+def test_the_rim_that_needs_most_sets_the_pace():
+    """0.4 m/s up at 1 m/s2 are 0.4 s, 0.4 m/s down at 2 m/s2 are 0.2 s; no way takes no time."""
+    assert pace_s(LIMITS.linear.axis, (0.0, 0.4, 0.1), (0.4, 0.0, 0.1)) == pytest.approx(0.4)
+    assert pace_s(LIMITS.linear.axis, (0.0, 0.4), (0.0, 0.4)) == 0.0
 
 
-def test_no_time_changes_nothing():
-    """Not even the accelerations."""
-    assert ramp(LIMITS.linear.axis, (0.1,), (0.5,), (0.4,), 0.0) == ((0.1,), (0.5,))
+@pytest.mark.parametrize(
+    ("after", "share"),
+    [
+        (Twist2D(0.1, 0.5), 0.25),  # a quarter of the turning, which has more to go
+        (Twist2D(0.4, 2.0), 1.0),
+        (Twist2D(0.0, -0.5), 0.0),  # the other way: none
+    ],
+)
+def test_progress_is_the_share_of_the_way_to_the_aim(after: Twist2D, share: float):
+    """From rest to 0.4 m/s and 2 rad/s."""
+    assert progress(Twist2D(), after, Twist2D(0.4, 2.0)) == pytest.approx(share)
+    assert progress(Twist2D(0.4, 2.0), Twist2D(0.4, 2.0), Twist2D(0.4, 2.0)) == 1.0
+
+
+def test_rims_approach_their_aims_and_reach_them_exactly():
+    """A quarter of the way, and all of it."""
+    assert approach((0.0, 0.4), (0.4, 0.0), 0.25) == pytest.approx((0.1, 0.3))
+    assert approach((0.1, 0.2), (0.3, 0.0), 1.0) == (0.3, 0.0)
 
 
 def test_rims_are_alike_as_far_as_numbers_are():
