@@ -1,9 +1,9 @@
 """One client's connection: bytes to lines, lines to the dispatcher, and backpressure in both directions.
 
-Requests are served in order, while their answers find room, and only so many in a row before others have their turn.
-Stops do not wait for that: a client that is behind is read on, within a bound, and what has been read is looked through
-for them. When a connection ends, whatever ends it, what has come by then is looked through once more. So a client costs
-at most its buffers and its outbox, and no stop that has reached the socket is lost.
+Requests are served in order, while their answers find room, and when it is their turn among those of all clients.
+Stops do not wait for that: a client that has to wait is read on, within a bound, and what has been read is looked
+through for them. When a connection ends, whatever ends it, what has come by then is looked through once more. So a
+client costs at most its buffers and its outbox, and no stop that has reached the socket is lost.
 """
 
 import asyncio
@@ -20,10 +20,8 @@ from chefbotd.api.last_look import LAST_LOOK_BYTES, LAST_LOOK_S, LastLook
 from chefbotd.api.outbox import Outbox
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.session import Session
+from chefbotd.api.turns import Turns
 from chefbotd.clock import Clock
-
-SERVED_PER_LOOK = 4
-"""In a turn so many lines may be served for each that looks like a stop and is looked at before its turn."""
 
 
 class House(Protocol):
@@ -33,6 +31,7 @@ class House(Protocol):
     dispatcher: Dispatcher
     drops: Counter[str]
     clock: Clock
+    turns: Turns
 
     def welcome(self, connection: "Connection") -> bytes:
         """Take the client in; the greeting for it."""
@@ -53,7 +52,8 @@ class Connection(asyncio.Protocol):
     def __init__(self, house: House, session: Session, plain: socket.socket | None = None) -> None:
         self._house, self.session, self._plain = house, session, plain
         self._backlog = Backlog(house.parameters.max_request_bytes, house.dispatcher.hint)
-        self._turn: asyncio.Handle | None = None
+        self._waits = False  # for its turn
+        self._looks = False  # when it has its turn, for there may be more stops
         self._is_ours = False  # its first line was no other protocol's
         self._hears = True
         self._at_last: Callable[[], None] | None = (
@@ -85,56 +85,68 @@ class Connection(asyncio.Protocol):
         self._backlog.add(data)
         if self.closing:
             self._last_look.read(len(data))
-        if self._turn is None:
-            self._take_turn()
+        self._go_on()
 
-    def _take_turn(self) -> None:
-        """Serve what waits, then look through the rest for stops: one turn's worth of each."""
-        self._turn = None
+    def _go_on(self) -> None:
+        """Do what there is room for now, and what else waits for its turn; the first stop in it does not."""
+        if self._waits and self._looks:
+            return
+        turns, more = self._house.turns, True
+        while more and not self._waits and turns.is_free():
+            more = self._serve()
+        self._looks = self._look()
+        while self._looks and not self._waits and turns.is_free():
+            self._looks = self._look()
+        self._wait_or_rest(more)
+
+    def turn(self) -> None:
+        """Serve the next request, and look at the next line that may be a stop."""
+        self._waits = False
         more = self._serve()
-        if self._look() or more:
-            self._take_another_turn()
+        self._looks = self._look()
+        self._wait_or_rest(more)
+
+    def _wait_or_rest(self, more: bool) -> None:
+        if self._looks or more:
+            self._wait()
         elif not self._hears and not self._backlog and self._at_last is not None:
             at_last, self._at_last = self._at_last, None
             at_last()
         self.session.waits_for_line_end(self._backlog.unfinished)
         self._read_on()
 
-    def _take_another_turn(self) -> None:
-        if self._turn is None:
-            self._turn = asyncio.get_running_loop().call_soon(self._take_turn)
+    def _wait(self) -> None:
+        if not self._waits:
+            self._waits = True
+            self._house.turns.wait(self)
 
     def _serve(self) -> bool:
-        """Serve in order, while there is room for answers; whether it was a whole turn's worth."""
-        for _ in range(self._house.parameters.requests_per_turn):
-            if self.closing:
-                return False
-            if self._backlog.too_long:
-                longest = self._house.parameters.max_request_bytes
-                self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
-                return False
-            line = None if self._outbox.blocked else self._backlog.take()
-            if line is None:
-                return False
-            self.session.waits_for_line_end(False)
-            if line.text:
-                self._house.dispatcher.serve(self, line.text, overtaken=line.overtaken)
-            elif not self.session.forgive(self._house.clock.now_s()):
-                self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
-            self._is_ours = True
+        """Serve the next request, if there is room for its answer; whether there was one."""
+        if self.closing:
+            return False
+        if self._backlog.too_long:
+            longest = self._house.parameters.max_request_bytes
+            self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
+            return False
+        line = None if self._outbox.blocked else self._backlog.take()
+        if line is None:
+            return False
+        self.session.waits_for_line_end(False)
+        if line.text:
+            self._house.dispatcher.serve(self, line.text, overtaken=line.overtaken)
+        elif not self.session.forgive(self._house.clock.now_s()):
+            self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
+        self._is_ours = True
         return True
 
     def _look(self) -> bool:
-        """Carry out the stops that wait, before their turn or, at the end, instead of it; whether there may be more."""
+        """Carry out the next stop that waits, before its turn or, at the end, instead; whether there may be more."""
         if self.session.role is None and not self.closing:
             return False  # the token comes first
         if self.closing and not self._is_ours:
             self._judge_first_line()
-        line, lines = None, self._house.parameters.requests_per_turn
-        for _ in range(lines if self.closing else 1 + lines // SERVED_PER_LOOK):
-            line = self._backlog.find()
-            if line is None:
-                break
+        line = self._backlog.find()
+        if line is not None:
             self._look_at(line)
         if self.closing:
             self._backlog.drop_seen()
@@ -158,16 +170,16 @@ class Connection(asyncio.Protocol):
             dispatcher.serve(self, line)
 
     def _read_on(self) -> None:
-        """Read, unless a turn's worth still waits or, of a client that is behind, as much as may."""
+        """Read, unless as much waits as may: for its turn, or for a client that is behind."""
         if not self._hears:
             return
-        full = self._outbox.blocked and len(self._backlog) > self._house.parameters.backlog_bytes
-        if full:
+        full = len(self._backlog) > self._house.parameters.backlog_bytes
+        if full and self._outbox.blocked:
             self._outbox.hurry()
-        if self._turn is None and not full:
-            self._transport.resume_reading()
-        else:
+        if full:
             self._transport.pause_reading()
+        else:
+            self._transport.resume_reading()
 
     def pause_writing(self) -> None:
         """Asyncio: the client does not read; nothing is served that would need an answer."""
@@ -176,8 +188,7 @@ class Connection(asyncio.Protocol):
     def resume_writing(self) -> None:
         """Asyncio: the client has read; it gets what waited, then its further requests are taken."""
         self._outbox.resume()
-        if self._turn is None:
-            self._take_turn()
+        self._go_on()
 
     def eof_received(self) -> bool:
         """Asyncio: the client has closed its sending side, and so its last line; it gets its answers, and we close."""
@@ -190,8 +201,7 @@ class Connection(asyncio.Protocol):
         """Nothing more comes, or is wanted: the last line has ended, and it remains to see to what waits."""
         self._hears = False
         self._backlog.finish()
-        if self._turn is None:
-            self._take_turn()
+        self._go_on()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Asyncio: the client is gone, in good order or not; what it still has to say is looked through for stops."""
@@ -203,7 +213,7 @@ class Connection(asyncio.Protocol):
         self._house.farewell(self)
         self._hears, self._at_last = False, None
         self._backlog.finish()
-        self._take_another_turn()
+        self._wait()
 
     def _give_up(self) -> None:
         """The client reads nothing: it would not read an error either."""
@@ -243,7 +253,7 @@ class Connection(asyncio.Protocol):
             self._hear_no_more()
         else:
             self._last_look_ends = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)
-            self._take_another_turn()
+            self._wait()
 
     def _rest(self) -> bytes:
         """What the kernel holds, and Linux even after a reset; through TLS it says nothing."""

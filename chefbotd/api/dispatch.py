@@ -34,6 +34,7 @@ class Dispatcher:
     def __init__(self, methods: Mapping[str, Method], clock: Clock) -> None:
         self._methods, self._clock = methods, clock
         self.faults: Counter[str] = Counter()
+        self._constants: dict[str, bytes] = {}
         early = [
             re.escape(n.encode()) for n, method in methods.items() if method.urgent or method.role is None
         ]
@@ -93,7 +94,12 @@ class Dispatcher:
             if overtaken and method.moves:
                 raise Unserved(ErrorKind.OVERTAKEN, f"a later stop came before this {request.method}")
             params = _checked(method, request)
-            body = method.handle(caller, params).model_dump_json().encode()
+            body = (
+                self._constants.get(request.method)
+                or method.handle(caller, params).model_dump_json().encode()
+            )
+            if method.constant:
+                self._constants[request.method] = body
             if request.wants_answer:
                 caller.reply(jsonrpc.result(request.id, body))
             answered = True

@@ -20,6 +20,7 @@ from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
+from chefbotd.api.turns import Turns
 from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
 
@@ -45,6 +46,7 @@ class Lobby:
         role: Role | None,
     ) -> None:
         self.parameters, self.clock, self.dispatcher = parameters, clock, dispatcher
+        self.turns = Turns(clock, parameters.requests_per_turn)
         self.drops: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self._fanout, self._control, self._greet, self._role = fanout, control, greet, role

@@ -41,7 +41,8 @@ class Method:
 
     ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit, is
     never refused for its form, and may overtake others; one that ``moves`` the robot, or lets it move, is not carried
-    out when it was overtaken. One that is served ``when_crowded`` can also be called from a place kept for stops.
+    out when it was overtaken. One that is served ``when_crowded`` can also be called from a place kept for stops. A
+    ``constant`` one always answers the same.
     """
 
     role: Role | None
@@ -52,6 +53,7 @@ class Method:
     urgent: bool = False
     moves: bool = False
     when_crowded: bool = False
+    constant: bool = False
 
     @property
     def summary(self) -> str:

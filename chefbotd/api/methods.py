@@ -49,7 +49,7 @@ class Methods:
                 None, requests.AuthenticateParams, answers.Known, self._authenticate, when_crowded=True
             ),
             "introduce": Method(observe, requests.IntroduceParams, done, self._introduce, when_crowded=True),
-            "describe": Method(observe, nothing, answers.Description, self._describe),
+            "describe": Method(observe, nothing, answers.Description, self._describe, constant=True),
             "get_description": Method(observe, nothing, answers.RobotDescription, self._get_description),
             "ping": Method(observe, nothing, answers.Pong, self._ping),
             "get_state": Method(observe, nothing, answers.State, self._get_state),

@@ -34,7 +34,7 @@ class ApiParameters(Parameters):
     backlog_bytes: int = Field(
         65_536, ge=4096, le=131_072, description="requests that wait for a client that reads no answers"
     )
-    requests_per_turn: int = Field(32, ge=1, le=1024, description="then others have a turn")
+    requests_per_turn: int = Field(32, ge=1, le=1024, description="of all clients; then the rest has a turn")
     requests_per_s: float = Field(
         2000.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
     )

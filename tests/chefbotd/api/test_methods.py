@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from chefbotd.api import jsonrpc
+from chefbotd.api import answers, jsonrpc, requests
 from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.jsonrpc import ERRORS, Failure
+from chefbotd.api.method import Caller, Method
 from chefbotd.api.methods import Methods
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.api.roles import Role
@@ -423,3 +424,16 @@ def test_no_parameters_break_a_method(method: str, params: dict[str, Any]) -> No
     answer = desk.ask(method, **params)
     assert len([m for m in desk.heard if "method" not in m]) == 1
     assert answer.get("error", {}).get("data", {}).get("kind") != "internal"
+
+
+@pytest.mark.parametrize(("constant", "told"), [(True, [1.0, 1.0, 1.0]), (False, [1.0, 2.0, 3.0])])
+def test_what_never_changes_is_made_once(constant: bool, told: list[float]) -> None:
+    """A constant answer is the same for everybody; its handler is not asked again."""
+    desk, stamps_s = Desk(), iter([1.0, 2.0, 3.0])
+
+    def handle(caller: Caller, params: requests.NoParams) -> answers.Pong:
+        return answers.Pong(stamp_s=next(stamps_s))
+
+    method = Method(Role.OBSERVE, requests.NoParams, answers.Pong, handle, constant=constant)
+    desk.dispatcher = Dispatcher({"count": method}, desk.clock)
+    assert [desk.ask("count")["result"]["stamp_s"] for _ in range(3)] == told
