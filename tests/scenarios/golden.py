@@ -11,7 +11,7 @@ import inspect
 import json
 import random
 import re
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from chefbotd.app import Daemon
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
-from chefbotd.settings import load
+from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
 
@@ -58,7 +58,23 @@ class Step:
         return cls(at_s, kind, value.encode("latin-1") if kind == "board" else value)
 
 
-def replay(steps: list[Step]) -> list[str]:
+Play = Callable[[SimulatedRobot], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class Story:
+    """What happens, to which robot, and how it is set up (keys as of ``load``)."""
+
+    play: Play
+    robot: str = "chefbot"
+    set_up: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+    def settings(self, **overrides: Any) -> Settings:
+        """The packaged robot's, set up as the story asks."""
+        return load(packaged(self.robot), overrides={**self.set_up, **overrides})
+
+
+def replay(story: Story, steps: list[Step]) -> list[str]:
     """Feed the steps at their times to a daemon; every event and every line it sends, in order, one a line."""
     said: list[str] = []
 
@@ -66,7 +82,7 @@ def replay(steps: list[Step]) -> list[str]:
         device, clock = FakeSerialDevice(), LoopClock()
         start_s = clock.now_s()
         device.on_write = lambda data: said.append(f"{clock.now_s() - start_s:.6f} > {data!r}")
-        settings = load(overrides={"api.host": "127.0.0.1", "api.port": 0})
+        settings = story.settings(**{"api.host": "127.0.0.1", "api.port": 0})
         daemon = Daemon(settings, clock=clock, opener=device.open, rng=random.Random(1))
         inbox = daemon.bus.subscribe(*EVENTS, size=100_000)
         running = asyncio.create_task(daemon.run())
@@ -116,15 +132,12 @@ def _text(value: Any) -> str:
     return ADDRESS.sub("client", str(value) if isinstance(value, str) else repr(value))
 
 
-Story = Callable[[SimulatedRobot], Awaitable[None]]
-
-
 def record(story: Story) -> list[Step]:
     """Let a story happen on the simulated robot and note all that goes into its daemon."""
     steps: list[Step] = []
 
     async def scenario() -> None:
-        async with simulated_robot(load(overrides={"sim.board.cycle_s": 0.05})) as robot:
+        async with simulated_robot(story.settings(**{"sim.board.cycle_s": 0.05})) as robot:
             clock = LoopClock()
             start_s = clock.now_s()
 
@@ -132,7 +145,7 @@ def record(story: Story) -> list[Step]:
                 steps.append(Step(clock.now_s() - start_s, kind, value))
 
             _tap(robot, note)
-            await story(robot)
+            await story.play(robot)
 
     run_virtual(scenario())
     return steps
@@ -203,8 +216,23 @@ async def faults_on_the_wire(robot: SimulatedRobot) -> None:
     await _drive(robot, 0.1, 0.0, 0.3)
 
 
-STORIES: dict[str, Story] = {
-    story.__name__: story for story in (drive_and_stop, estop_and_arm, faults_on_the_wire)
+async def drive_a_second(robot: SimulatedRobot) -> None:
+    """Boot, a second's curve, a stop."""
+    await asyncio.sleep(0.5)
+    await _drive(robot, 0.2, 0.5, 1.0)
+    await robot.client.stop()
+    await asyncio.sleep(0.3)
+
+
+CUPBOARD_AHEAD = {"sim.world.start_x_m": 1.2, "sim.world.start_y_m": 0.8}
+"""Something that the infrared sensor sees."""
+
+STORIES = {
+    "drive_and_stop": Story(drive_and_stop),
+    "estop_and_arm": Story(estop_and_arm),
+    "faults_on_the_wire": Story(faults_on_the_wire),
+    "khan": Story(drive_a_second, "khan", CUPBOARD_AHEAD),
+    "khan_edges": Story(drive_a_second, "khan", {**CUPBOARD_AHEAD, "robot.wire": "khan_edges"}),
 }
 
 
@@ -219,7 +247,7 @@ def rewrite() -> Iterator[str]:
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name, story in STORIES.items():
         recorded = [step.dump() for step in record(story)]
-        said = replay([Step.parse(line) for line in recorded])
+        said = replay(story, [Step.parse(line) for line in recorded])
         (FOLDER / f"{name}.in.jsonl").write_text("".join(line + "\n" for line in recorded))
         (FOLDER / f"{name}.out.txt").write_text("".join(line + "\n" for line in said))
         yield name
