@@ -175,7 +175,10 @@ def test_a_critical_battery_disarms(robot_name: str):
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
 def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: str):
-    """Driven at a wall it comes to rest between the stop distance and 5 cm more; turning and backing off go on."""
+    """Driven at a wall it comes to rest between the stop distance and 5 cm more; turning and backing off go on.
+
+    There KHAN's infrared sensor is at its fold: it may say that it cannot tell near from far, which holds it up as well.
+    """
 
     async def scenario(robot: SimulatedRobot) -> None:
         assert await drive(robot, 0.3, 0.0, 20.0) is None
@@ -183,7 +186,7 @@ def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: st
         assert not truth.in_contact
         assert speed_m_s(robot) < STILL_M_S
         beam = (await robot.client.get_state())["topics"]["ranges"]["data"]["ranges"][0]
-        assert beam["status"] in ("ok", "too_near")
+        assert beam["status"] in {"chefbot": ("ok",), "khan": ("ok", "too_near", "ambiguous")}[robot_name]
         assert 0.14 <= (beam["range_m"] or beam["min_range_m"]) <= 0.20
         assert (await safety(robot))["limited_by"] == "obstacle:front"
         await drive(robot, 0.0, 0.8, 1.5)
