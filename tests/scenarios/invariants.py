@@ -13,12 +13,8 @@ from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.scenarios.instruments import is_moving
 
-DRIFT = {"chefbot": (0.03, 0.02), "khan": (0.1, 0.3)}
-"""Odometry may be so far from the truth: metres, and a share of the way since the two were last set equal.
-
-Turning, KHAN skids, and some of its wheels stand while others turn: what its encoders say of its heading is worth
-little.
-"""
+DRIFT_M, DRIFT_SHARE = 0.03, 0.02
+"""Odometry may be so far from the truth: a base, and a share of the way since the two were last set equal."""
 
 LATE_S = 0.06
 """A reading is so old: a cycle of the board, and its line's time on the wire."""
@@ -105,7 +101,7 @@ class Invariants:
 
     def odometry_set(self) -> None:
         """Odometry was just set to the truth."""
-        self._drift_allowed_m = DRIFT[self._report.robot][0]
+        self._drift_allowed_m = DRIFT_M
 
     # On the wire and in the world
 
@@ -185,7 +181,7 @@ class Invariants:
             self.encoders_touched()
         if self._drift_allowed_m is None:
             return
-        self._drift_allowed_m += DRIFT[self._report.robot][1] * moved_m
+        self._drift_allowed_m += DRIFT_SHARE * moved_m
         drift_m = _apart_m(event.odom_from_base, self._truth)
         self._report.worst_drift_m = max(self._report.worst_drift_m, drift_m)
         behind_m = LATE_S * abs(true.twist.linear_m_s)
