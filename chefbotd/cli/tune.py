@@ -16,7 +16,7 @@ from chefbotd.cli.excitation import Exciter, WaveParameters
 from chefbotd.cli.facts import Mood
 from chefbotd.cli.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
 from chefbotd.cli.gains_file import save
-from chefbotd.cli.plots import COLOURS, PANELS, SHOWN_S, WheelPlot
+from chefbotd.cli.plots import PANELS, SHOWN_S, WheelPlot, coloured
 from chefbotd.cli.screen import RobotScreen
 from chefbotd.cli.trace import Trace
 from chefbotd.client import Client
@@ -196,7 +196,7 @@ class Tune(RobotScreen):
         for name in NAMES if self._gains else ():
             style = "reverse" if name == self._chosen else Mood.PLAIN
             side.add_row(Text(SHORT.get(name, name), style=style), Text(self._told(name), style=style))
-        for wheel, colour in zip(self._trace.wheels, COLOURS, strict=False):
+        for wheel, colour in coloured(self._trace.wheels):
             rms = f"{self._trace.of(wheel).rms_error_rad_s():.3f} rms"
             side.add_row(Text(wheel.removesuffix("_wheel"), style=colour), Text(rms))
         return side
