@@ -23,6 +23,7 @@ from chefbotd.motion.allowance import Allowance
 from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
 from chefbotd.services.drive import DriveService
+from chefbotd.services.latch import LatchFile, path_of
 from chefbotd.services.odometry import OdometryService
 from chefbotd.services.quadrature import QuadratureService
 from chefbotd.services.safety import SafetyKeeper
@@ -67,7 +68,8 @@ class Daemon:
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
         self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
-        self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty)
+        self._latch = LatchFile(path_of(settings.latch, settings.robot.name, simulated=simulated))
+        self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty, self._latch)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
         self._quadrature = QuadratureService(self.bus, settings.quadrature, names)
         self._sensors = SensorService(
@@ -116,7 +118,15 @@ class Daemon:
         """Run every part, and ``more`` beside them, until cancelled or until one of them fails.
 
         The socket listens before the board is touched. However this ends, the motors are told to stop before all else.
+        To be cancelled is to end in order; after any other end the next daemon begins disarmed, where a latch is kept.
         """
+        try:
+            await self._run(*more)
+        except asyncio.CancelledError:
+            self._latch.end()
+            raise
+
+    async def _run(self, *more: Loop) -> None:
         kept, insist = self._supervisor.keep, self._supervisor.insist
         async with asyncio.TaskGroup() as group:
             try:
@@ -178,7 +188,11 @@ def _description(path: Path | None) -> str | None:
 
 
 def _drive_service(
-    settings: Settings, bus: Bus, clock: Clock, send_duty: Callable[[tuple[int, ...]], None]
+    settings: Settings,
+    bus: Bus,
+    clock: Clock,
+    send_duty: Callable[[tuple[int, ...]], None],
+    latch: LatchFile,
 ) -> DriveService:
     names = tuple(wheel.name for wheel in settings.chassis.wheels)
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
@@ -189,6 +203,7 @@ def _drive_service(
         wheel_names=names,
         counts_per_turn=settings.encoders.counts_per_turn,
         mounts=settings.range_mounts(),
+        latch=latch,
     )
     return DriveService(
         bus,

@@ -13,6 +13,7 @@ from chefbotd.api.access import AccessError
 from chefbotd.api.doorway import CannotListen
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import SystemClock
+from chefbotd.services.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.simulation import simulation_of
 
@@ -59,7 +60,7 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
 
     signals.handle(end)
     try:
-        await (_serve_simulated(settings) if simulated else _serve(Daemon(settings, clock=SystemClock())))
+        await (_serve_simulated(settings) if simulated else _serve_real(settings))
     except asyncio.CancelledError:
         if not received:
             raise
@@ -76,6 +77,17 @@ async def _serve(daemon: Daemon, *more: Loop) -> None:
 
     with daemon.watchdog:
         await daemon.run(report_ready, *more)
+
+
+async def _serve_real(settings: Settings) -> None:
+    """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
+    folder = settings.latch.folder or systemd.runtime_folder()
+    if folder is None:
+        log.info(
+            "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
+        )
+    settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
+    await _serve(Daemon(settings, clock=SystemClock()))
 
 
 def settle() -> None:

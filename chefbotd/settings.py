@@ -36,6 +36,7 @@ from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.drive import ControlParameters
+from chefbotd.services.latch import LatchParameters
 from chefbotd.services.watchdog import WatchdogParameters
 from chefbotd.sim.parameters import SimulationParameters
 from firmware_protocol.codec import VARIANTS
@@ -87,6 +88,7 @@ class Settings(Parameters):
     odometry: OdometryParameters
     control: ControlParameters = ControlParameters()
     safety: SafetyParameters = SafetyParameters()
+    latch: LatchParameters = LatchParameters()
     watchdog: WatchdogParameters = WatchdogParameters()
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()

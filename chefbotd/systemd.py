@@ -2,6 +2,7 @@
 
 import os
 import socket
+from pathlib import Path
 
 import structlog
 
@@ -23,3 +24,9 @@ def notify(state: str) -> bool:
         log.warning("systemd cannot be told", state=state, error=str(error))
         return False
     return True
+
+
+def runtime_folder() -> Path | None:
+    """The first ``RuntimeDirectory=`` of the unit (systemd.exec(5)); None where there is none."""
+    first, _, _ = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")
+    return Path(first) if first else None

@@ -17,6 +17,7 @@ class FaultKind(StrEnum):
     INTERNAL_ERROR = "internal_error"
     SERVICE_FAILED = "service_failed"
     LOOP_BLOCKED = "loop_blocked"
+    ENDED_BADLY = "ended_badly"
 
 
 PASSING = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})

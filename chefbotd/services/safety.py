@@ -23,8 +23,9 @@ from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.logs import RateLimitedLog
 from chefbotd.safety import charge, gate, guard, silence, wheels
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.safety.silence import SilenceState
+from chefbotd.services.latch import LatchFile
 
 log = structlog.get_logger(component="safety")
 
@@ -33,7 +34,10 @@ OBSTACLE = "obstacle:"
 
 
 class SafetyKeeper:
-    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'."""
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
+
+    ``latch`` remembers the mode beyond the end of the process.
+    """
 
     def __init__(
         self,
@@ -44,10 +48,12 @@ class SafetyKeeper:
         wheel_names: tuple[str, ...],
         counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
+        latch: LatchFile,
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
-        self._gate, self._decision = GateState(), HALT
+        self._latch = latch
+        self._gate, self._decision = latch.recall(), HALT
         self._silence = SilenceState()
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
@@ -161,7 +167,7 @@ class SafetyKeeper:
         return decision
 
     def announce(self, now_s: float) -> None:
-        """Publish the gate's state if it has changed, and log a change of mode."""
+        """Publish the gate's state if it has changed, leave word of it for the next daemon, and log a change of mode."""
         state, decision, told = self._gate, self._decision, self._announced
         said = (state.mode, state.reason, decision.source, state.fault, decision.limited_by)
         if said == self._said:
@@ -169,6 +175,7 @@ class SafetyKeeper:
         self._said, limited_by, fault = said, decision.limited_by, state.fault
         event = SafetyChanged(now_s, *said)
         self._announced = event
+        self._latch.keep(state)
         self._bus.publish(event)
         if limited_by is not None and (told is None or told.limited_by != limited_by):
             self._limited_log.warning("motion limited", by=limited_by)

@@ -32,3 +32,17 @@ def test_a_socket_that_is_not_there_is_no_disaster(monkeypatch: pytest.MonkeyPat
     with structlog.testing.capture_logs() as logged:
         assert systemd.notify("READY=1") is False
     assert logged[0]["event"] == "systemd cannot be told"
+
+
+@pytest.mark.parametrize(
+    ("told", "folder"),
+    [(None, None), ("", None), ("/run/chefbotd", "/run/chefbotd"), ("/run/a:/run/b", "/run/a")],
+)
+def test_the_runtime_folder_is_the_first_one(
+    monkeypatch: pytest.MonkeyPatch, told: str | None, folder: str | None
+):
+    """As systemd.exec(5) has it, several are separated by colons; without the variable there is none."""
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    if told is not None:
+        monkeypatch.setenv("RUNTIME_DIRECTORY", told)
+    assert systemd.runtime_folder() == (None if folder is None else Path(folder))

@@ -1,10 +1,11 @@
 """The real program in a process of its own, on a real pty with the simulated robot behind it, as users start it."""
 
 import asyncio
+import os
 import socket
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from chefbotd.simulation import simulation_of
 PATIENCE_S = 15.0
 SPEED_M_S = 0.2
 PERIOD_S = 0.02
+PLAIN: Mapping[str, str] = {}
 
 # A fault of the program itself is a few lines of Python before its start.
 BLOCKED = "import time; robot.WiredRobot.stats = lambda self: time.sleep(1.0)"
@@ -46,13 +48,13 @@ class Board:
     """The simulated board on a pty; keeps every line that it hears, with the time."""
 
     def __init__(self, robot: str, device: Path) -> None:
-        self.device = device
+        self.robot, self.device = robot, device
         self.heard: list[tuple[float, bytes]] = []
         self._rest = b""
         self._pty = PtyBoard(self._hear, device)
-        parameters = simulation_of(load(packaged(robot)))
-        self._stop = b"s" + b" 0" * parameters.body.wheel_count
-        self._runner = BoardRunner(build_launchpad(parameters), self._pty.send, SystemClock())
+        simulation = simulation_of(load(packaged(robot)))
+        self._stop = b"s" + b" 0" * simulation.variant.wheels
+        self._runner = BoardRunner(build_launchpad(simulation), self._pty.send, SystemClock())
 
     @property
     def told_to_move(self) -> bool:
@@ -96,12 +98,13 @@ class Board:
 
 @dataclass
 class Program:
-    """The daemon's process, its board, where it listens, and its log."""
+    """The daemon's process, its board, where it listens, its log, and what it finds in its environment."""
 
     process: asyncio.subprocess.Process
     board: Board
     port: int
     log: Path
+    environment: Mapping[str, str]
 
     async def ended(self) -> int:
         """Its exit code, once the board has heard the last of it."""
@@ -125,32 +128,43 @@ class Program:
 
 @asynccontextmanager
 async def started(
-    folder: Path, fault: str = "", robot: str = "chefbot", host: str = "127.0.0.1"
+    folder: Path,
+    fault: str = "",
+    robot: str = "chefbot",
+    host: str = "127.0.0.1",
+    environment: Mapping[str, str] = PLAIN,
 ) -> AsyncIterator[Program]:
     """Start the daemon with a fault in it; at the end it is killed if it has not ended."""
     board = Board(robot, folder / "board")
-    async with board.plugged(), _daemon(board, robot, folder / "log", fault, host) as program:
+    async with board.plugged(), _daemon(board, folder / "log", fault, host, environment) as program:
         yield program
 
 
 @asynccontextmanager
 async def second_daemon(first: Program) -> AsyncIterator[Program]:
-    """One more on the same device, while the first has it."""
-    async with _daemon(first.board, "chefbot", first.log.with_name("second log"), "", "127.0.0.1") as second:
+    """One more on the same device in the same environment, while the first has it or after that."""
+    log = first.log.with_name("second log")
+    async with _daemon(first.board, log, "", "127.0.0.1", first.environment) as second:
         yield second
 
 
 @asynccontextmanager
-async def _daemon(board: Board, robot: str, log: Path, fault: str, host: str) -> AsyncIterator[Program]:
+async def _daemon(
+    board: Board, log: Path, fault: str, host: str, environment: Mapping[str, str]
+) -> AsyncIterator[Program]:
     port = _free_port()
     program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.daemon import main\nmain()"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
+    inherited = {name: text for name, text in os.environ.items() if name != "RUNTIME_DIRECTORY"}
     with log.open("wb") as sink:
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", program, "run", "--config", str(packaged(robot)), *where, stderr=sink
+            sys.executable,
+            *("-c", program, "run", "--config", str(packaged(board.robot)), *where),
+            stderr=sink,
+            env={**inherited, **environment},
         )
     try:
-        yield Program(process, board, port, log)
+        yield Program(process, board, port, log, environment)
     finally:
         if process.returncode is None:
             process.kill()
@@ -159,18 +173,23 @@ async def _daemon(board: Board, robot: str, log: Path, fault: str, host: str) ->
 
 @asynccontextmanager
 async def driving(
-    folder: Path, fault: str = "", robot: str = "chefbot"
+    folder: Path, fault: str = "", robot: str = "chefbot", environment: Mapping[str, str] = PLAIN
 ) -> AsyncIterator[tuple[Program, Client]]:
     """Start the daemon, and drive until it moves."""
     async with (
         asyncio.timeout(PATIENCE_S),
-        started(folder, fault, robot) as program,
+        started(folder, fault, robot, environment=environment) as program,
         program.client() as client,
     ):
-        while not program.board.told_to_move:
-            await _drive_once(client)
-            await asyncio.sleep(PERIOD_S)
+        await drive_until_told(program.board, client)
         yield program, client
+
+
+async def drive_until_told(board: Board, client: Client) -> None:
+    """Command a motion until the board hears of one."""
+    while not board.told_to_move:
+        await _drive_once(client)
+        await asyncio.sleep(PERIOD_S)
 
 
 async def _drive_once(client: Client) -> None:

@@ -37,6 +37,9 @@ NOT_INJECTED = {
     "Enable button": "its tests have a pad",
     "Terminal of": "its tests have a terminal",
     "The program ends while the port is being opened": "its test has a port that takes its time",
+    "The daemon starts again after it was killed": "its test starts two programs",
+    "The daemon starts again after it ended": "its test starts two programs",
+    "The latch cannot be written": "its test has no board",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

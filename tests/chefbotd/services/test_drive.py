@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 
 import pytest
 import structlog
@@ -26,8 +27,9 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Rearm, SafetyParameters
+from chefbotd.safety.gate import GateState, Mode, Rearm, SafetyParameters
 from chefbotd.services.drive import ControlParameters, DriveService
+from chefbotd.services.latch import LatchFile
 from chefbotd.services.safety import SafetyKeeper
 from chefbotd.services.wheel_reader import WheelReader
 
@@ -54,7 +56,7 @@ FULL_DUTY = (240, 240)  # 40 + 1000 * 0.2
 class Rig:
     """A control loop with a wire that remembers, fed by hand. Feedforward only, so that duties can be computed."""
 
-    def __init__(self, rearm: Rearm = Rearm.MANUAL) -> None:
+    def __init__(self, rearm: Rearm = Rearm.MANUAL, latch: Path | None = None) -> None:
         self.bus, self.clock = Bus(), LoopClock()
         self.written: list[tuple[float, tuple[int, ...]]] = []
         self.start_s = self.clock.now_s()
@@ -70,6 +72,7 @@ class Rig:
                 wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
                 counts_per_turn=1000,
                 mounts={"front": Pose2D(0.15)},
+                latch=LatchFile(latch),
             ),
             reader=WheelReader(
                 CHASSIS,
@@ -117,11 +120,13 @@ class Rig:
         return [(event.mode, event.source) for event in events]
 
 
-def on_rig(scenario: Callable[[Rig], Awaitable[None]], rearm: Rearm = Rearm.MANUAL) -> None:
+def on_rig(
+    scenario: Callable[[Rig], Awaitable[None]], rearm: Rearm = Rearm.MANUAL, latch: Path | None = None
+) -> None:
     """Run a scenario with the link open, on the virtual clock."""
 
     async def run() -> None:
-        rig = Rig(rearm)
+        rig = Rig(rearm, latch)
         await asyncio.sleep(0)
         await rig.open_link()
         await scenario(rig)
@@ -397,6 +402,56 @@ def test_with_rearm_auto_the_fault_ends_by_itself_but_an_estop_does_not(fault: o
             rig.service.command("teleop", AHEAD)
 
     on_rig(scenario, Rearm.AUTO)
+
+
+def test_an_estop_is_remembered_before_the_call_returns(tmp_path: Path):
+    """Whoever has the answer may kill the daemon: the next one is estopped."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        rig.service.estop("button")
+        assert LatchFile(tmp_path / "latch").recall() == GateState(Mode.ESTOPPED, "button")
+
+    on_rig(scenario, latch=tmp_path / "latch")
+
+
+def test_a_latch_that_cannot_be_written_holds_up_no_stop(tmp_path: Path):
+    """A file is where its folder was: zero in the same call and latched, as ever."""
+    folder = tmp_path / "folder"
+
+    async def scenario(rig: Rig) -> None:
+        await rig.drive_for(0.3)
+        folder.rename(tmp_path / "gone")
+        folder.touch()
+        rig.service.estop("button")
+        assert rig.duty == (0, 0)
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.ESTOPPED
+
+    on_rig(scenario, latch=folder / "latch")
+
+
+@pytest.mark.parametrize("rearm", Rearm)
+def test_after_a_daemon_that_ended_badly_nothing_moves_before_arm(tmp_path: Path, rearm: Rearm):
+    """It left word that it was armed: disarmed whatever becomes of the link, with rearm = "auto" too."""
+    LatchFile(tmp_path / "latch").keep(GateState())
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.1)
+        rig.bus.publish(LinkClosed(0.0, "fake", "unplugged"))
+        await rig.open_link()
+        rig.bus.publish(BoardRestarted(0.0, "banner"))
+        await rig.frames(0.1)
+        with pytest.raises(Refused) as refusal:
+            rig.service.command("teleop", AHEAD)
+        assert refusal.value.kind is RefusalKind.DISARMED
+        assert {rig.safety.take().fault for _ in range(len(rig.safety))} == {FaultKind.ENDED_BADLY}
+        rig.service.arm()
+        await rig.drive_for(0.3)
+        assert rig.duty > (0, 0)
+
+    on_rig(scenario, rearm, tmp_path / "latch")
 
 
 def test_without_a_link_there_is_nothing_to_arm():

@@ -1,0 +1,50 @@
+"""What outlives the daemon of its gate: mode, reason and fault, as the next daemon finds them.
+
+A daemon that runs armed has left word of that too, and takes it back when it ends in order. So whoever finds it knows
+that its predecessor was killed or crashed, with the robot perhaps in motion.
+"""
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.safety.faults import FaultKind
+from chefbotd.safety.gate import GateState, Mode
+
+MAX_REASON_CHARACTERS = 1000
+
+ENDED_BADLY = GateState(
+    Mode.DISARMED,
+    "the daemon before this one did not end in order; arm when the robot may move",
+    fault=FaultKind.ENDED_BADLY,
+)
+UNREADABLE = GateState(
+    Mode.DISARMED,
+    "what the daemon before this one left word of cannot be read, the log says why; arm when the robot may move",
+    fault=FaultKind.ENDED_BADLY,
+)
+
+
+class Latch(Parameters):
+    """The gate's mode, and why it is so."""
+
+    mode: Mode
+    fault: FaultKind | None
+    reason: str = Field(max_length=MAX_REASON_CHARACTERS)
+
+
+def write(state: GateState) -> bytes:
+    """What is left word of: JSON in UTF-8, whatever the reason is made of; a long one is cut."""
+    reason = state.reason[:MAX_REASON_CHARACTERS].encode(errors="replace").decode()
+    return Latch(mode=state.mode, fault=state.fault, reason=reason).model_dump_json().encode()
+
+
+def read(left: bytes) -> GateState:
+    """The state to begin in; armed is never one.
+
+    Raises:
+        ValueError: this is not what ``write`` writes.
+    """
+    latch = Latch.model_validate_json(left)
+    if latch.mode is Mode.ARMED:
+        return ENDED_BADLY
+    return GateState(latch.mode, latch.reason, fault=latch.fault)
