@@ -12,7 +12,10 @@ from chefbotd.cli.extras import extra
 from chefbotd.cli.terminal import need_terminal
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
-UNSAVED = "The gains were changed and not saved; 'chefbotctl pid save FILE' writes them to a configuration."
+UNSAVED = (
+    "The gains were changed and not saved; 'chefbotctl pid save FILE' writes those in force to a configuration. "
+    "Where the daemon has forgotten them, this brings them back:"
+)
 
 
 @click.group(invoke_without_command=True)
@@ -99,5 +102,8 @@ def tune(chat: Conversation, path: Path | None, amplitude_m_s: float, half_perio
 
     need_terminal()
     wave = WaveParameters(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
-    if chat.hold(lambda robot: run_screen(robot, str(chat.address), path, wave)):
-        click.echo(UNSAVED, err=True)
+    chat.hold(lambda robot: run_screen(robot, str(chat.address), path, wave, _tell_unsaved))
+
+
+def _tell_unsaved(commands: list[str]) -> None:
+    click.echo("\n".join([UNSAVED, *commands]), err=True)

@@ -1,6 +1,7 @@
 """The screen of ``chefbotctl pid tune``: plots of the wheels while keys change the gains; needs the extra ``tune``."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,6 +15,7 @@ from textual.widgets import Static
 
 from chefbotd.cli.excitation import Exciter, WaveParameters
 from chefbotd.cli.facts import Mood
+from chefbotd.cli.gain_commands import restoring
 from chefbotd.cli.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
 from chefbotd.cli.gains_file import save
 from chefbotd.cli.plots import PANELS, SHOWN_S, WheelPlot, coloured
@@ -69,6 +71,10 @@ class Tune(RobotScreen):
     def unsaved(self) -> bool:
         """Whether the gains are others than at the beginning, or at the last save."""
         return self._gains != self._saved
+
+    def restoring_commands(self) -> list[str]:
+        """The commands that bring the unsaved gains back."""
+        return restoring(self._saved, self._gains)
 
     def compose(self) -> ComposeResult:
         """Textual: title, the plots beside gains and keys, and a line for messages."""
@@ -224,8 +230,20 @@ def _shown(value: Gain) -> str:
     return ("on" if value else "off") if isinstance(value, bool) else f"{value:g}"
 
 
-async def tune(robot: Client, address: str, config: Path | None, wave: WaveParameters) -> bool:
-    """Tune until the user quits; whether there are gains that were not saved. Raises the client's errors."""
+async def tune(
+    robot: Client,
+    address: str,
+    config: Path | None,
+    wave: WaveParameters,
+    tell_unsaved: Callable[[list[str]], None],
+) -> None:
+    """Tune until the user quits; raises the client's errors.
+
+    Whatever ends it, ``tell_unsaved`` is then given the commands that bring back gains that were not saved.
+    """
     screen = Tune(robot, address, config, wave)
-    await screen.show()
-    return screen.unsaved
+    try:
+        await screen.show()
+    finally:
+        if screen.unsaved:
+            tell_unsaved(screen.restoring_commands())

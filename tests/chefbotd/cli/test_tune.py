@@ -1,6 +1,7 @@
 """The tuning screen, headless: what is on it, and what its keys ask of the daemon and write to the file."""
 
 import asyncio
+import contextlib
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from textual_hires_canvas import Canvas
 from chefbotd.cli.excitation import WaveParameters
 from chefbotd.cli.exits import Exit
 from chefbotd.cli.plots import WheelPlot
-from chefbotd.cli.tune import Tune
+from chefbotd.cli.tune import Tune, tune
 from chefbotd.client import Client, ConnectionLost
 from chefbotd.settings import load, packaged
 from tests.chefbotd.cli.conftest import Control
@@ -200,6 +201,32 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
         await until(user, lambda: screen.failure is not None)
 
     assert isinstance(on_screen(daemon, script).failure, ConnectionLost)
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_unsaved_gains_are_told_whatever_ends_it(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, lost: bool
+) -> None:
+    """The user leaves, or the daemon goes away: the commands that bring the changed gains back are told."""
+    told: list[list[str]] = []
+
+    async def played(screen: Tune, **_: object) -> None:
+        async with screen.run_test(size=(80, 24)) as user:
+            await until(user, lambda: "i limit" in side(screen))
+            await user.press("right")
+            await until(user, lambda: screen.unsaved)
+            daemon.hang_up_on = "get_pid" if lost else None
+            await until(user, lambda: screen.failure is not None or not lost)
+
+    monkeypatch.setattr(Tune, "run_async", played)  # in the terminal's place
+
+    async def main() -> None:
+        async with Client.connect("127.0.0.1", daemon.port) as robot:
+            await tune(robot, "robot:7333", None, WaveParameters(), told.append)
+
+    with pytest.raises(ConnectionLost) if lost else contextlib.nullcontext():
+        asyncio.run(daemon.beside(main()))
+    assert told == [["chefbotctl pid set all kp=440.0"]]
 
 
 def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) -> None:
