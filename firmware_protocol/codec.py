@@ -45,20 +45,25 @@ PUBLISHED_BANNER = (
     "Initializing I2C devices...",
     "Testing device connections...",
     "MPU6050 connection successful",
-    "MPU6050 connection failed",
 )
+PUBLISHED_FAILURES = ("MPU6050 connection failed",)
+
+FROM_BOARD = Framing(b"\t", b"\n", replaced=(b"\r\n", b"\n"), max_line=256)
+TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size of the sketch's buffer
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
     """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own.
 
-    ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
+    ``banner`` is what its board prints as it starts when all is well, line by line, and ``failed_banner`` what may stand in
+    a line's place. ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
     """
 
     name: str
     wheels: int = 2
     banner: tuple[str, ...] = PUBLISHED_BANNER
+    failed_banner: tuple[str, ...] = PUBLISHED_FAILURES
     left_out: tuple[type[Any], ...] = ()
     extra_from_board: tuple[LineKind, ...] = ()
     extra_to_board: tuple[LineKind, ...] = ()
@@ -66,6 +71,12 @@ class Variant:
     def __post_init__(self) -> None:
         if self.wheels < 1:
             raise ValueError(f"a robot has at least one wheel, got {self.wheels}")
+        longest = len(TO_BOARD.separator.join([b"s", *[str(INT16.low).encode()] * self.wheels]))
+        if longest > TO_BOARD.max_line:
+            raise ValueError(
+                f"the longest 's' line of {self.wheels} wheels is {longest} bytes, the board's buffer holds "
+                f"{TO_BOARD.max_line}"
+            )
 
     def speaks(self, message: type[Any]) -> bool:
         """Whether the board has a line kind for this message."""
@@ -103,13 +114,9 @@ KHAN_EDGES = Variant(
 VARIANTS = {variant.name: variant for variant in (CLASSIC, FOUR_WHEELS, KHAN, KHAN_EDGES)}
 
 
-FROM_BOARD = Framing(b"\t", b"\n", replaced=(b"\r\n", b"\n"), max_line=256)
-TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size of the sketch's buffer
-
-
 def from_board(variant: Variant) -> LineCodec:
     """What the board says: frames, its banner, and any other text."""
-    phrases: dict[str, Message] = {text: Banner(text) for text in variant.banner}
+    phrases: dict[str, Message] = {text: Banner(text) for text in (*variant.banner, *variant.failed_banner)}
     phrases[RESET_DONE] = ResetDone()
     return LineCodec(FROM_BOARD, _rows_from_board(variant), phrases, text_end=b"\r\n")
 

@@ -365,3 +365,12 @@ def test_a_robot_without_wheels_has_no_wire() -> None:
     """The variant is checked when it is made."""
     with pytest.raises(ValueError, match="at least one wheel, got 0"):
         Variant("sled", wheels=0)
+
+
+def test_more_wheels_than_a_line_to_the_board_holds_are_refused() -> None:
+    """Nine wheels at the end of int16 are 1 + 9 * 7 = 64 bytes, the sketch's buffer; ten are 71 and have no wire."""
+    widest = to_board(Variant("sled", wheels=9)).encode(SetDuty((-32768,) * 9))
+    assert len(widest) == 64 + 1
+    told = "longest 's' line of 10 wheels is 71 bytes, the board's buffer holds 64"
+    with pytest.raises(ValueError, match=told):
+        Variant("sled", wheels=10)
