@@ -20,6 +20,7 @@ from chefbotd.cli.program import Program, wants_json
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
+    from chefbotd.sim.parameters import Simulation
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
@@ -62,6 +63,8 @@ def run(
         "log.level": log_level,
     }
     settings = _load(path, {key: value for key, value in wanted.items() if value is not None})
+    if simulated:
+        _simulation(settings)
     from chefbotd import logs, process
 
     logs.configure(settings.log.level)
@@ -87,10 +90,10 @@ def simulate(
     overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
     settings = _load(path, overrides)
     from chefbotd.sim.simulate import simulate as run_board
-    from chefbotd.simulation import simulation_of
 
+    simulation = _simulation(settings)
     try:
-        asyncio.run(run_board(simulation_of(settings), link_path=link, seed=seed, as_json=wants_json(ctx)))
+        asyncio.run(run_board(simulation, link_path=link, seed=seed, as_json=wants_json(ctx)))
     except (OSError, ValueError) as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
 
@@ -104,9 +107,10 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
     It is FILE, or the packaged one of ROBOT; ChefBot's by default. The robot's description, if it has one, is held
     against it, joint by joint: each wheel's radius, its place left or right of the middle, the direction of its
     axis, and where the sensors sit. What is compared is what can be measured on the robot: track_multiplier and the
-    radius multipliers change nothing here.
+    radius multipliers change nothing here. What cannot be simulated is refused, too.
     """
     settings = _load(path, {})
+    _simulation(settings)
     _check_description(settings)
     values = settings.model_dump(mode="json", by_alias=True)
     if wants_json(ctx):
@@ -124,6 +128,15 @@ def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
     try:
         return load(path, overrides=overrides)
     except SettingsError as error:
+        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+
+
+def _simulation(settings: "Settings") -> "Simulation":
+    from chefbotd.simulation import CannotSimulateError, checked_simulation
+
+    try:
+        return checked_simulation(settings)
+    except CannotSimulateError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
 
 

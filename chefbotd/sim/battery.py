@@ -15,15 +15,21 @@ ADC_MAX = 4095
 
 
 class BatteryParameters(Parameters):
-    """A 12 V lead-acid battery, the electronics on it besides the motors, and the ADC that watches it."""
+    """A 12 V lead-acid battery, the electronics on it besides the motors, and the noise of the ADC that watches it."""
 
     capacity_ah: float = Field(10.0, gt=0, le=1000)
     start_charge_share: float = Field(1.0, ge=0, le=1)
     resistance_ohm: float = Field(0.05, ge=0, le=10)
     electronics_current_a: float = Field(2.0, ge=0, le=100)
-    adc_reference_v: float = Field(3.3, gt=0, le=10)
-    divider_ratio: float = Field(4.0, ge=1, le=100)
     adc_noise_counts: float = Field(2.0, ge=0, le=100)
+
+
+@dataclass(frozen=True, slots=True)
+class Divider:
+    """What lies between the battery and the ADC's count: so much less of its voltage, and so much is full scale."""
+
+    reference_v: float = 3.3
+    ratio: float = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +56,7 @@ class Battery:
         return Battery(self.parameters, min(max(self.charge_share - used, 0.0), 1.0))
 
 
-def adc_counts(terminal_v: float, parameters: BatteryParameters, noise: float = 0.0) -> int:
-    """The 12-bit reading of this voltage through the divider; ``noise`` is a standard normal draw."""
-    ideal = terminal_v / parameters.divider_ratio / parameters.adc_reference_v * ADC_MAX
-    return min(max(round(ideal + noise * parameters.adc_noise_counts), 0), ADC_MAX)
+def adc_counts(terminal_v: float, divider: Divider, noise_counts: float = 0.0) -> int:
+    """The 12-bit reading of this voltage through the divider."""
+    ideal = terminal_v / divider.ratio / divider.reference_v * ADC_MAX
+    return min(max(round(ideal + noise_counts), 0), ADC_MAX)

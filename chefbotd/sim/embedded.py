@@ -9,7 +9,7 @@ from typing import Self
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.parameters import Simulation, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 
 TRUTH_PERIOD_S = 0.02
@@ -18,12 +18,12 @@ TRUTH_PERIOD_S = 0.02
 class EmbeddedBoard:
     """A board that is plugged in while the context lasts; ``device`` is its path. ``run`` lets it live."""
 
-    def __init__(self, parameters: SimulationParameters, clock: Clock) -> None:
+    def __init__(self, simulation: Simulation, clock: Clock) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="chefbotd-")
         self.device = Path(self._folder.name) / "board"
         self._clock = clock
         self._pty = PtyBoard(self._receive, self.device)
-        self._runner = BoardRunner(build_launchpad(parameters), self._pty.send, clock)
+        self._runner = BoardRunner(build_launchpad(simulation), self._pty.send, clock)
 
     def _receive(self, data: bytes) -> None:
         self._runner.receive(data)

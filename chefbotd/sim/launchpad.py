@@ -8,10 +8,14 @@ from chefbotd.sim.uart import Uart
 class Launchpad:
     """A board wired to a robot, powered on at time 0. When and how often it is asked changes nothing."""
 
-    def __init__(self, wiring: Wiring, parameters: BoardParameters, seed: int) -> None:
+    def __init__(
+        self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
+    ) -> None:
         self._robot = wiring.robot
         self._uart = Uart(
-            parameters.line_rate_bytes_s, parameters.transmit_buffer_bytes, parameters.receive_buffer_bytes
+            parameters.line_rate_bytes_s or line_rate_bytes_s,
+            parameters.transmit_buffer_bytes,
+            parameters.receive_buffer_bytes,
         )
         self._sketch = Sketch(wiring, parameters, self._uart, seed)
         self._program = self._sketch.run()

@@ -78,18 +78,14 @@ class MotorParameters(Parameters):
 
 
 class BodyParameters(Parameters):
-    """The robot's wheels and weight; a mass of 0 is a robot whose wheels hang free.
+    """The robot's size and weight, and how its wheels meet the ground; a mass of 0 is a robot whose wheels hang free.
 
-    A robot with a ``wheelbase_m`` turns by dragging its wheels sideways (skid steer), against their grip: the tighter
-    it turns, the harder. The multipliers make a side's real wheels differ from the nominal radius; a side's slip is the
-    share of its rim travel that does not become motion over the ground.
+    A robot whose wheels are spread over a ``wheelbase_m`` turns by dragging them sideways (skid steer), against their
+    grip: the tighter it turns, the harder. The multipliers make a side's real wheels differ from what the configuration
+    takes them for; a side's slip is the share of its rim travel that does not become motion over the ground.
     """
 
-    wheel_radius_m: float = Field(0.045, gt=0, le=1)
-    track_width_m: float = Field(0.3, gt=0, le=5)
-    wheels_per_side: int = Field(1, ge=1, le=2)
     wheelbase_m: float = Field(0.0, ge=0, le=5)
-    counts_per_turn: float = Field(4200.0, gt=0)
     radius_m: float = Field(0.18, gt=0, le=2)
     mass_kg: float = Field(6.0, ge=0, le=500)
     yaw_inertia_kg_m2: float = Field(0.1, ge=0, le=100)
@@ -99,21 +95,3 @@ class BodyParameters(Parameters):
     right_radius_multiplier: float = Field(1.0, gt=0.5, lt=2)
     left_slip: float = Field(0.0, ge=0, lt=1)
     right_slip: float = Field(0.0, ge=0, lt=1)
-
-    @property
-    def wheel_count(self) -> int:
-        """Driven wheels on both sides."""
-        return 2 * self.wheels_per_side
-
-    @property
-    def scrub_n_m(self) -> float:
-        """The torque on each axle when every wheel is dragged sideways.
-
-        The wheels resist turning with ``grip * load * wheelbase / 2`` each, and overcome it at a lever of half a track.
-        """
-        return self.grip * self.load_n * self.wheelbase_m / self.track_width_m * self.wheel_radius_m
-
-    @property
-    def load_n(self) -> float:
-        """The weight on each driven wheel."""
-        return self.mass_kg * GRAVITY_M_S2 / self.wheel_count

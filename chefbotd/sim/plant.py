@@ -6,11 +6,9 @@ The motor is the textbook one without inductance (Lynch and Park, *Modern Roboti
 
 which makes the wheels a linear system between two friction forces. It is solved exactly (matrix
 exponential), so a step of any length is stable; dry friction is then found as the torque, within its bounds,
-that stops each wheel. Wheels come in pairs, left before right, front before rear: (left, right) or (front
-left, front right, rear left, rear right).
+that stops each wheel. Wheels come in the order of the chassis, however many there are on a side.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +16,9 @@ import numpy as np
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.motor import BodyParameters, MotorParameters
+from chefbotd.sim.chassis import PUBLISHED, Chassis
+from chefbotd.sim.motor import GRAVITY_M_S2, BodyParameters, MotorParameters
+from chefbotd.sim.scrub import Scrub
 
 FRICTION_SWEEPS = 8
 
@@ -57,25 +57,28 @@ class _Propagator:
 class Plant:
     """Steps the wheels of one robot; holds constants only, the state goes through ``step``."""
 
-    def __init__(self, motor: MotorParameters, body: BodyParameters, step_s: float) -> None:
+    def __init__(
+        self, motor: MotorParameters, body: BodyParameters, step_s: float, chassis: Chassis = PUBLISHED
+    ) -> None:
         """Raises ``ValueError`` unless ``step_s`` is positive."""
         if not step_s > 0:
             raise ValueError(f"step_s must be positive, got {step_s}")
         self.step_s = step_s
         self._dead_zone_duty, self._full_scale_duty = motor.dead_zone_duty, motor.full_scale_duty
-        self._twist_from_wheels = _twist_from_wheels(body)
+        self._twist_from_wheels = _twist_from_wheels(body, chassis)
         inertia = _inertia(motor, body, self._twist_from_wheels)
         self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
         self._stall_n_m_per_v = motor.torque_constant_n_m_a / motor.resistance_ohm
         magnetic = self._stall_n_m_per_v * self._back_emf_v_s
         self._driven = _Propagator(inertia, motor.viscous_friction_n_m_s + magnetic, step_s)
         self._coasting = _Propagator(inertia, motor.viscous_friction_n_m_s, step_s)
-        rolling = body.rolling_resistance * body.load_n * body.wheel_radius_m
+        wheels = len(chassis.wheels)
+        radii_m, load_n = _radii_m(body, chassis), body.mass_kg * GRAVITY_M_S2 / wheels
         self._static_to_kinetic = motor.static_to_kinetic_friction
-        self._kinetic_n_m = np.full(body.wheel_count, motor.dry_friction_n_m + rolling)
-        self._spinning_n_m = body.grip * body.load_n * body.wheel_radius_m
-        self._scrub_n_m, self._half_base_m = body.scrub_n_m, body.wheelbase_m / 2
-        self._open = np.zeros(body.wheel_count)
+        self._kinetic_n_m = motor.dry_friction_n_m + body.rolling_resistance * load_n * radii_m
+        self._spinning_n_m = body.grip * load_n * radii_m
+        self._scrub = Scrub(chassis, body.wheelbase_m, radii_m, body.grip * load_n)
+        self._open = np.zeros(wheels)
 
     @property
     def standing(self) -> WheelState:
@@ -136,21 +139,14 @@ class Plant:
 
     def _rub(self, propagator: _Propagator, velocity: Vector, free: Vector, skid: float) -> Vector:
         """Velocities after dry friction, given those without it."""
-        kinetic = self._kinetic_n_m + (skid * self._spinning_n_m + self._scrubbing_n_m(velocity))
+        kinetic = self._kinetic_n_m + (
+            skid * self._spinning_n_m + self._scrub.torque_n_m(self.twist(velocity))
+        )
         after: Vector = free - propagator.gain @ np.copysign(kinetic, velocity)
         if (after * velocity).min() > 0:
             return after
         limit = np.where(velocity == 0, kinetic * self._static_to_kinetic, kinetic)
         return _stick_or_slide(propagator, free, limit)
-
-    def _scrubbing_n_m(self, velocity: Vector) -> float:
-        """What dragging the wheels sideways costs each axle: the share of their way over the ground that is sideways."""
-        if self._scrub_n_m == 0:
-            return 0.0
-        moving = self.twist(velocity)
-        sideways_m_s = moving.angular_rad_s * self._half_base_m
-        over_ground_m_s = math.hypot(moving.linear_m_s, sideways_m_s)
-        return self._scrub_n_m * abs(sideways_m_s) / over_ground_m_s if over_ground_m_s else 0.0
 
     def twist(self, wheel_velocity_rad_s: Vector) -> Twist2D:
         """How the robot moves over free ground; a side moves with the mean of its rims."""
@@ -173,16 +169,24 @@ def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vec
     return np.where(np.abs(torque) < limit, 0.0, free - propagator.gain @ torque)
 
 
-def _twist_from_wheels(body: BodyParameters) -> Vector:
+def _radii_m(body: BodyParameters, chassis: Chassis) -> Vector:
+    """The wheels' real radii."""
+    left, right = body.left_radius_multiplier, body.right_radius_multiplier
+    return np.array([wheel.radius_m * (left if wheel.is_left else right) for wheel in chassis.wheels])
+
+
+def _twist_from_wheels(body: BodyParameters, chassis: Chassis) -> Vector:
     """The 2 x N matrix from wheel speeds to (forward m/s, CCW rad/s)."""
-    left = body.wheel_radius_m * body.left_radius_multiplier * (1 - body.left_slip)
-    right = body.wheel_radius_m * body.right_radius_multiplier * (1 - body.right_slip)
-    pair = np.array([[left / 2, right / 2], [-left / body.track_width_m, right / body.track_width_m]])
-    return np.tile(pair, body.wheels_per_side) / body.wheels_per_side
+    columns = []
+    for wheel, radius_m in zip(chassis.wheels, _radii_m(body, chassis), strict=True):
+        grips = 1 - (body.left_slip if wheel.is_left else body.right_slip)
+        rim_m, sign = radius_m * grips / chassis.on_side_of(wheel), -1 if wheel.is_left else 1
+        columns.append((rim_m / 2, sign * rim_m / chassis.track_width_m))
+    return np.array(columns).T
 
 
 def _inertia(motor: MotorParameters, body: BodyParameters, twist_from_wheels: Vector) -> Vector:
     """The N x N inertia that the axles feel: rotors, and the robot's mass through the wheels."""
     moved = np.diag([body.mass_kg, body.yaw_inertia_kg_m2 if body.mass_kg else 0.0])
     carried: Vector = twist_from_wheels.T @ moved @ twist_from_wheels
-    return motor.rotor_inertia_kg_m2 * np.eye(body.wheel_count) + carried
+    return motor.rotor_inertia_kg_m2 * np.eye(twist_from_wheels.shape[1]) + carried

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from chefbotd.sim.arrays import Vector
@@ -30,16 +31,17 @@ class EdgeRecorder:
     The board has room for ``buffer_edges`` of each wheel; later ones it counts and drops.
     """
 
-    def __init__(self, counts_per_turn: float, wheels: int, buffer_edges: int) -> None:
-        self._counts_per_rad, self._buffer_edges = counts_per_turn / math.tau, buffer_edges
-        self._edges: tuple[deque[Edge], ...] = tuple(deque() for _ in range(wheels))
-        self._totals = [0] * wheels
+    def __init__(self, counts_per_rad: Sequence[float], buffer_edges: int) -> None:
+        """``counts_per_rad`` has a number a wheel, negative where the encoder counts backwards."""
+        self._counts_per_rad, self._buffer_edges = tuple(counts_per_rad), buffer_edges
+        self._edges: tuple[deque[Edge], ...] = tuple(deque() for _ in counts_per_rad)
+        self._totals = [0] * len(self._counts_per_rad)
 
     def watch(self, from_s: float, to_s: float, before_rad: Vector, after_rad: Vector) -> None:
         """The wheels turned so in this time, each evenly."""
-        angles = zip(before_rad.tolist(), after_rad.tolist(), self._edges, strict=True)
-        for before, after, edges in angles:
-            edges.extend(_edges(from_s, to_s, before * self._counts_per_rad, after * self._counts_per_rad))
+        wheels = zip(before_rad.tolist(), after_rad.tolist(), self._counts_per_rad, self._edges, strict=True)
+        for before, after, per_rad, edges in wheels:
+            edges.extend(_edges(from_s, to_s, before * per_rad, after * per_rad))
 
     def boot(self, at_s: float) -> None:
         """The board's program begins: it has seen nothing of what was before."""

@@ -1,7 +1,7 @@
 """What the robot's ultrasonic sensor and IMU make of the truth; chance comes as a seeded generator."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydantic import Field
@@ -18,11 +18,17 @@ COUNTS_PER_DEG_S = 131
 INT16_MAX = 32_767
 
 
-class UltrasonicParameters(Parameters):
-    """An HC-SR04 looking forward from ``mount_x_m`` ahead of the axle."""
+@dataclass(frozen=True, slots=True)
+class UltrasonicMount:
+    """Where the sensor sits on the robot, and its cone (full angle)."""
 
-    mount_x_m: float = Field(0.15, ge=-2, le=2)
-    field_of_view_rad: float = Field(0.26, gt=0, le=math.pi)
+    base_from_sensor: Pose2D = field(default_factory=lambda: Pose2D(0.15))
+    field_of_view_rad: float = 0.26
+
+
+class UltrasonicParameters(Parameters):
+    """How well an HC-SR04 hears."""
+
     rays: int = Field(9, ge=1, le=361)
     min_range_m: float = Field(0.02, ge=0)
     max_range_m: float = Field(4.0, gt=0, le=20)
@@ -60,10 +66,9 @@ class Fan:
 class Ultrasonic:
     """The nearest hit in the sensor's cone is the echo."""
 
-    def __init__(self, parameters: UltrasonicParameters, world: World) -> None:
+    def __init__(self, parameters: UltrasonicParameters, mount: UltrasonicMount, world: World) -> None:
         self._parameters = parameters
-        mount = Pose2D(parameters.mount_x_m)
-        self._fan = Fan(world, mount, parameters.field_of_view_rad, parameters.rays)
+        self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, parameters.rays)
 
     def distance_m(self, world_from_base: Pose2D, chance: np.random.Generator) -> float | None:
         """Distance to what returns the first echo; None when nothing in range does."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.parameters import Simulation, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 
 Say = Callable[[str], None]
@@ -27,7 +27,7 @@ def say_on_stdout(line: str) -> None:
 
 
 async def simulate(
-    parameters: SimulationParameters,
+    simulation: Simulation,
     *,
     link_path: Path | None = None,
     seed: int | None = None,
@@ -38,7 +38,7 @@ async def simulate(
     """Run a simulated board until ``quit``, SIGINT or SIGTERM; the first line said is the device's path.
 
     Args:
-        parameters: what to simulate.
+        simulation: what to simulate.
         link_path: a symbolic link to keep pointed at the device; removed at the end.
         seed: stands in for the configured one.
         as_json: say JSON objects instead of plain lines.
@@ -50,7 +50,7 @@ async def simulate(
         OSError: the map cannot be read, or the device or its link cannot be made.
         ValueError: the map is none, or the start pose is too close to a wall.
     """
-    session = Session(parameters, link_path, seed, as_json, say)
+    session = Session(simulation, link_path, seed, as_json, say)
     loop = asyncio.get_running_loop()
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, session.quit)
@@ -66,14 +66,14 @@ class Session:
 
     def __init__(
         self,
-        parameters: SimulationParameters,
+        simulation: Simulation,
         link_path: Path | None,
         seed: int | None,
         as_json: bool,
         say: Say,
     ) -> None:
         self._pty = PtyBoard(self._from_host, link_path)
-        self._runner = BoardRunner(build_launchpad(parameters, seed), self._pty.send, SystemClock())
+        self._runner = BoardRunner(build_launchpad(simulation, seed), self._pty.send, SystemClock())
         self._as_json, self._say_line = as_json, say
         self._done = asyncio.Event()
         self._words = {

@@ -17,7 +17,8 @@ import numpy as np
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.sim.battery import adc_counts
+from chefbotd.sim.battery import Divider, adc_counts
+from chefbotd.sim.chassis import Chassis
 from chefbotd.sim.infrared import Infrared
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from chefbotd.sim.robot import Robot
@@ -43,11 +44,6 @@ from firmware_protocol.messages import (
     UltrasonicDistance,
 )
 
-BANNER = (
-    "Initializing I2C devices...",
-    "Testing device connections...",
-    "MPU6050 connection successful",
-)
 SOUND_M_S = 343.0
 SKETCH_US_PER_CM = 29
 UINT16_SPAN, UINT32_SPAN = 1 << 16, 1 << 32
@@ -57,11 +53,12 @@ INT32_LIMIT = 1 << 31
 class BoardParameters(Parameters):
     """The board and what its sketch is built for; ``cycle_s`` is the least time that a cycle takes.
 
-    Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next.
+    Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next. Its line is as
+    fast as the robot's, unless ``line_rate_bytes_s`` says another.
     """
 
     cycle_s: float = Field(0.02, gt=0, le=10)
-    line_rate_bytes_s: float = Field(11_520.0, gt=0)
+    line_rate_bytes_s: float | None = Field(None, gt=0)
     transmit_buffer_bytes: int = Field(64, ge=1)
     receive_buffer_bytes: int = Field(1024, ge=1)
     echo_timeout_s: float = Field(1.0, ge=0, le=1)
@@ -76,12 +73,13 @@ class BoardParameters(Parameters):
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """What the board is connected to; ``counts_per_turn`` is what its sketch makes of the encoders."""
+    """What the board is connected to, and the variant of the lines that it speaks."""
 
     robot: Robot
+    chassis: Chassis
     ultrasonic: Ultrasonic | None
     imu: ImuParameters | None
-    counts_per_turn: float
+    divider: Divider
     variant: Variant
     infrared: tuple[Infrared, ...] = ()
 
@@ -94,13 +92,17 @@ class Sketch:
         self._encoder = from_board(wiring.variant)
         self._commands = Decoder(to_board(wiring.variant))
         self._uart, self._chance = uart, np.random.default_rng(seed)
+        chassis = wiring.chassis
+        self._motor_signs = [wheel.motor_sign for wheel in chassis.wheels]
+        per_rad = chassis.counts_per_turn / math.tau
+        self._counts_per_rad = np.array([wheel.encoder_sign * per_rad for wheel in chassis.wheels])
         self._now_s = self._started_s = 0.0
         self._micros_at_start = parameters.boot_micros
         self._counts_at_boot = self._counted()
         self._imu: Imu | None = None
         self._edges: EdgeRecorder | None = None
         if wiring.variant.speaks(QuadratureEdges):
-            self._edges = EdgeRecorder(wiring.counts_per_turn, wiring.variant.wheels, parameters.edge_buffer)
+            self._edges = EdgeRecorder(self._counts_per_rad.tolist(), parameters.edge_buffer)
             wiring.robot.watch(self._edges.watch)
         self.duty: tuple[int, ...] = (0,) * len(self._counts_at_boot)
 
@@ -129,7 +131,7 @@ class Sketch:
             self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion.heading_rad)
         if self._edges is not None:
             self._edges.boot(self._now_s)
-        for text in BANNER:
+        for text in self._wiring.variant.banner:
             yield from self._print(Banner(text))
 
     def _loop_until_reset(self) -> Iterator[float]:
@@ -206,12 +208,12 @@ class Sketch:
 
     def _battery(self) -> BatteryLevel:
         state = self._robot.state
-        noise = float(self._chance.standard_normal())
-        return BatteryLevel(float(adc_counts(state.terminal_v, state.battery.parameters, noise)))
+        noise = float(self._chance.standard_normal()) * state.battery.parameters.adc_noise_counts
+        return BatteryLevel(float(adc_counts(state.terminal_v, self._wiring.divider, noise)))
 
     def _drive(self, duty: tuple[int, ...]) -> None:
         self.duty = duty
-        self._robot.drive(duty)
+        self._robot.drive([each * sign for each, sign in zip(duty, self._motor_signs, strict=True)])
 
     def _micros(self, at_s: float) -> int:
         """Microseconds since the board started, as its 32-bit counter shows them."""
@@ -219,7 +221,7 @@ class Sketch:
 
     def _counted(self) -> tuple[int, ...]:
         """Encoder edges since power-on."""
-        counts = self._robot.wheel_angles_rad * (self._wiring.counts_per_turn / math.tau)
+        counts = self._robot.wheel_angles_rad * self._counts_per_rad
         return tuple(math.floor(count) for count in counts)
 
     def _counts(self) -> tuple[int, ...]:

@@ -52,9 +52,9 @@ class Board:
         self.heard: list[tuple[float, bytes]] = []
         self._rest = b""
         self._pty = PtyBoard(self._hear, device)
-        parameters = simulation_of(load(packaged(robot)))
-        self._stop = b"s" + b" 0" * parameters.body.wheel_count
-        self._runner = BoardRunner(build_launchpad(parameters), self._pty.send, SystemClock())
+        simulation = simulation_of(load(packaged(robot)))
+        self._stop = b"s" + b" 0" * simulation.variant.wheels
+        self._runner = BoardRunner(build_launchpad(simulation), self._pty.send, SystemClock())
 
     @property
     def told_to_move(self) -> bool:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.battery import Battery, BatteryParameters, adc_counts
+from chefbotd.sim.battery import Battery, BatteryParameters, Divider, adc_counts
 
 
 def test_charge_falls_by_what_is_drawn() -> None:
@@ -28,12 +28,11 @@ def test_supply_carries_resistance_and_electronics() -> None:
 
 def test_adc_reads_through_divider_and_reference() -> None:
     """12 V over a divider of 4 are 3 V of 3.3 V: 3 / 3.3 * 4095 = 3722.7 counts."""
-    assert adc_counts(12.0, BatteryParameters()) == 3723
+    assert adc_counts(12.0, Divider(3.3, 4.0)) == 3723
 
 
 def test_adc_noise_is_in_counts_and_the_ends_clip() -> None:
-    """A draw of +2 at 3 counts adds 6; beyond the reference the ADC shows 4095, below zero 0."""
-    parameters = BatteryParameters(adc_noise_counts=3)
-    assert adc_counts(12.0, parameters, noise=2.0) == 3729
-    assert adc_counts(20.0, parameters) == 4095
-    assert adc_counts(0.0, parameters, noise=-1.0) == 0
+    """A draw of +6 counts adds 6; beyond the reference the ADC shows 4095, below zero 0."""
+    assert adc_counts(12.0, Divider(), noise_counts=6.0) == 3729
+    assert adc_counts(20.0, Divider()) == 4095
+    assert adc_counts(0.0, Divider(), noise_counts=-3.0) == 0

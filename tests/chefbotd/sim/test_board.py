@@ -7,12 +7,12 @@ import pytest
 from chefbotd.clock import Clock, LoopClock, ManualClock, run_virtual
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.parameters import Simulation, build_launchpad
 
 
 def a_launchpad() -> Launchpad:
     """The default board."""
-    return build_launchpad(SimulationParameters())
+    return build_launchpad(Simulation())
 
 
 class Host:

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -9,9 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
+from firmware_protocol.codec import FOUR_WHEELS, Variant
 
+CHEFBOT = Simulation()
 BANNER = [
     b"Initializing I2C devices...\r\n",
     b"Testing device connections...\r\n",
@@ -19,10 +23,10 @@ BANNER = [
 ]
 
 
-def board(seed: int = 1, **tables: Any) -> Launchpad:
-    """A board whose IMU always has a packet; tables as in the configuration."""
+def board(seed: int = 1, robot: Simulation = CHEFBOT, **tables: Any) -> Launchpad:
+    """A robot's board whose IMU always has a packet; tables as in the configuration."""
     tables.setdefault("imu", {"missing_share": 0})
-    return build_launchpad(SimulationParameters.model_validate(tables), seed)
+    return build_launchpad(replace(robot, parameters=SimulationParameters.model_validate(tables)), seed)
 
 
 def lines(launchpad: Launchpad, to_s: float) -> list[bytes]:
@@ -40,6 +44,34 @@ def test_a_board_boots_with_its_banner() -> None:
     launchpad = board(board={"boot_s": 0.3})
     assert launchpad.advance(0.3) == []
     assert lines(launchpad, 1.0)[:3] == BANNER
+
+
+def test_a_board_boots_with_the_banner_of_its_variant() -> None:
+    """Another robot's board prints what its table says, and nothing of ChefBot's."""
+    sled = Variant("sled", banner=("Sled 2.1", "ready"))
+    sent = lines(board(robot=Simulation(variant=sled)), 1.0)
+    assert sent[:2] == [b"Sled 2.1\r\n", b"ready\r\n"]
+    assert not set(sent) & set(BANNER)
+
+
+def test_a_wheel_that_is_wired_backwards_turns_and_counts_so() -> None:
+    """Told the same duty: a motor the wrong way round turns its wheel back, and an encoder so tells the opposite."""
+    left, right = PUBLISHED.wheels
+    wired = {}
+    for motor_sign, encoder_sign in [(1, 1), (-1, 1), (1, -1), (-1, -1)]:
+        odd = replace(left, motor_sign=motor_sign, encoder_sign=encoder_sign)
+        launchpad = board(robot=Simulation(chassis=replace(PUBLISHED, wheels=(odd, right))))
+        launchpad.receive(b"s 500 500\r", 1.0)
+        counted = fields(lines(launchpad, 1.5), b"e")[-1]
+        turned_rad_s = launchpad.truth(1.5, 0.0).twist.angular_rad_s
+        wired[motor_sign, encoder_sign] = (counted[0] > 0, counted[1] > 0, abs(turned_rad_s) > 0.1)
+        assert fields(lines(launchpad, 2.0), b"s")[-1] == [500.0, 500.0]
+    assert wired == {
+        (1, 1): (True, True, False),
+        (-1, 1): (False, True, True),
+        (1, -1): (False, True, False),
+        (-1, -1): (True, True, True),
+    }
 
 
 def test_a_cycle_has_the_sketchs_order() -> None:
@@ -189,7 +221,7 @@ def test_micros_wrap_at_32_bits() -> None:
 
 def test_counts_wrap_at_32_bits() -> None:
     """With 10^9 counts a turn a robot driving ahead passes 2^31 within three turns and goes on from -2^31."""
-    launchpad = board(body={"counts_per_turn": 1e9})
+    launchpad = board(robot=Simulation(chassis=replace(PUBLISHED, counts_per_turn=1e9)))
     launchpad.receive(b"s 1000 1000\r", 0.5)
     counts = [e[0] for e in fields(lines(launchpad, 5.0), b"e")]
     wrapped = next(i for i, count in enumerate(counts) if count < 0)
@@ -227,7 +259,8 @@ def test_the_battery_line_is_the_adc_reading() -> None:
 
 def test_four_wheels_speak_their_own_variant() -> None:
     """Two wheels a side make four counts and four duties."""
-    launchpad = board(wire="four_wheels", body={"wheels_per_side": 2})
+    four = replace(PUBLISHED, wheels=PUBLISHED.wheels * 2)
+    launchpad = board(robot=Simulation(variant=FOUR_WHEELS, chassis=four))
     launchpad.receive(b"s 100 200 300 400\r", 1.0)
     sent = lines(launchpad, 1.5)
     assert len(fields(sent, b"e")[-1]) == 4

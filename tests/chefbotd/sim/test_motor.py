@@ -5,7 +5,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.sim.motor import BodyParameters, MotorParameters
+from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.sim.motor import MotorParameters
 
 
 def test_constants_follow_from_the_data_sheet() -> None:
@@ -30,7 +31,7 @@ def test_no_load_friction_is_split_into_dry_and_viscous() -> None:
 
 def test_default_rim_speed_is_the_published_one() -> None:
     """80 rpm on a 0.09 m wheel are 0.377 m/s."""
-    rim_m_s = MotorParameters().no_load_speed_rad_s * BodyParameters().wheel_radius_m
+    rim_m_s = MotorParameters().no_load_speed_rad_s * PUBLISHED.wheels[0].radius_m
     assert rim_m_s == pytest.approx(0.377, abs=0.0005)
 
 
@@ -47,10 +48,3 @@ def test_impossible_motors_are_refused(wrong: dict[str, float], named: str) -> N
     """A motor that idles at its stall current, never switches or makes energy is named and refused."""
     with pytest.raises(ValidationError, match=named):
         MotorParameters.model_validate(wrong)
-
-
-def test_weight_is_shared_by_the_wheels() -> None:
-    """8 kg on four wheels are 2 kg, or 19.6133 N, on each."""
-    body = BodyParameters(mass_kg=8, wheels_per_side=2)
-    assert body.wheel_count == 4
-    assert body.load_n == pytest.approx(19.6133)

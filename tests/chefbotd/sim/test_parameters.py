@@ -1,5 +1,7 @@
 """The simulator's configuration as a whole."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,48 +10,57 @@ from PIL import Image
 from pydantic import ValidationError
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
+from firmware_protocol.codec import CLASSIC, KHAN, Variant
 
 
 def test_defaults_are_the_published_robot() -> None:
     """An empty table is the robot of the book: 80 rpm, 1023, 4200 counts, 0.09 m wheels, 0.3 m apart."""
-    parameters = SimulationParameters.model_validate({})
-    assert (parameters.motor.no_load_speed_rpm, parameters.motor.full_scale_duty) == (80, 1023)
-    body = parameters.body
-    assert (body.counts_per_turn, 2 * body.wheel_radius_m, body.track_width_m) == (4200, 0.09, 0.3)
+    simulation = Simulation()
+    motor, chassis = simulation.parameters.motor, simulation.chassis
+    assert (motor.no_load_speed_rpm, motor.full_scale_duty) == (80, 1023)
+    assert [2 * wheel.radius_m for wheel in chassis.wheels] == [0.09, 0.09]
+    assert (chassis.counts_per_turn, chassis.track_width_m) == (4200, 0.3)
 
 
-def test_the_chassis_of_the_robot_goes_in_by_one_call() -> None:
-    """``with_chassis`` replaces these four numbers and keeps everything else."""
-    parameters = SimulationParameters.model_validate({"seed": 9, "body": {"mass_kg": 3}})
-    khan = parameters.with_chassis(
-        wheel_radius_m=0.03, track_width_m=0.189, counts_per_turn=1000, wheels_per_side=2
-    )
-    body = khan.body
-    assert (body.wheel_radius_m, body.track_width_m, body.counts_per_turn) == (0.03, 0.189, 1000)
-    assert (body.wheel_count, body.mass_kg, khan.seed) == (4, 3, 9)
+@pytest.mark.parametrize(("variant", "wheels"), [(CLASSIC, 4), (KHAN, 2)])
+def test_a_wire_that_is_not_the_robots_is_refused(variant: Variant, wheels: int) -> None:
+    """Four wheels on the classic wire, or two on KHAN's: both numbers are named."""
+    chassis = replace(PUBLISHED, wheels=PUBLISHED.wheels * (wheels // 2))
+    told = f"the wire '{variant.name}' has {variant.wheels} wheels, the robot {wheels}"
+    with pytest.raises(ValueError, match=told):
+        Simulation(variant=variant, chassis=chassis)
 
 
-def test_a_chassis_out_of_range_is_refused() -> None:
-    """A wheel without a radius is named and refused."""
-    with pytest.raises(ValidationError, match="wheel_radius_m"):
-        SimulationParameters().with_chassis(wheel_radius_m=0, track_width_m=0.3, counts_per_turn=4200)
+def test_a_wheelbase_that_would_do_nothing_is_refused() -> None:
+    """One wheel a side has no wheelbase to be dragged over."""
+    with pytest.raises(ValueError, match=r"sim\.body\.wheelbase_m 0\.2 needs a side with two wheels"):
+        Simulation(SimulationParameters.model_validate({"body": {"wheelbase_m": 0.2}}))
 
 
-@pytest.mark.parametrize(("wire", "wheels_per_side"), [("classic", 2), ("khan", 1), ("sled", 1)])
-def test_a_wire_that_is_not_the_robots_is_refused(wire: str, wheels_per_side: int) -> None:
-    """Four wheels on the classic wire, two on KHAN's, or no such wire: told with those that there are."""
-    parameters = SimulationParameters.model_validate(
-        {"wire": wire, "body": {"wheels_per_side": wheels_per_side}}
-    )
-    with pytest.raises(ValueError, match=rf"no wire '{wire}' for a robot with .*khan \(4 wheels\)"):
-        build_launchpad(parameters)
-
-
-def test_unknown_keys_are_refused() -> None:
-    """A misspelt key in a nested table is named."""
-    with pytest.raises(ValidationError, match=r"board\.cycles"):
-        SimulationParameters.model_validate({"board": {"cycles": 1}})
+@pytest.mark.parametrize(
+    "key",
+    [
+        "board.cycles",
+        "body.wheel_radius_m",
+        "body.track_width_m",
+        "body.wheels_per_side",
+        "body.counts_per_turn",
+        "battery.divider_ratio",
+        "battery.adc_reference_v",
+        "ultrasonic.mount_x_m",
+        "ultrasonic.field_of_view_rad",
+        "wire",
+        "infrared",
+    ],
+)
+def test_unknown_keys_are_refused(key: str) -> None:
+    """A misspelt key, and what the robot's own sections say: nothing is taken that would not be in force."""
+    *table, last = key.split(".")
+    values = {table[0]: {last: 1}} if table else {last: 1}
+    with pytest.raises(ValidationError, match=re.escape(key)):
+        SimulationParameters.model_validate(values)
 
 
 def test_a_map_replaces_the_room(tmp_path: Path) -> None:
@@ -57,7 +68,7 @@ def test_a_map_replaces_the_room(tmp_path: Path) -> None:
     Image.fromarray(np.full((1, 1), 0, dtype=np.uint8)).save(tmp_path / "m.png")
     (tmp_path / "m.yaml").write_text("image: m.png\nresolution: 1.0\norigin: [7, -0.5, 0]\n")
     world = {"map_path": tmp_path / "m.yaml", "start_x_m": 5.0, "start_heading_rad": 0.1}
-    launchpad = build_launchpad(SimulationParameters.model_validate({"world": world}))
+    launchpad = build_launchpad(Simulation(SimulationParameters.model_validate({"world": world})))
     assert launchpad.truth(0.0, 0.0).world_from_base == Pose2D(5.0, 0.0, 0.1)
     distances = [line for _, line in launchpad.advance(1.0) if line.startswith(b"u")]
     assert (
@@ -69,4 +80,4 @@ def test_a_start_in_the_furniture_is_refused() -> None:
     """The cupboard stands at (2.7, 0.2) to (3.1, 1.4)."""
     world = {"start_x_m": 2.65, "start_y_m": 0.8}
     with pytest.raises(ValueError, match="from a wall"):
-        build_launchpad(SimulationParameters.model_validate({"world": world}))
+        build_launchpad(Simulation(SimulationParameters.model_validate({"world": world})))

@@ -1,12 +1,14 @@
 """The drive train against closed-form solutions."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chefbotd.sim.chassis import PUBLISHED, Chassis, Wheel
 from chefbotd.sim.motor import BodyParameters, MotorParameters
 from chefbotd.sim.plant import Plant, Supply, WheelState
 
@@ -16,6 +18,11 @@ FULL = (1023, 1023)
 RESISTANCE_OHM = 2.4
 BACK_EMF_V_S = 11.28 / 8.37758
 TORQUE_N_M_A = 0.353
+
+
+def wheeled(order: str) -> Chassis:
+    """The default chassis with wheels on these sides, in this order."""
+    return replace(PUBLISHED, wheels=tuple(Wheel(side == "L", 0.045) for side in order))
 
 
 def spin(plant: Plant, state: WheelState, duty: tuple[int, ...] | None, seconds: float) -> WheelState:
@@ -146,9 +153,25 @@ def test_radii_and_slip_differ_by_side() -> None:
 
 def test_four_wheels_average_per_side() -> None:
     """Front and rear wheels of a side share its motion: left (1, 3), right (5, 7) are left 2 and right 6."""
-    body = BodyParameters(mass_kg=0, wheels_per_side=2)
-    twist = Plant(MotorParameters(), body, 0.005).twist(np.array([1.0, 5.0, 3.0, 7.0]))
+    twist = Plant(MotorParameters(), HANGING, 0.005, wheeled("LRLR")).twist(np.array([1.0, 5.0, 3.0, 7.0]))
     assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((4 * 0.045, 4 * 0.045 / 0.3))
+
+
+@pytest.mark.parametrize(
+    ("order", "velocity_rad_s"),
+    [("LLRR", [1, 3, 5, 7]), ("RLLR", [5, 1, 3, 7]), ("LRL", [1, 6, 3]), ("RRRLLL", [5, 6, 7, 1, 2, 3])],
+)
+def test_wheels_come_in_any_order_and_number(order: str, velocity_rad_s: list[float]) -> None:
+    """Left 2 rad/s and right 6 rad/s in the mean, however many wheels share a side and wherever they are listed."""
+    twist = Plant(MotorParameters(), HANGING, 0.005, wheeled(order)).twist(np.array(velocity_rad_s))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((4 * 0.045, 4 * 0.045 / 0.3))
+
+
+def test_every_wheel_has_its_own_radius() -> None:
+    """Two left wheels of 0.04 and 0.06 m at 1 rad/s, a right one of 0.05 m at 2 rad/s: rims of 0.05 and 0.1 m/s."""
+    chassis = Chassis((Wheel(True, 0.04), Wheel(True, 0.06), Wheel(False, 0.05)), 0.25, 1000)
+    twist = Plant(MotorParameters(), HANGING, 0.005, chassis).twist(np.array([1.0, 1.0, 2.0]))
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.075, 0.2))
 
 
 def test_skidding_against_a_wall_takes_the_grips_torque() -> None:
@@ -208,21 +231,21 @@ def test_a_motor_without_any_damping_coasts_for_ever() -> None:
 
 
 def test_skid_steer_pays_for_turning_and_not_for_driving() -> None:
-    """Turning on the spot a wheelbase of 0.1 m costs each axle 0.6 * 29.42 N * 0.1 / 0.3 * 0.045 m = 0.2648 N m.
+    """Turning on the spot a wheelbase of 0.1 m costs each axle 0.6 * 14.71 N * 0.1 / 0.3 * 0.045 m = 0.1324 N m.
 
-    Against a damping of 0.353 * 1.34645 / 2.4 + 0.0025 = 0.2006 N m s that is 1.320 rad/s; straight on it is nothing.
+    Against a damping of 0.353 * 1.34645 / 2.4 + 0.0025 = 0.2006 N m s that is 0.660 rad/s; straight on it is nothing.
     """
-    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005)
-    plain = Plant(MotorParameters(), BodyParameters(), 0.005)
-    turning = (-1023, 1023)
+    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
+    plain = Plant(MotorParameters(), BodyParameters(), 0.005, wheeled("LRLR"))
+    turning = (-1023, 1023, -1023, 1023)
     slower = spin(plain, plain.standing, turning, 4.0).velocity_rad_s[1]
     slower -= spin(skidding, skidding.standing, turning, 4.0).velocity_rad_s[1]
-    assert slower == pytest.approx(1.320, abs=0.003)
-    straight = [spin(plant, plant.standing, FULL, 1.0).velocity_rad_s for plant in (skidding, plain)]
+    assert slower == pytest.approx(0.660, abs=0.003)
+    straight = [spin(plant, plant.standing, FULL * 2, 1.0).velocity_rad_s for plant in (skidding, plain)]
     assert straight[0] == pytest.approx(straight[1])
 
 
 def test_skidding_wheels_come_to_rest() -> None:
     """Braked out of a turn on the spot they stand, and what drags them sideways does not push them back."""
-    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005)
-    assert not spin(skidding, spinning(3.0, -3.0), (0, 0), 2.0).velocity_rad_s.any()
+    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
+    assert not spin(skidding, spinning(3.0, -3.0, 3.0, -3.0), (0,) * 4, 2.0).velocity_rad_s.any()

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from chefbotd.core.events import EdgeBurst
 from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
-from chefbotd.sim.parameters import SimulationParameters, build_launchpad
+from chefbotd.sim.chassis import PUBLISHED, Chassis
+from chefbotd.sim.infrared import InfraredParameters
+from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from firmware_protocol.codec import KHAN_EDGES, from_board
 from firmware_protocol.decoder import Decoder
@@ -22,7 +24,7 @@ TURN_RAD = np.array([math.tau])
 
 def recorder() -> EdgeRecorder:
     """One wheel with eight edges a turn."""
-    return EdgeRecorder(8, 1, buffer_edges=100)
+    return EdgeRecorder([8 / math.tau], buffer_edges=100)
 
 
 def test_a_turn_forward_has_its_edges_in_time_and_order() -> None:
@@ -45,7 +47,7 @@ def test_the_way_back_has_the_levels_of_the_way_there() -> None:
 
 def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
     """What is later stays; a wheel that stands has none."""
-    watched = EdgeRecorder(8, 2, buffer_edges=100)
+    watched = EdgeRecorder([8 / math.tau] * 2, buffer_edges=100)
     watched.watch(0.0, 0.004, np.array([0.0, 1.0]), np.array([math.tau * 2 / 8, 1.0]))
     assert watched.take(0.003) == [Taken(1, [Edge(pytest.approx(0.002), 0b10)]), Taken(0, [])]
     assert watched.take(0.003) == [Taken(1, []), Taken(0, [])]
@@ -54,7 +56,7 @@ def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
 
 def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
     """Five edges and room for three: three told, total 3, and the next is the sixth. After a boot it is the first."""
-    watched = EdgeRecorder(8, 1, buffer_edges=3)
+    watched = EdgeRecorder([8 / math.tau], buffer_edges=3)
     watched.watch(0.0, 0.005, TURN_RAD * 0, TURN_RAD * 5 / 8)
     watched.watch(1.0, 1.001, TURN_RAD * 5 / 8, TURN_RAD * 6 / 8)
     (full,), (after,) = watched.take(0.5), watched.take(2.0)
@@ -70,7 +72,7 @@ def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=20))
 def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) -> None:
     """However it goes to and fro, the counts are the whole edges between where it began and where it is."""
-    watched, angle = EdgeRecorder(16, 1, buffer_edges=1000), 0.001
+    watched, angle = EdgeRecorder([16 / math.tau], buffer_edges=1000), 0.001
     for step, turn in enumerate(turns):
         watched.watch(step, step + 1, np.array([angle]), np.array([angle + turn]))
         angle += turn
@@ -83,18 +85,24 @@ def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) 
     assert (state.counts, state.illegal) == (math.floor(angle * (16 / math.tau)), 0)
 
 
+def test_an_encoder_that_is_wired_backwards_counts_backwards() -> None:
+    """Half a turn forward of such a wheel is four edges with B before A: what a turn backward is of another."""
+    watched = EdgeRecorder([-8 / math.tau], buffer_edges=100)
+    watched.watch(0.0, 1.0, TURN_RAD / 16, TURN_RAD * 9 / 16)
+    ((_, edges),) = watched.take(1.0)
+    assert [edge.levels for edge in edges] == [0b11, 0b10, 0b00, 0b01]
+
+
 def heard(to_s: float, counts_per_turn: float = 800, **board: float) -> list[object]:
     """What a board of KHAN's says that passes its encoders' edges on, and is told to drive after 1 s."""
     launchpad = build_launchpad(
-        SimulationParameters.model_validate(
-            {
-                "wire": "khan_edges",
-                "ultrasonic": None,
-                "imu": None,
-                "infrared": [{"channel": 2}],
-                "body": {"wheels_per_side": 2, "counts_per_turn": counts_per_turn},
-                "board": board,
-            }
+        Simulation(
+            SimulationParameters.model_validate({"board": board}),
+            KHAN_EDGES,
+            Chassis(PUBLISHED.wheels * 2, PUBLISHED.track_width_m, counts_per_turn),
+            ultrasonic=None,
+            infrared=(InfraredParameters(channel=2),),
+            has_imu=False,
         )
     )
     launchpad.receive(b"s 300 300 300 -300\r", 1.0)

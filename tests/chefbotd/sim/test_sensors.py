@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.sensors import Imu, ImuParameters, Motion, Ultrasonic, UltrasonicParameters
+from chefbotd.sim.sensors import Imu, ImuParameters, Motion, Ultrasonic, UltrasonicMount, UltrasonicParameters
 from chefbotd.sim.world import World
 
 EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
@@ -26,43 +26,44 @@ def chance() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-def exact(**changes: float) -> UltrasonicParameters:
+def exact(world: World, mount_x_m: float = 0.0, cone_rad: float = 0.26, **changes: float) -> Ultrasonic:
     """An ultrasonic sensor at the axle without noise."""
-    return UltrasonicParameters.model_validate({"mount_x_m": 0, "noise_m": 0, **changes})
+    parameters = UltrasonicParameters.model_validate({"noise_m": 0, **changes})
+    return Ultrasonic(parameters, UltrasonicMount(Pose2D(mount_x_m), cone_rad), world)
 
 
 def test_the_nearest_ray_is_the_echo() -> None:
     """Turned 30 degrees from a wall 2 m away, a cone of 60 degrees still meets it squarely: 2 m."""
-    sensor = Ultrasonic(exact(field_of_view_rad=math.pi / 3), EAST_WALL)
+    sensor = exact(EAST_WALL, cone_rad=math.pi / 3)
     assert sensor.distance_m(Pose2D(0, 0, math.pi / 6), chance()) == pytest.approx(2.0)
 
 
 def test_a_single_ray_looks_straight_ahead() -> None:
     """One ray, turned 60 degrees from the wall 2 m away, runs 2 / cos(60) = 4 m."""
-    sensor = Ultrasonic(exact(rays=1, max_range_m=5), EAST_WALL)
+    sensor = exact(EAST_WALL, rays=1, max_range_m=5)
     assert sensor.distance_m(Pose2D(0, 0, math.pi / 3), chance()) == pytest.approx(4.0)
 
 
 def test_the_sensor_sits_ahead_of_the_axle() -> None:
     """Mounted 0.15 m ahead it is that much nearer to what is ahead, whichever way the robot points."""
-    sensor = Ultrasonic(exact(mount_x_m=0.15), World([(-2.0, -5.0, -2.0, 5.0)]))
+    sensor = exact(World([(-2.0, -5.0, -2.0, 5.0)]), mount_x_m=0.15)
     assert sensor.distance_m(Pose2D(0, 0, math.pi), chance()) == pytest.approx(1.85)
 
 
 def test_beyond_its_range_nothing_echoes() -> None:
     """A wall at 2 m is not heard by a sensor that reaches 1.9 m, nor is empty space by any."""
-    assert Ultrasonic(exact(max_range_m=1.9), EAST_WALL).distance_m(Pose2D(), chance()) is None
-    assert Ultrasonic(exact(), EAST_WALL).distance_m(Pose2D(0, 0, math.pi), chance()) is None
+    assert exact(EAST_WALL, max_range_m=1.9).distance_m(Pose2D(), chance()) is None
+    assert exact(EAST_WALL).distance_m(Pose2D(0, 0, math.pi), chance()) is None
 
 
 def test_too_near_reads_as_the_least_range() -> None:
     """At 5 mm the sensor says its minimum, 2 cm."""
-    assert Ultrasonic(exact(), EAST_WALL).distance_m(Pose2D(1.995), chance()) == 0.02
+    assert exact(EAST_WALL).distance_m(Pose2D(1.995), chance()) == 0.02
 
 
 def test_echoes_are_lost_as_often_as_asked() -> None:
     """With half of the echoes lost, 400 pings lose 200, give or take 4 standard deviations (40)."""
-    sensor, luck = Ultrasonic(exact(lost_echo_share=0.5), EAST_WALL), chance()
+    sensor, luck = exact(EAST_WALL, lost_echo_share=0.5), chance()
     lost = sum(sensor.distance_m(Pose2D(), luck) is None for _ in range(400))
     assert 160 <= lost <= 240
 

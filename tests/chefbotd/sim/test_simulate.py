@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.sim.parameters import SimulationParameters
+from chefbotd.sim.parameters import Simulation, SimulationParameters
 from chefbotd.sim.simulate import simulate, stdin_lines
 
 PATIENCE_S = 10.0
 PROGRAM = """
 import asyncio, sys
 from pathlib import Path
-from chefbotd.sim.parameters import SimulationParameters
+from chefbotd.sim.parameters import Simulation
 from chefbotd.sim.simulate import simulate
-asyncio.run(simulate(SimulationParameters(), link_path=Path(sys.argv[1])))
+asyncio.run(simulate(Simulation(), link_path=Path(sys.argv[1])))
 """
 
 
@@ -35,9 +35,7 @@ def session(words: list[str], *, link: Path | None = None, as_json: bool = False
             yield word
 
     async def run() -> None:
-        ended = simulate(
-            SimulationParameters(), link_path=link, as_json=as_json, commands=commands(), say=said.append
-        )
+        ended = simulate(Simulation(), link_path=link, as_json=as_json, commands=commands(), say=said.append)
         await asyncio.wait_for(ended, PATIENCE_S)
 
     asyncio.run(run())
@@ -90,7 +88,7 @@ def test_a_host_on_the_device_drives_the_robot(capsys: pytest.CaptureFixture[str
         os.close(descriptor)
         yield "quit"
 
-    parameters = SimulationParameters.model_validate({"board": {"boot_s": 0}})
+    parameters = Simulation(SimulationParameters.model_validate({"board": {"boot_s": 0}}))
     asyncio.run(asyncio.wait_for(simulate(parameters, commands=commands()), PATIENCE_S))
 
 

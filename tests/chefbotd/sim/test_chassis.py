@@ -1,0 +1,55 @@
+"""The wheels of a simulated robot, and where they are."""
+
+import numpy as np
+import pytest
+
+from chefbotd.core.geometry import Twist2D
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.chassis import Chassis, Wheel
+from chefbotd.sim.scrub import Scrub
+
+
+def chassis(order: str) -> Chassis:
+    """Wheels of 5 cm on these sides, in this order, 0.4 m apart."""
+    return Chassis(tuple(Wheel(side == "L", 0.05) for side in order), 0.4, 1000)
+
+
+def scrubbing(order: str, wheelbase_m: float, moving: Twist2D) -> Vector:
+    """What each axle pays when every wheel grips with 10 N."""
+    wheels = chassis(order)
+    return Scrub(wheels, wheelbase_m, np.full(len(order), 0.05), 10.0).torque_n_m(moving)
+
+
+@pytest.mark.parametrize(
+    ("order", "places_m"),
+    [
+        ("LR", (0.0, 0.0)),
+        ("LRLR", (0.3, 0.3, -0.3, -0.3)),
+        ("LLRR", (0.3, -0.3, 0.3, -0.3)),
+        ("LRRLLR", (0.3, 0.3, 0.0, 0.0, -0.3, -0.3)),
+        ("LRL", (0.3, 0.0, -0.3)),
+    ],
+)
+def test_a_sides_wheels_are_spread_over_the_wheelbase(order: str, places_m: tuple[float, ...]) -> None:
+    """The first listed of a side is in front, the last behind, an only one in the middle."""
+    assert chassis(order).places_x_m(0.6) == pytest.approx(places_m)
+
+
+@pytest.mark.parametrize("order", ["", "L", "RR"])
+def test_a_side_without_a_wheel_is_refused(order: str) -> None:
+    """A robot without a wheel on each side cannot be steered by them."""
+    with pytest.raises(ValueError, match="at least one wheel on each side"):
+        chassis(order)
+
+
+def test_the_wheels_in_the_middle_are_not_dragged_and_help() -> None:
+    """On the spot four wheels 0.3 m off the middle resist with 4 * 10 N * 0.3 m, overcome by six at 0.2 m: 10 N each."""
+    torque_n_m = scrubbing("LLLRRR", 0.6, Twist2D(0.0, 1.0))
+    assert torque_n_m == pytest.approx([10.0 * 0.05] * 6)
+
+
+def test_only_the_sideways_share_of_the_way_costs() -> None:
+    """At 0.4 m/s and 1 rad/s a wheel 0.3 m off goes 0.3 of every 0.5 m sideways: 0.6 of 15 N; straight on none."""
+    assert scrubbing("LRLR", 0.6, Twist2D(0.4, 1.0)) == pytest.approx([0.6 * 15.0 * 0.05] * 4)
+    assert not scrubbing("LRLR", 0.6, Twist2D(0.4, 0.0)).any()
+    assert not scrubbing("LRLR", 0.6, Twist2D(0.0, 0.0)).any()
