@@ -59,9 +59,10 @@ wheel-test: wheel
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready
 	$(BIN)/pip install --quiet --editable '.[fuzz]'
-	mkdir -p build/fuzz/decode build/fuzz/request
+	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
+	$(BIN)/python -m fuzz stops build/fuzz/stops tests/vectors/fuzz/stops $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot.
 soak: $(VENV)/ready
