@@ -22,7 +22,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.layers import Keys, Misplaced, from_environment, place, read, variable
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
-from chefbotd.motion.drive import DriveParameters
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters

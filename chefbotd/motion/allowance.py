@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from chefbotd.core.commands import Allowed
 from chefbotd.core.geometry import Twist2D, WheelVelocities
-from chefbotd.motion.drive import DriveParameters
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits, within_speeds
 from chefbotd.motion.rims import share_of_rims

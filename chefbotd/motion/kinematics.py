@@ -75,6 +75,10 @@ class Kinematics:
         self.left = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.LEFT)
         self.right = tuple(i for i, wheel in enumerate(chassis.wheels) if wheel.side is Side.RIGHT)
 
+    def rims_at_m_s(self, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
+        """How fast the rims of wheels go that turn so fast."""
+        return tuple([w * r for w, r in zip(velocity_rad_s, self.radii_m, strict=True)])
+
     def rim_speeds_m_s(self, twist: Twist2D) -> tuple[float, ...]:
         """How fast each wheel's rim must roll over the ground for the robot to move so."""
         linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s

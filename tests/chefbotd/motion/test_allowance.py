@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from chefbotd.core.commands import Allowed
 from chefbotd.core.geometry import STANDING, Motion, Twist2D
 from chefbotd.motion.allowance import Allowance
-from chefbotd.motion.drive import Drive, DriveParameters
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters

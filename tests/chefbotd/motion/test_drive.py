@@ -7,7 +7,8 @@ import pytest
 
 from chefbotd.core.commands import Refused
 from chefbotd.core.geometry import STANDING, Motion, Twist2D
-from chefbotd.motion.drive import Drive, DriveParameters, DriveState
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters

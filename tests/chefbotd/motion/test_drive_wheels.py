@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Twist2D
-from chefbotd.motion.drive import Drive, DriveParameters
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters

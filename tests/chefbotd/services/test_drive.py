@@ -20,7 +20,8 @@ from chefbotd.core.events import (
     WheelsMeasured,
 )
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.motion.drive import Drive, DriveParameters
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits

@@ -1,0 +1,93 @@
+"""From the motion that is asked for to what each wheel's rim is to do now: limits, kinematics and ramps.
+
+A twist is limited as a twist, and so is what wheels that are each asked for a speed come to together. Where the wheels
+of a side differ, that is ramped beside it, until they turn alike again: no setpoint ever jumps.
+"""
+
+from dataclasses import replace
+
+from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
+from chefbotd.motion import pid, rims
+from chefbotd.motion.drive_state import DriveParameters, DriveState
+from chefbotd.motion.kinematics import Kinematics
+from chefbotd.motion.limits import MotionLimits, limit
+
+
+class Setpoints:
+    """Steps a ``DriveState``'s limiter and setpoints; holds constants only."""
+
+    def __init__(self, parameters: DriveParameters, limits: MotionLimits, kinematics: Kinematics) -> None:
+        self._parameters, self._limits, self._kinematics = parameters, limits, kinematics
+        self._limits_apart = limits.model_copy(update={"keep_curvature": False})
+        self._limits_in_step = limits.model_copy(update={"keep_curvature": True})
+        self._still = (0.0,) * len(kinematics.radii_m)
+
+    def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
+        """The state with the setpoints of now; ``apart``: the path has no curvature to keep."""
+        elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
+        dt_s = min(elapsed_s, self._parameters.longest_step_s)
+        if is_rest(target):
+            state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
+        if state.loose or isinstance(target, WheelVelocities):
+            return self._step_wheels(state, target, now_s, dt_s, apart)
+        target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
+        if state.share < 1.0:
+            target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
+        limits = self._limits_apart if apart else self._limits
+        limiter = limit(limits, state.limiter, target, dt_s)
+        setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
+        acceleration = self._kinematics.rim_speeds_m_s(limiter.acceleration)
+        return replace(
+            state, limiter=limiter, stepped_s=now_s, setpoint_m_s=setpoint, acceleration_m_s2=acceleration
+        )
+
+    def _step_wheels(
+        self, state: DriveState, target: Motion, now_s: float, dt_s: float, apart: bool
+    ) -> DriveState:
+        """The twist that the wheels make as any other, and how the wheels of a side differ in step with it."""
+        if dt_s <= 0:
+            return replace(state, stepped_s=now_s)
+        axis, rims_of = self._limits.linear.axis, self._kinematics.rim_speeds_m_s
+        aims_m_s, aim = self._aims(state, target)
+        differ, aims_differ = (
+            rims.minus(state.setpoint_m_s, rims_of(state.limiter.twist)),
+            rims.minus(aims_m_s, rims_of(aim)),
+        )
+        if apart or is_rest(target):
+            limiter = limit(self._limits_apart, state.limiter, aim, dt_s)
+            share, pace_s = 1.0, rims.pace_s(axis, differ, aims_differ)
+        else:
+            pace_s = rims.pace_s(axis, state.setpoint_m_s, aims_m_s)
+            limiter = limit(self._limits_in_step, state.limiter, aim, dt_s, pace_s)
+            share = rims.progress(state.limiter.twist, limiter.twist, aim)
+        share = min(share, dt_s / pace_s) if pace_s > 0 else 1.0
+        differs = rims.approach(differ, aims_differ, share)
+        loose = not (rims.alike(differs, self._still) and rims.alike(aims_differ, self._still))
+        setpoint, acceleration = rims_of(limiter.twist), rims_of(limiter.acceleration)
+        if loose:
+            setpoint = rims.plus(setpoint, differs)
+            change = rims.minus(differs, differ)
+            acceleration = rims.plus(acceleration, tuple([one / dt_s for one in change]))
+        return replace(
+            state,
+            limiter=limiter,
+            stepped_s=now_s,
+            setpoint_m_s=setpoint,
+            acceleration_m_s2=acceleration,
+            loose=loose,
+        )
+
+    def _aims(self, state: DriveState, target: Motion) -> tuple[rims.Rims, Twist2D]:
+        """Rim speeds to go for, and the twist they make: as much of the target as speeds and motors allow."""
+        if isinstance(target, WheelVelocities):
+            aims_m_s, twist = self._kinematics.rims_at_m_s(target.rad_s), target.twist
+        else:
+            aims_m_s, twist = self._kinematics.rim_speeds_m_s(target), target
+        share = state.share * rims.share_of(self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist)
+        aims_m_s = tuple([aim_m_s * share for aim_m_s in aims_m_s])
+        return aims_m_s, Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)
+
+
+def is_rest(target: Motion) -> bool:
+    """Whether this asks for no motion at all."""
+    return not any(target.rad_s) if isinstance(target, WheelVelocities) else target == STANDING
