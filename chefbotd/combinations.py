@@ -8,6 +8,7 @@ from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.ramp import braking_distance
 from chefbotd.safety.guard import mount
+from chefbotd.services.tuning import ALL_WHEELS
 from firmware_protocol.codec import VARIANTS
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -37,6 +38,8 @@ def _wheels(settings: "Settings") -> Iterator[str]:
     wheels, named = VARIANTS[wire].wheels, len(settings.chassis.wheels)
     if wheels != named:
         yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
+    if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
+        yield f"no wheel can be named {ALL_WHEELS!r}: set_pid means every wheel by it"
 
 
 def _lines(settings: "Settings") -> Iterator[str]:

@@ -56,8 +56,8 @@ TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size 
 class Variant:
     """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own.
 
-    ``banner`` is what its board prints as it starts when all is well, line by line, and ``failed_banner`` what may stand in
-    a line's place. ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
+    ``banner`` is what its board prints as it starts when all is well, and ``failed_banner`` what may stand in a line's
+    place. ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
     """
 
     name: str

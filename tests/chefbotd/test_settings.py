@@ -328,6 +328,19 @@ def test_edges_that_do_not_fit_their_line_are_refused(more: dict[str, object], t
         load(packaged("khan"), overrides={**EDGES, **more})
 
 
+def test_a_wheel_that_would_be_taken_for_all_of_them_is_refused(chefbot: Path):
+    """``set_pid`` calls every wheel 'all', so none can have that name."""
+    with pytest.raises(SettingsError, match="no wheel can be named 'all'"):
+        load(spoil(chefbot, 'name = "left_wheel"', 'name = "all"'))
+
+
+@pytest.mark.parametrize("key", ["sim.wire", "sim.body.wheel_radius_m", "sim.ultrasonic.mount_x_m"])
+def test_what_other_sections_say_is_not_taken_from_the_simulators(key: str):
+    """The simulated robot's wire, wheels and mounts are the robot's own: ``[sim]`` has no such key."""
+    with pytest.raises(SettingsError, match=f"{key}: there is no such key"):
+        load(overrides={key: 1})
+
+
 def test_gains_beyond_the_duty_range_are_refused(chefbot: Path):
     """An output limit above drive.max_duty: both numbers and the wheel are named."""
     with pytest.raises(

@@ -68,6 +68,21 @@ def test_a_bad_configuration(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "command", [["check-config"], ["run", "--sim", "--config"], ["simulate", "--config"]]
+)
+def test_a_robot_that_cannot_be_simulated(tmp_path: Path, command: list[str]) -> None:
+    """One that would start in the cupboard is a bad configuration, told in one line."""
+    path = tmp_path / "cupboard.toml"
+    start = "\n[sim.world]\nstart_x_m = 2.65\nstart_y_m = 0.8\n"
+    path.write_text(packaged("khan").read_text(encoding="utf-8") + start, encoding="utf-8")
+    result = chefbotd(*command, path)
+    assert result.exit_code == Exit.BAD_CONFIGURATION
+    (told,) = result.stderr.splitlines()
+    assert told.startswith("Error: khan cannot be simulated: ")
+    assert "from a wall" in told
+
+
+@pytest.mark.parametrize(
     "args",
     [
         ["run", "--sim", "--port", "/dev/ttyUSB0"],
