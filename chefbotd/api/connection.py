@@ -170,13 +170,13 @@ class Connection(asyncio.Protocol):
             dispatcher.serve(self, line)
 
     def _read_on(self) -> None:
-        """Read, unless as much waits as may: for its turn, or for a client that is behind."""
+        """Read, unless as much waits as may, or there may be stops in what waits: more would only come after them."""
         if not self._hears:
             return
         full = len(self._backlog) > self._house.parameters.backlog_bytes
         if full and self._outbox.blocked:
             self._outbox.hurry()
-        if full:
+        if full or self._looks:
             self._transport.pause_reading()
         else:
             self._transport.resume_reading()

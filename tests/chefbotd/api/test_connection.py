@@ -198,9 +198,9 @@ def test_looking_for_stops_keeps_the_loop_no_longer_than_serving_does() -> None:
             DESCRIBE + b'{"jsonrpc":"2.0","method":"stop it","x":"stop"}\n' * 1300 + STOP
         )
         for _turn in range(81):
-            assert robot.calls == []
+            assert (robot.calls, transport.is_read) == ([], False)
             await asyncio.sleep(0)
-        assert robot.calls == [("stop",)]
+        assert (robot.calls, transport.is_read) == ([("stop",)], True)
 
     run_virtual(scenario())
 
