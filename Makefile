@@ -64,10 +64,12 @@ fuzz: $(VENV)/ready
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz stops build/fuzz/stops tests/vectors/fuzz/stops $(FUZZ_OPTIONS)
 
-# An hour of simulated driving with seeded faults on the virtual clock, with either robot.
+# An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
 soak: $(VENV)/ready
-	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 chefbot
-	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 khan
+	$(MAKE) --jobs=2 --output-sync soak-chefbot soak-khan
+
+soak-%: $(VENV)/ready
+	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 $*
 
 # Every fault of docs/safety.md that the simulated robot can have, on both robots, and what it does. CLOCK=virtual leaves out
 # those of the real program, which take real time: what is left is the same in every run.
