@@ -82,12 +82,13 @@ async def _serve(daemon: Daemon, *more: Loop) -> None:
 async def _serve_real(settings: Settings) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or systemd.runtime_folder()
+    settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
+    daemon = Daemon(settings, clock=SystemClock())
     if folder is None:
         log.info(
             "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
         )
-    settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    await _serve(Daemon(settings, clock=SystemClock()))
+    await _serve(daemon)
 
 
 def settle() -> None:
