@@ -1,14 +1,16 @@
 """What hostile clients cost: memory, control steps, and the answers of the client that drives meanwhile.
 
 Fourteen shapes of a bad first message, each followed by 100 MB; a thousand connections at once; a crowd that reads
-nothing, and one that floods besides, with what looks like a stop and is none. All while a well-behaved client drives
-at 10 Hz and a board sends encoder frames at 50 Hz.
+nothing, and one that floods besides, with what looks like a stop and is none; a hundred that keep to every limit and
+ask for what is costly. All while a well-behaved client drives at 10 Hz and a board sends encoder frames at 50 Hz. Then
+how long an e-stop takes while those hundred ask.
 
     python -m benchmarks.abuse [--quick]
 """
 
 import argparse
 import contextlib
+import selectors
 import socket
 import sys
 import threading
@@ -29,6 +31,9 @@ CYCLE_HZ = 50
 BODY_MB = 100
 CROWD = 1000
 DEAF = 50
+ASKERS = 100
+ASK_S = 4.0
+ESTOPS = 20
 MEMORY_LIMIT_MB = 25.0
 CHUNK = 65_536
 
@@ -58,11 +63,14 @@ def run(*, quick: bool = False) -> Outcome:
     attacks["a crowd at once"] = partial(_crowd, crowd)
     attacks["a crowd that does not read"] = partial(_deaf, DEAF)
     attacks["a crowd that floods and does not read"] = partial(_deaf_flood, DEAF)
+    for method in ("get_state", "describe"):
+        attacks[f"a crowd that asks for {method}"] = partial(_ask, ASKERS, method)
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
         instrument.start(1 / CYCLE_HZ)
         caller.drive_for(1.0, 0.1, 0.0)
         with _watched_memory(running) as memory, _driven(running) as answers_s:
             took_s = {name: _timed(attack, running.port) for name, attack in attacks.items()}
+        estops_s = _estops(caller, running.port)
         instrument.pause()
         sent = instrument.collect().sent
         faults = lost(caller, sent)
@@ -77,6 +85,8 @@ def run(*, quick: bool = False) -> Outcome:
             Figure("driver's answer p50", percentile(answers_s, 50) * 1e3, "ms"),
             Figure("driver's answer p99", percentile(answers_s, 99) * 1e3, "ms"),
             Figure("driver's answer worst", max(answers_s) * 1e3, "ms", 500.0),
+            Figure("e-stop while a hundred ask p50", percentile(estops_s, 50) * 1e3, "ms"),
+            Figure("e-stop while a hundred ask worst", max(estops_s) * 1e3, "ms", 100.0),
             Figure("control steps missed", sent["e"] - stats["control_steps"], "steps", 0),
         ),
         (
@@ -138,6 +148,38 @@ def _deaf_flood(count: int, port: int) -> None:
         crowd = [client for client in crowd if _goes_on(client, flood * 500)]
     for client in crowd:
         client.close()
+
+
+def _ask(count: int, method: str, port: int) -> None:
+    """Ask for the same, 32 times in a row, and read the answers before asking again: within every limit there is."""
+    requests, over_s = (_CALL + b'"%b"}\n' % method.encode()) * 32, time.monotonic() + ASK_S
+    with contextlib.ExitStack() as crowd, selectors.DefaultSelector() as readable:
+        unread: dict[socket.socket, int] = {}
+        for _ in range(count):
+            client = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
+            readable.register(client, selectors.EVENT_READ)
+            unread[client] = 1  # the greeting
+        while time.monotonic() < over_s:
+            for key, _ in readable.select(0.1):
+                client = key.fileobj  # type: ignore[assignment]
+                unread[client] -= client.recv(1 << 20).count(b"\n")
+                if unread[client] == 0:
+                    client.sendall(requests)
+                    unread[client] = 32
+
+
+def _estops(caller: Caller, port: int) -> list[float]:
+    """How long an e-stop takes while a crowd asks, from the request to the answer, in seconds."""
+    crowd, took_s = threading.Thread(target=_ask, args=(ASKERS, "get_state", port)), []
+    crowd.start()
+    for _ in range(ESTOPS):
+        time.sleep(ASK_S / 2 / ESTOPS)
+        began_s = time.monotonic()
+        caller.call("estop")
+        took_s.append(time.monotonic() - began_s)
+        caller.call("arm")
+    crowd.join()
+    return took_s
 
 
 def _goes_on(client: socket.socket, data: bytes) -> bool:
