@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 from rich.console import Console
 
-from benchmarks import cpu, decode, fanout, latency, optiodom, saturation, square, start
+from benchmarks import cpu, decode, fanout, latency, optiodom, ratios, saturation, square, start
 from benchmarks.figures import NOISY_CORES, Figure, Outcome, table
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
@@ -41,6 +41,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "fanout": fanout.run,
     "saturation": saturation.run,
     "optiodom": optiodom.run,
+    "ratios": ratios.run,
 }
 
 

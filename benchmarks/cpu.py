@@ -29,10 +29,10 @@ def run(*, quick: bool = False) -> Outcome:
     seconds = SECONDS / 4 if quick else SECONDS
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
         instrument.start(1 / CYCLE_HZ)
-        cores, hz = _load(running, caller, seconds)
+        cores, hz = load(running, caller, seconds)
         resident_mb = running.resident_mb()
     with _simulated_board() as device, daemon(device) as running, connect(running) as caller:
-        simulated_cores, simulated_hz = _load(running, caller, seconds)
+        simulated_cores, simulated_hz = load(running, caller, seconds)
     figures = (
         Figure("daemon at 100 Hz", cores, "core", 0.04, "0.27-0.35"),
         Figure("daemon at 100 Hz, on chefbotd simulate", simulated_cores, "core", 0.04),
@@ -43,7 +43,7 @@ def run(*, quick: bool = False) -> Outcome:
     return Outcome(figures, remarks=(remark,))
 
 
-def _load(running: Daemon, caller: Caller, seconds: float) -> tuple[float, float]:
+def load(running: Daemon, caller: Caller, seconds: float) -> tuple[float, float]:
     """Processor seconds of the daemon per second, and the cycles per second that reached the subscriber."""
     caller.call("subscribe", topics=TOPICS, policy="ordered")
     caller.drive_for(1.0, *TWIST)
@@ -76,7 +76,7 @@ def _by_part(seconds: float) -> tuple[Figure, ...]:
         ):
             started_s = running.cpu_s()
             instrument.start(1 / CYCLE_HZ)
-            _load(running, caller, seconds)
+            load(running, caller, seconds)
             used_s, cycles = running.cpu_s() - started_s, instrument.collect().sent["e"]
         parts: dict[str, float] = json.loads(report.read_text())
     parts["loop, system calls, services"] = used_s - sum(parts.values())

@@ -33,9 +33,9 @@ def run(*, quick: bool = False) -> Outcome:
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
         instrument.start(CYCLE_S, echo_s=ECHO_S)
         time.sleep(0.5)
-        to_wire, unanswered = _command_to_wire(instrument, caller, round(COMMANDS * share))
+        to_wire, unanswered = command_to_wire(instrument, caller, round(COMMANDS * share))
         instrument.start(FRAMES_CYCLE_S, echo_s=ECHO_S)
-        to_answer = _frame_to_answer(instrument, caller, round(FRAMES * share) * FRAMES_CYCLE_S)
+        to_answer = frame_to_answer(instrument, caller, round(FRAMES * share) * FRAMES_CYCLE_S)
     return Outcome(
         (
             *latencies("drive to first s", to_wire, {50: 0.6, 99: 4.0}, {50: "18-28", 95: "32-42"}),
@@ -45,7 +45,7 @@ def run(*, quick: bool = False) -> Outcome:
     )
 
 
-def _command_to_wire(instrument: Board, caller: Caller, samples: int) -> tuple[list[float], int]:
+def command_to_wire(instrument: Board, caller: Caller, samples: int) -> tuple[list[float], int]:
     """Seconds per command, and how many commands were never followed by a duty."""
     phase = random.Random(1)
     latencies_s = []
@@ -73,7 +73,8 @@ def _await_rest(instrument: Board, commands: list[Command]) -> None:
     until(rests, "the robot does not come to rest")
 
 
-def _frame_to_answer(instrument: Board, caller: Caller, seconds: float) -> list[float]:
+def frame_to_answer(instrument: Board, caller: Caller, seconds: float) -> list[float]:
+    """Seconds from each encoder frame to the motor command that answers it, while the robot drives."""
     caller.drive_for(0.5, *TWIST, COMMAND_PERIOD_S)
     instrument.collect()
     caller.drive_for(seconds, *TWIST, COMMAND_PERIOD_S)
