@@ -1,7 +1,8 @@
 """The interface, described by the models that check it."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any, Literal, TypeAlias
 
 from pydantic import BaseModel
 
@@ -9,6 +10,8 @@ from chefbotd.api import answers
 from chefbotd.api.jsonrpc import ERRORS
 from chefbotd.api.method import Method
 from chefbotd.api.topics import Topic
+
+Mode: TypeAlias = Literal["validation", "serialization"]
 
 NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
     "hello": answers.Hello,
@@ -23,7 +26,7 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> answ
         protocol=answers.PROTOCOL,
         methods={name: _method(method) for name, method in methods.items()},
         topics={name: _topic(topic) for name, topic in topics.items()},
-        notifications={name: _schema(model) for name, model in NOTIFICATIONS.items()},
+        notifications={name: _schema(model, "validation") for name, model in NOTIFICATIONS.items()},
         errors={
             str(kind): answers.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
             for kind, e in ERRORS.items()
@@ -31,19 +34,32 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> answ
     )
 
 
+def prepare(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> Iterator[None]:
+    """Build the schemas that ``describe`` needs, one per step, so that no step takes longer than a few milliseconds."""
+    models: list[tuple[type[BaseModel], Mode]] = [(m.params, "validation") for m in methods.values()]
+    models += [(m.result, "serialization") for m in methods.values()]
+    models += [(t.model, "serialization") for t in topics.values()]
+    models += [(model, "validation") for model in NOTIFICATIONS.values()]
+    for model, mode in models:
+        _schema(model, mode)
+        yield
+
+
 def _method(method: Method) -> answers.MethodDescription:
     return answers.MethodDescription(
         summary=method.summary,
         role=method.role,
-        params=_schema(method.params),
-        result=_schema(method.result, mode="serialization"),
+        params=_schema(method.params, "validation"),
+        result=_schema(method.result, "serialization"),
     )
 
 
 def _topic(topic: Topic) -> answers.TopicDescription:
     summary = (topic.model.__doc__ or "").partition("\n")[0]
-    return answers.TopicDescription(summary=summary, data=_schema(topic.model, mode="serialization"))
+    return answers.TopicDescription(summary=summary, data=_schema(topic.model, "serialization"))
 
 
-def _schema(model: type[BaseModel], mode: Any = "validation") -> dict[str, Any]:
+@cache
+def _schema(model: type[BaseModel], mode: Mode) -> dict[str, Any]:
+    """A model's JSON Schema, built once in a process: it depends on the class alone."""
     return model.model_json_schema(mode=mode, by_alias=False)

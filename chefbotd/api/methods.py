@@ -77,7 +77,6 @@ class Methods:
             "reset_odometry": Method(drive, requests.ResetOdometryParams, done, self._reset_odometry),
             "reset_board": Method(admin, nothing, done, self._reset_board),
         }
-        self._description = describe(self.table, fanout.topics)
 
     def _authenticate(self, caller: Caller, params: requests.AuthenticateParams) -> answers.Known:
         """Show a token; the role that it gives decides what else may be asked."""
@@ -97,7 +96,7 @@ class Methods:
 
     def _describe(self, caller: Caller, params: requests.NoParams) -> answers.Description:
         """Methods, topics and errors, with the JSON Schemas of what they carry."""
-        return self._description
+        return describe(self.table, self._fanout.topics)
 
     def _get_description(self, caller: Caller, params: requests.NoParams) -> answers.RobotDescription:
         """The robot's own description: its links and joints."""

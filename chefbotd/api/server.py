@@ -10,6 +10,7 @@ from chefbotd.api import jsonrpc
 from chefbotd.api.access import UNGUARDED, Guard
 from chefbotd.api.answers import Hello
 from chefbotd.api.control import Control
+from chefbotd.api.describe import prepare
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.doorway import Doorway
 from chefbotd.api.fanout import Fanout
@@ -25,6 +26,9 @@ log = structlog.get_logger(__name__)
 
 INBOX_EVENTS = 1024
 SWEEP_PERIOD_S = 0.25
+SCHEMA_PERIOD_S = 0.05
+"""The schemas for ``describe`` are built after the start, one at a time: together they take as long as several control
+steps."""
 FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "control_leases")
 
 
@@ -54,12 +58,13 @@ class Server:
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
         control = Control(parameters.lease_s, robot.release, bus.publish)
         methods = Methods(robot, self._fanout, clock, control, guard.keyring, parameters.arm_role)
+        self._methods = methods.table
         self._capabilities = (
-            *(f"method.{name}" for name in methods.table),
+            *(f"method.{name}" for name in self._methods),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(methods.table, clock)
+        dispatcher = Dispatcher(self._methods, clock)
         role = parameters.default_role if guard.keyring is None else None
         self.lobby = Lobby(parameters, clock, dispatcher, self._fanout, control, self._greeting, role)
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
@@ -81,6 +86,7 @@ class Server:
             async with asyncio.TaskGroup() as self._tasks:
                 self._tasks.create_task(doorway.run())
                 self._tasks.create_task(self._sweep())
+                self._tasks.create_task(self._prepare_description())
                 self._announce()
                 await self._pump(inbox)
         finally:
@@ -128,6 +134,10 @@ class Server:
         while True:
             await asyncio.sleep(SWEEP_PERIOD_S)
             self.lobby.sweep()
+
+    async def _prepare_description(self) -> None:
+        for _ in prepare(self._methods, self._fanout.topics):
+            await asyncio.sleep(SCHEMA_PERIOD_S)
 
     async def _pump(self, inbox: Inbox[Any]) -> None:
         async for event in inbox:
