@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
+from chefbotd.messages.roles import Role
 
 MIN_TOKEN_CHARACTERS = 16
 MAX_FILE_BYTES = 65_536

@@ -6,10 +6,10 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import BaseModel
 
-from chefbotd.api import answers
 from chefbotd.api.jsonrpc import ERRORS
 from chefbotd.api.method import Method
 from chefbotd.api.topics import Topic
+from chefbotd.messages import answers
 
 Mode: TypeAlias = Literal["validation", "serialization"]
 

@@ -11,10 +11,10 @@ from chefbotd.api import jsonrpc, urgent
 from chefbotd.api.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.problems import explain
-from chefbotd.api.requests import Params
 from chefbotd.api.session import Session
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
+from chefbotd.messages.requests import Params
 
 log = structlog.get_logger(__name__)
 

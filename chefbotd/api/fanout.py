@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 import structlog
 
-from chefbotd.api.answers import TopicState
-from chefbotd.api.telemetry import TopicData
 from chefbotd.api.topics import Topic
 from chefbotd.clock import Clock
+from chefbotd.messages.answers import TopicState
+from chefbotd.messages.telemetry import TopicData
 
 log = structlog.get_logger(__name__)
 

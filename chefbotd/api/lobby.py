@@ -18,11 +18,11 @@ from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.fanout import Fanout
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
 from chefbotd.api.turns import Turns
 from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
+from chefbotd.messages.roles import Role
 
 RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""

@@ -8,9 +8,9 @@ from pydantic import BaseModel
 
 from chefbotd.api.fanout import Receiver
 from chefbotd.api.jsonrpc import ErrorKind, Failure
-from chefbotd.api.requests import Params
-from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
+from chefbotd.messages.requests import Params
+from chefbotd.messages.roles import Role
 
 
 class Caller(Receiver, Protocol):

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 import structlog
 
-from chefbotd.api import answers, requests
 from chefbotd.api.access import Keyring
 from chefbotd.api.control import Control
 from chefbotd.api.describe import describe
@@ -15,13 +14,14 @@ from chefbotd.api.fanout import Fanout
 from chefbotd.api.jsonrpc import ErrorKind
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.robot import Robot
-from chefbotd.api.roles import Role
-from chefbotd.api.telemetry import StatsData, TopicData
 from chefbotd.api.topics import link_data, safety_data
 from chefbotd.api.urgent import EstopParams, StopParams
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.messages import answers, requests
+from chefbotd.messages.roles import Role
+from chefbotd.messages.telemetry import StatsData, TopicData
 
 log = structlog.get_logger(__name__)
 

@@ -13,8 +13,8 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from chefbotd.api import jsonrpc
-from chefbotd.api.answers import Dropped
 from chefbotd.api.parameters import ApiParameters
+from chefbotd.messages.answers import Dropped
 
 FULL_S = 1.0
 """How long a client may read nothing once as many of its requests wait as may."""

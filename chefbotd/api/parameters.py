@@ -5,8 +5,8 @@ from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from chefbotd.api.roles import Role
 from chefbotd.core.parameters import Parameters
+from chefbotd.messages.roles import Role
 
 
 class ApiParameters(Parameters):

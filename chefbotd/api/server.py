@@ -8,7 +8,6 @@ import structlog
 
 from chefbotd.api import jsonrpc
 from chefbotd.api.access import UNGUARDED, Guard
-from chefbotd.api.answers import Hello
 from chefbotd.api.control import Control
 from chefbotd.api.describe import prepare
 from chefbotd.api.dispatch import Dispatcher
@@ -21,6 +20,7 @@ from chefbotd.api.robot import Robot
 from chefbotd.api.topics import Topic, link_data, topics
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
+from chefbotd.messages.answers import Hello
 
 log = structlog.get_logger(__name__)
 

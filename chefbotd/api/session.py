@@ -5,7 +5,7 @@ from collections.abc import Callable
 from chefbotd.api.bucket import Bucket
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
+from chefbotd.messages.roles import Role
 
 
 class Session:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from chefbotd.api.telemetry import (
+from chefbotd.core import events
+from chefbotd.messages.telemetry import (
     BatteryData,
     ImuData,
     LinkData,
@@ -24,7 +25,6 @@ from chefbotd.api.telemetry import (
     TopicData,
     WheelsData,
 )
-from chefbotd.core import events
 
 ARMED_MODE = "armed"
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from chefbotd.api.jsonrpc import MAX_INTEGER_DIGITS, Request
-from chefbotd.api.requests import Params
+from chefbotd.messages.requests import Params
 
 MAX_REASON_CHARACTERS = 200
 NO_REASON = "asked by a client"

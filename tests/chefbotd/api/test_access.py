@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from chefbotd.api.access import AccessError, Guard, Keyring, load_guard
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
+from chefbotd.messages.roles import Role
 
 ANN, BOB = "a" * 32, "b" * 32
 TOKENS = f"# who drives\n\nadmin {ANN}\n  drive\t{BOB}\n"

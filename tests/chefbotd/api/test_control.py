@@ -6,9 +6,9 @@ from chefbotd.api.control import Control
 from chefbotd.api.jsonrpc import ErrorKind
 from chefbotd.api.method import Unserved
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
 from chefbotd.core.events import ControlChanged
+from chefbotd.messages.roles import Role
 
 
 def client(name: str, port: int) -> Session:

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.api.fanout import Fanout
-from chefbotd.api.telemetry import TextData, TopicData
 from chefbotd.api.topics import Topic, topics
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
+from chefbotd.messages.telemetry import TextData, TopicData
 
 
 class Reader:

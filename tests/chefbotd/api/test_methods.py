@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from chefbotd.api import answers, jsonrpc, requests
+from chefbotd.api import jsonrpc
 from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.dispatch import Dispatcher
@@ -17,13 +17,14 @@ from chefbotd.api.jsonrpc import ERRORS, Failure
 from chefbotd.api.method import Caller, Method
 from chefbotd.api.methods import Methods
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
 from chefbotd.api.topics import Topic, topics
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import LinkOpened, SafetyChanged, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.messages import answers, requests
+from chefbotd.messages.roles import Role
 from tests.fakes.robot import FakeRobot
 
 

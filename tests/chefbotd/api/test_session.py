@@ -4,8 +4,8 @@ import pytest
 
 from chefbotd.api.jsonrpc import ErrorKind
 from chefbotd.api.parameters import ApiParameters
-from chefbotd.api.roles import Role
 from chefbotd.api.session import Session
+from chefbotd.messages.roles import Role
 
 LIMITS = ApiParameters(authenticate_s=5.0, request_s=10.0, idle_s=60.0, requests_per_s=10.0, requests_burst=2)
 

@@ -4,8 +4,8 @@ from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny
 
-from chefbotd.api.roles import Role
-from chefbotd.api.telemetry import LinkData, SafetyData, TopicData
+from chefbotd.messages.roles import Role
+from chefbotd.messages.telemetry import LinkData, SafetyData, TopicData
 from chefbotd.motion.pid import PidParameters
 
 PROTOCOL: Final = "1.0"

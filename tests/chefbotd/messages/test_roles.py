@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.api.roles import Role
+from chefbotd.messages.roles import Role
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from chefbotd.api.problems import explain
-from chefbotd.api.requests import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams
+from chefbotd.messages.requests import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams
 from chefbotd.motion.pid import PidParameters
 
 
