@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
-COUNTS_PER_S_PER_DUTY = 80 / 60 * 4200 / 1023  # 80 rpm of 4200 counts a turn at full duty
+COUNTS_PER_S_PER_DUTY = 80 / 60 * 4200 / 255  # 80 rpm of 4200 counts a turn at full duty
 MOTOR_TIME_CONSTANT_S = 0.05
 LINE_RATE_BYTES_S = 11_520.0
 

@@ -13,7 +13,8 @@ from chefbotd.motion.pid import PidState
 class DriveParameters(Parameters):
     """``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
 
-    ``max_duty`` is the bridge's range: no duty beyond it is ever sent, whatever the gains.
+    ``max_duty`` is the wire's full scale, at which the bridge is full on: no duty beyond it is ever sent, whatever the
+    gains. A scale that is not the board's makes every gain and feedforward wrong in proportion.
 
     ``response_delay_s`` is by how much the encoders show what the wheels were asked for later than the mean over their
     readings explains: the line both ways, the board's cycle, the motors.
@@ -28,7 +29,7 @@ class DriveParameters(Parameters):
     """
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
-    max_duty: int = Field(default=1023, ge=1, le=32_767)
+    max_duty: int = Field(default=255, ge=1, le=32_767)
     response_delay_s: float = Field(default=0.05, ge=0, le=0.5)
     scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
     scrub_reach_m: float = Field(default=0.1, gt=0, le=5)

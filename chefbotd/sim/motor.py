@@ -17,7 +17,8 @@ class MotorParameters(Parameters):
     """A gear motor as its data sheet gives it, and the bridge that drives it.
 
     The defaults are the published robot's 80 rpm at 12 V; currents and stall torque are those of the common
-    12 V motor of its class (64 counts per turn, 131.25:1 gear).
+    12 V motor of its class (64 counts per turn, 131.25:1 gear). Pulses shorter than ``dead_zone_share`` of the PWM's
+    period do not switch the bridge (assumed).
     """
 
     rated_voltage_v: float = Field(12.0, gt=0, le=60)
@@ -28,15 +29,12 @@ class MotorParameters(Parameters):
     dry_friction_share: float = Field(0.8, ge=0, le=1)
     static_to_kinetic_friction: float = Field(1.3, ge=1, le=3)
     rotor_inertia_kg_m2: float = Field(0.012, gt=0, le=10)
-    full_scale_duty: int = Field(1023, ge=1, le=65_535)
-    dead_zone_duty: int = Field(20, ge=0)
+    dead_zone_share: float = Field(0.02, ge=0, lt=1)
 
     @model_validator(mode="after")
     def _is_a_motor(self) -> Self:
         if self.no_load_current_a >= self.stall_current_a:
             raise ValueError(f"no_load_current_a {self.no_load_current_a} must be below stall_current_a")
-        if self.dead_zone_duty >= self.full_scale_duty:
-            raise ValueError(f"dead_zone_duty {self.dead_zone_duty} must be below full_scale_duty")
         if self.torque_constant_n_m_a > self.back_emf_constant_v_s:
             raise ValueError(
                 f"stall_torque_n_m {self.stall_torque_n_m} is more than the electrical power can give"

@@ -64,7 +64,7 @@ class Plant:
         if not step_s > 0:
             raise ValueError(f"step_s must be positive, got {step_s}")
         self.step_s = step_s
-        self._dead_zone_duty, self._full_scale_duty = motor.dead_zone_duty, motor.full_scale_duty
+        self._dead_zone_share = motor.dead_zone_share
         self._twist_from_wheels = _twist_from_wheels(body, chassis)
         inertia = _inertia(motor, body, self._twist_from_wheels)
         self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
@@ -85,19 +85,18 @@ class Plant:
         """Wheels at rest at angle 0."""
         return WheelState(self._open, self._open)
 
-    def pulse_width(self, duty: Sequence[int]) -> Vector:
-        """The signed share of the supply that each bridge passes on for these duties, one per wheel.
+    def pulse_width(self, shares: Sequence[float]) -> Vector:
+        """The signed share of the supply that each wheel's bridge passes on for its PWM share (-1 to 1).
 
-        Pulses inside the dead zone are too short to switch; beyond full scale nothing is added.
+        Pulses inside the dead zone are too short to switch.
 
         Raises:
-            ValueError: there are not as many duties as wheels.
+            ValueError: there are not as many shares as wheels.
         """
-        if len(duty) != len(self._open):
-            raise ValueError(f"{len(duty)} duties for {len(self._open)} wheels")
-        asked = np.asarray(duty, dtype=np.float64)
-        dead, full = self._dead_zone_duty, self._full_scale_duty
-        return np.copysign(np.clip((np.abs(asked) - dead) / (full - dead), 0.0, 1.0), asked)
+        if len(shares) != len(self._open):
+            raise ValueError(f"{len(shares)} PWM shares for {len(self._open)} wheels")
+        asked, dead = np.asarray(shares, dtype=np.float64), self._dead_zone_share
+        return np.copysign(np.clip((np.abs(asked) - dead) / (1 - dead), 0.0, 1.0), asked)
 
     def load(self, state: WheelState, pulse_width: Vector | None, supply: Supply) -> tuple[float, float]:
         """The voltage left of the supply, and the current drawn from it, electronics included.

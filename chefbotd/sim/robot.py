@@ -69,9 +69,9 @@ class Robot:
         self._read_s = 0.0
         self._watchers: list[Watcher] = []
 
-    def drive(self, duty: Sequence[int]) -> None:
-        """Put these duties into force, one per wheel; 0 brakes. Raises ``ValueError`` on a wrong number."""
-        self._pulse_width = self._plant.pulse_width(duty)
+    def drive(self, shares: Sequence[float]) -> None:
+        """Put these PWM shares (-1 to 1) into force; 0 brakes. Raises ``ValueError`` unless there is one per wheel."""
+        self._pulse_width = self._plant.pulse_width(shares)
 
     def release(self) -> None:
         """Open the bridges: the motors coast."""

@@ -20,6 +20,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.sim.battery import Divider, adc_counts
 from chefbotd.sim.chassis import Chassis
 from chefbotd.sim.infrared import Infrared
+from chefbotd.sim.pwm import PwmLaw, pwm_share
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Imu, ImuParameters, Ultrasonic
@@ -53,6 +54,8 @@ INT32_LIMIT = 1 << 31
 class BoardParameters(Parameters):
     """The board and what its sketch is built for; ``cycle_s`` is the least time that a cycle takes.
 
+    ``pwm_full_scale`` is the value of a motor command that switches a bridge full on: 255 for ``analogWrite``.
+
     Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next. Its line is as
     fast as the robot's, unless ``line_rate_bytes_s`` says another.
     """
@@ -66,6 +69,8 @@ class BoardParameters(Parameters):
     raw_imu: bool = False
     sends_battery: bool = True
     edge_buffer: int = Field(512, ge=1)
+    pwm_full_scale: int = Field(255, ge=1, le=65_535)
+    pwm_law: PwmLaw = PwmLaw.CLIPPED
     boot_s: float = Field(0.2, ge=0, le=60)
     reset_delay_s: float = Field(1.0, ge=0, le=60)
     boot_micros: int = Field(0, ge=0, lt=UINT32_SPAN)
@@ -213,7 +218,9 @@ class Sketch:
 
     def _drive(self, duty: tuple[int, ...]) -> None:
         self.duty = duty
-        self._robot.drive([each * sign for each, sign in zip(duty, self._motor_signs, strict=True)])
+        law, full_scale = self._parameters.pwm_law, self._parameters.pwm_full_scale
+        wheels = zip(duty, self._motor_signs, strict=True)
+        self._robot.drive([sign * pwm_share(law, full_scale, each) for each, sign in wheels])
 
     def _micros(self, at_s: float) -> int:
         """Microseconds since the board started, as its 32-bit counter shows them."""

@@ -26,13 +26,14 @@ def spoil(path: Path, old: str, new: str) -> Path:
 
 
 def test_the_packaged_chefbot_has_the_published_numbers():
-    """Wheel diameter 0.09 m, base 0.3 m, 4200 counts, Kp 400, Ki 100, output 1023, dead-man 0.5 s."""
+    """Wheel diameter 0.09 m, base 0.3 m, 4200 counts, Kp 400 and Ki 100 of 1023 on a wire of 255, dead-man 0.5 s."""
     settings = load()
     assert settings.robot.name == "chefbot"
     assert [wheel.radius_m for wheel in settings.chassis.wheels] == [0.045, 0.045]
     assert settings.chassis.track_width_m == 0.3
     assert settings.encoders.counts_per_turn == 4200
-    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (400, 100, 1023)
+    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (100, 25, 255)
+    assert settings.drive.max_duty == 255
     assert settings.safety.command_timeout_s == 0.5
     assert {name: s.priority for name, s in settings.safety.sources.items()} == {
         "safety": 10,
@@ -203,7 +204,7 @@ def test_a_wheel_may_have_gains_of_its_own(chefbot: Path):
     chefbot.write_text(chefbot.read_text() + OWN_GAINS.format(wheel="right_wheel"))
     gains = load(chefbot).gains()
     assert [(name, own.kp, own.output_limit) for name, own in gains.items()] == [
-        ("left_wheel", 400.0, 1023.0),
+        ("left_wheel", 100.0, 255.0),
         ("right_wheel", 1.0, 255.0),
     ]
 
@@ -344,19 +345,19 @@ def test_what_other_sections_say_is_not_taken_from_the_simulators(key: str):
 def test_gains_beyond_the_duty_range_are_refused(chefbot: Path):
     """An output limit above drive.max_duty: both numbers and the wheel are named."""
     with pytest.raises(
-        SettingsError, match=r"output_limit_duty 5000.0 of left_wheel is beyond drive.max_duty 1023"
+        SettingsError, match=r"output_limit_duty 5000.0 of left_wheel is beyond drive.max_duty 255"
     ):
-        load(spoil(chefbot, "output_limit_duty = 1023.0", "output_limit_duty = 5000.0"))
+        load(spoil(chefbot, "output_limit_duty = 255.0", "output_limit_duty = 5000.0"))
 
 
 def test_a_limit_that_blinds_the_stall_detector_is_refused(chefbot: Path):
-    """Duty of 122 at most never reaches 0.12 of 1023, from where on a wheel must turn: both are named. 123 does."""
+    """Duty of 30 at most never reaches 0.12 of 255, from where on a wheel must turn: both are named. 31 does."""
     with pytest.raises(
         SettingsError,
-        match=r"output_limit_duty 122.0 of left_wheel never drives it beyond 122.76 .*share 0.12",
+        match=r"output_limit_duty 30.0 of left_wheel never drives it beyond 30.6 .*share 0.12",
     ):
-        load(chefbot, overrides={"pid.output_limit_duty": 122.0})
-    assert load(chefbot, overrides={"pid.output_limit_duty": 123.0}).pid.output_limit == 123.0
+        load(chefbot, overrides={"pid.output_limit_duty": 30.0})
+    assert load(chefbot, overrides={"pid.output_limit_duty": 31.0}).pid.output_limit == 31.0
 
 
 @pytest.mark.parametrize(

@@ -146,8 +146,8 @@ def test_a_step_settles_without_overshoot(settings: Settings, linear_m_s: float)
 
 @pytest.mark.parametrize("linear_m_s", [0.1, 0.25])
 def test_what_feedforward_gets_wrong_is_corrected_within_two_seconds(settings: Settings, linear_m_s: float):
-    """On a stand it is too strong; with an integral that is no slower than KHAN's the wheels are within 2 %."""
-    quick = settings.pid.model_copy(update={"ki": max(settings.pid.ki, 3000.0)})
+    """On a stand it is too strong; with an integral of three duty ranges per metre the wheels are within 2 %."""
+    quick = settings.pid.model_copy(update={"ki": 3.0 * settings.drive.max_duty})
     body = settings.sim.body.model_copy(update={"mass_kg": 0.0})
     lifted = settings.model_copy(update={"pid": quick, "sim": settings.sim.model_copy(update={"body": body})})
 
@@ -184,6 +184,19 @@ def test_too_fast_a_curve_is_slowed_and_not_straightened(settings: Settings):
         twist = truth(robot).twist
         assert 0.1 < twist.linear_m_s < 0.98
         assert twist.linear_m_s / twist.angular_rad_s == pytest.approx(0.5, rel=0.02)
+
+    on_robot(scenario, unguarded(settings))
+
+
+def test_full_speed_is_asked_for_by_full_scale_and_no_more(settings: Settings):
+    """Asked for 5 m/s, no duty on the wire is beyond the board's full scale: 256 is off on an AVR."""
+    full_scale = settings.sim.board.pwm_full_scale
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        written = wiretap(robot)
+        await drive(robot, 5.0, 0.3, 1.5)
+        duties = [abs(int(each)) for line in written.split(b"\r") for each in line.split()[1:]]
+        assert full_scale * 0.8 < max(duties) <= full_scale
 
     on_robot(scenario, unguarded(settings))
 

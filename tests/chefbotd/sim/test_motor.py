@@ -39,7 +39,7 @@ def test_default_rim_speed_is_the_published_one() -> None:
     ("wrong", "named"),
     [
         ({"no_load_current_a": 5.0}, "no_load_current_a 5.0"),
-        ({"dead_zone_duty": 1023}, "dead_zone_duty 1023"),
+        ({"dead_zone_share": 1.0}, "dead_zone_share"),
         ({"stall_torque_n_m": 7.0}, "stall_torque_n_m 7.0"),
         ({"volts": 12}, "volts"),
     ],

@@ -16,10 +16,10 @@ from firmware_protocol.codec import CLASSIC, KHAN, Variant
 
 
 def test_defaults_are_the_published_robot() -> None:
-    """An empty table is the robot of the book: 80 rpm, 1023, 4200 counts, 0.09 m wheels, 0.3 m apart."""
+    """An empty table is the robot of the book: 80 rpm, 255, 4200 counts, 0.09 m wheels, 0.3 m apart."""
     simulation = Simulation()
     motor, chassis = simulation.parameters.motor, simulation.chassis
-    assert (motor.no_load_speed_rpm, motor.full_scale_duty) == (80, 1023)
+    assert (motor.no_load_speed_rpm, simulation.parameters.board.pwm_full_scale) == (80, 255)
     assert [2 * wheel.radius_m for wheel in chassis.wheels] == [0.09, 0.09]
     assert (chassis.counts_per_turn, chassis.track_width_m) == (4200, 0.3)
 

@@ -13,7 +13,7 @@ from chefbotd.sim.motor import BodyParameters, MotorParameters
 from chefbotd.sim.plant import Plant, Supply, WheelState
 
 HANGING = BodyParameters(mass_kg=0)
-FULL = (1023, 1023)
+FULL = (1.0, 1.0)
 # The default motor: R = 12 / 5 ohm, Ke = (12 - 2.4 * 0.3) / 8.37758 V s, Kt = 1.765 / 5 N m/A.
 RESISTANCE_OHM = 2.4
 BACK_EMF_V_S = 11.28 / 8.37758
@@ -25,9 +25,9 @@ def wheeled(order: str) -> Chassis:
     return replace(PUBLISHED, wheels=tuple(Wheel(side == "L", 0.045) for side in order))
 
 
-def spin(plant: Plant, state: WheelState, duty: tuple[int, ...] | None, seconds: float) -> WheelState:
+def spin(plant: Plant, state: WheelState, shares: tuple[float, ...] | None, seconds: float) -> WheelState:
     """The wheels after so long at 12 V."""
-    pulse_width = None if duty is None else plant.pulse_width(duty)
+    pulse_width = None if shares is None else plant.pulse_width(shares)
     for _ in range(round(seconds / plant.step_s)):
         state = plant.step(state, pulse_width, 12.0)
     return state
@@ -91,19 +91,19 @@ def test_dry_friction_stops_a_coasting_wheel_for_good() -> None:
 
 
 def test_static_friction_and_dead_zone_hold_a_wheel() -> None:
-    """To start, the pulses must give 1.3 * 0.08472 N m: 0.749 V of 12 V, above the dead zone duty 82.6."""
+    """To start, the pulses must give 1.3 * 0.08472 N m: 0.749 V of 12 V, above the dead zone a share of 0.0811."""
     plant = Plant(MotorParameters(), HANGING, 0.005)
-    start_duty = 20 + (1023 - 20) * 1.3 * 0.08472 / TORQUE_N_M_A * RESISTANCE_OHM / 12
-    assert start_duty == pytest.approx(82.6, abs=0.05)
-    assert spin(plant, plant.standing, (82, -82), 0.5).velocity_rad_s.tolist() == [0.0, 0.0]
-    left, right = spin(plant, plant.standing, (83, -83), 0.5).velocity_rad_s
+    start = 0.02 + 0.98 * 1.3 * 0.08472 / TORQUE_N_M_A * RESISTANCE_OHM / 12
+    assert start == pytest.approx(0.08115, abs=1e-5)
+    assert spin(plant, plant.standing, (0.081, -0.081), 0.5).velocity_rad_s.tolist() == [0.0, 0.0]
+    left, right = spin(plant, plant.standing, (0.0813, -0.0813), 0.5).velocity_rad_s
     assert left > 0 > right
 
 
 def test_a_wheel_stands_while_the_other_drives() -> None:
     """The robot's inertia couples its wheels, yet friction holds the undriven one exactly still."""
     plant = Plant(MotorParameters(), BodyParameters(), 0.005)
-    state = spin(plant, plant.standing, (300, 0), 1.0)
+    state = spin(plant, plant.standing, (0.3, 0.0), 1.0)
     assert state.velocity_rad_s[0] > 1
     assert state.angle_rad[1] == pytest.approx(0.0, abs=1e-9)
 
@@ -119,7 +119,7 @@ def test_weight_adds_inertia() -> None:
 def test_turning_feels_the_yaw_inertia() -> None:
     """On the spot each wheel turns Iz (r / track)^2 * 2: 0.012 + 0.1 * 0.0225 * 2 = 0.0165 kg m2."""
     plant = Plant(frictionless_motor(), BodyParameters(rolling_resistance=0), 1e-4)
-    state = spin(plant, plant.standing, (-1023, 1023), 1e-4)
+    state = spin(plant, plant.standing, (-1.0, 1.0), 1e-4)
     assert state.velocity_rad_s / 1e-4 == pytest.approx(
         [-TORQUE_N_M_A * 5 / 0.0165, TORQUE_N_M_A * 5 / 0.0165], rel=2e-3
     )
@@ -186,17 +186,18 @@ def test_skidding_against_a_wall_takes_the_grips_torque() -> None:
 
 
 @pytest.mark.parametrize(
-    ("duty", "share"), [(0, 0.0), (20, 0.0), (1023, 1.0), (-1023, -1.0), (5000, 1.0), (-20, 0.0)]
+    ("asked", "passed"), [(0.0, 0.0), (0.02, 0.0), (1.0, 1.0), (-1.0, -1.0), (-0.02, 0.0), (0.51, 0.5)]
 )
-def test_pulse_width_has_a_dead_zone_and_full_scale(duty: int, share: float) -> None:
-    """Up to duty 20 nothing passes, at 1023 everything does, and no more beyond."""
-    assert Plant(MotorParameters(), HANGING, 0.005).pulse_width((duty, 0)) == pytest.approx([share, 0.0])
+def test_pulse_width_has_a_dead_zone(asked: float, passed: float) -> None:
+    """Up to a share of 0.02 nothing passes, at 1 everything does: (0.51 - 0.02) / 0.98 is half."""
+    passing = Plant(MotorParameters(), HANGING, 0.005).pulse_width((asked, 0.0))
+    assert passing == pytest.approx([passed, 0.0])
 
 
 def test_wrong_numbers_are_refused() -> None:
     """One duty for two wheels, and a step that is not positive, raise with what was given."""
-    with pytest.raises(ValueError, match="1 duties for 2 wheels"):
-        Plant(MotorParameters(), HANGING, 0.005).pulse_width((100,))
+    with pytest.raises(ValueError, match="1 PWM shares for 2 wheels"):
+        Plant(MotorParameters(), HANGING, 0.005).pulse_width((0.1,))
     with pytest.raises(ValueError, match=r"step_s must be positive, got 0"):
         Plant(MotorParameters(), HANGING, 0)
 
@@ -205,9 +206,11 @@ def test_wrong_numbers_are_refused() -> None:
 @given(
     left=st.floats(-20, 20),
     right=st.floats(-20, 20),
-    duty=st.sampled_from([None, (0, 0), (10, -10)]),
+    shares=st.sampled_from([None, (0.0, 0.0), (0.01, -0.01)]),
 )
-def test_without_drive_energy_never_grows(left: float, right: float, duty: tuple[int, int] | None) -> None:
+def test_without_drive_energy_never_grows(
+    left: float, right: float, shares: tuple[float, float] | None
+) -> None:
     """Neither braking nor coasting, at any pair of speeds, adds to the kinetic energy of robot and rotors."""
     plant = Plant(MotorParameters(), BodyParameters(), 0.005)
 
@@ -218,7 +221,7 @@ def test_without_drive_energy_never_grows(left: float, right: float, duty: tuple
 
     state = spinning(left, right)
     for _ in range(40):
-        after = spin(plant, state, duty, 0.005)
+        after = spin(plant, state, shares, 0.005)
         assert energy_j(after) <= energy_j(state) + 1e-12
         state = after
 
@@ -237,7 +240,7 @@ def test_skid_steer_pays_for_turning_and_not_for_driving() -> None:
     """
     skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
     plain = Plant(MotorParameters(), BodyParameters(), 0.005, wheeled("LRLR"))
-    turning = (-1023, 1023, -1023, 1023)
+    turning = (-1.0, 1.0, -1.0, 1.0)
     slower = spin(plain, plain.standing, turning, 4.0).velocity_rad_s[1]
     slower -= spin(skidding, skidding.standing, turning, 4.0).velocity_rad_s[1]
     assert slower == pytest.approx(0.660, abs=0.003)

@@ -40,14 +40,14 @@ def test_a_straight_arc_is_a_line() -> None:
 def test_pose_agrees_with_the_wheels() -> None:
     """Driven straight, the robot has gone as far as its wheels have rolled; turned, as far as they differ."""
     robot = robot_in(FAR_WALL)
-    robot.drive((500, 500))
+    robot.drive((0.5, 0.5))
     robot.advance(2.0)
     rolled_m = 0.045 * robot.wheel_angles_rad[0]
     assert robot.truth(0.0).world_from_base.x_m == pytest.approx(rolled_m)
     before = robot.wheel_angles_rad
-    robot.drive((0, 0))
+    robot.drive((0.0, 0.0))
     robot.advance(3.0)
-    robot.drive((-300, 300))
+    robot.drive((-0.3, 0.3))
     robot.advance(4.0)
     left, right = (robot.wheel_angles_rad - before) * 0.045
     assert robot.truth(0.0).world_from_base.heading_rad == pytest.approx((right - left) / 0.3)
@@ -57,7 +57,7 @@ def test_looking_changes_nothing() -> None:
     """A robot that is looked at all the time ends exactly where one that is not does."""
     watched, alone = robot_in(FAR_WALL), robot_in(FAR_WALL)
     for robot in (watched, alone):
-        robot.drive((600, 300))
+        robot.drive((0.6, 0.3))
     for step in range(1000):
         watched.advance(step / 1000)
         watched.truth(0.0)
@@ -69,7 +69,7 @@ def test_looking_changes_nothing() -> None:
 def test_readings_between_steps_are_interpolated() -> None:
     """In steady motion the wheel angle grows evenly with time, also within a step of 5 ms."""
     robot = robot_in(FAR_WALL)
-    robot.drive((800, 800))
+    robot.drive((0.8, 0.8))
     angles = []
     for millisecond in range(2000, 2011):
         robot.advance(millisecond / 1000)
@@ -81,7 +81,7 @@ def test_readings_between_steps_are_interpolated() -> None:
 def test_time_never_goes_back() -> None:
     """Asked for an earlier time, the robot stays where it is."""
     robot = robot_in(FAR_WALL)
-    robot.drive((500, 500))
+    robot.drive((0.5, 0.5))
     robot.advance(1.0)
     angle = robot.wheel_angles_rad[0]
     robot.advance(0.5)
@@ -92,9 +92,9 @@ def test_released_motors_roll_on_and_braked_ones_stop() -> None:
     """Half a second after full speed the braked robot stands while the released one still rolls."""
     braked, released = robot_in(FAR_WALL), robot_in(FAR_WALL)
     for robot in (braked, released):
-        robot.drive((1023, 1023))
+        robot.drive((1.0, 1.0))
         robot.advance(2.0)
-    braked.drive((0, 0))
+    braked.drive((0.0, 0.0))
     released.release()
     for robot in (braked, released):
         robot.advance(2.5)
@@ -105,7 +105,7 @@ def test_released_motors_roll_on_and_braked_ones_stop() -> None:
 def test_head_on_the_wall_stops_the_robot() -> None:
     """A robot of radius 0.18 m comes to rest 0.18 m before the wall, in contact, its wheels loaded."""
     robot = robot_in(NEAR_WALL)
-    robot.drive((400, 400))
+    robot.drive((0.4, 0.4))
     robot.advance(5.0)
     truth = robot.truth(3.0)
     assert truth.stamp_s == 3.0
@@ -118,9 +118,9 @@ def test_head_on_the_wall_stops_the_robot() -> None:
 def test_backing_off_ends_the_contact() -> None:
     """Driven away from the wall, the robot is free at once."""
     robot = robot_in(NEAR_WALL)
-    robot.drive((400, 400))
+    robot.drive((0.4, 0.4))
     robot.advance(5.0)
-    robot.drive((-400, -400))
+    robot.drive((-0.4, -0.4))
     robot.advance(6.0)
     assert not robot.truth(0.0).in_contact
     assert robot.truth(0.0).world_from_base.x_m < 0.3
@@ -129,7 +129,7 @@ def test_backing_off_ends_the_contact() -> None:
 def test_at_an_angle_the_robot_slides_along_the_wall() -> None:
     """Heading 60 degrees from the wall's normal, it keeps moving along the wall and not into it."""
     robot = robot_in(NEAR_WALL, Pose2D(0.3, 0.0, math.pi / 3))
-    robot.drive((800, 800))
+    robot.drive((0.8, 0.8))
     robot.advance(4.0)
     truth = robot.truth(0.0)
     assert truth.world_from_base.x_m == pytest.approx(0.32, abs=1e-6)
@@ -140,7 +140,7 @@ def test_at_an_angle_the_robot_slides_along_the_wall() -> None:
 def test_the_imu_feels_the_turn() -> None:
     """On a left curve the acceleration points left: speed times turning rate."""
     robot = robot_in(FAR_WALL)
-    robot.drive((400, 800))
+    robot.drive((0.4, 0.8))
     robot.advance(3.0)
     twist, motion = robot.truth(0.0).twist, robot.motion
     assert motion.leftward_m_s2 == pytest.approx(twist.linear_m_s * twist.angular_rad_s)
@@ -151,7 +151,7 @@ def test_the_imu_feels_the_turn() -> None:
 def test_driving_drains_more_than_standing() -> None:
     """Standing, 2 A of electronics take 2 / 3600 Ah a second; driving takes more on top."""
     standing, driving = robot_in(FAR_WALL), robot_in(FAR_WALL)
-    driving.drive((1023, 1023))
+    driving.drive((1.0, 1.0))
     for robot in (standing, driving):
         robot.advance(10.0)
     assert standing.state.battery.charge_share == pytest.approx(1 - 2 * 10 / 3600 / 10)
@@ -166,13 +166,13 @@ def test_a_start_inside_a_wall_is_refused() -> None:
 
 
 @settings(max_examples=8, deadline=None)
-@given(duties=st.lists(st.tuples(st.integers(-1023, 1023), st.integers(-1023, 1023)), max_size=6))
-def test_no_drive_leaves_the_room(duties: list[tuple[int, int]]) -> None:
+@given(shares=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6))
+def test_no_drive_leaves_the_room(shares: list[tuple[float, float]]) -> None:
     """However it is driven, the robot never comes closer to a wall than its radius."""
     room = default_room()
     robot = robot_in(room, Pose2D(2.2, 2.2, 0.5))
-    for index, duty in enumerate(duties, start=1):
-        robot.drive(duty)
+    for index, pair in enumerate(shares, start=1):
+        robot.drive(pair)
         robot.advance(index * 2.0)
         pose = robot.truth(0.0).world_from_base
         assert room.clearance_m((pose.x_m, pose.y_m)) >= 0.18 - 1e-6
