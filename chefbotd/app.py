@@ -5,7 +5,6 @@ import os
 import random
 import secrets
 from collections.abc import Callable, Coroutine
-from pathlib import Path
 from typing import Any
 
 import structlog
@@ -34,6 +33,7 @@ from chefbotd.services.tuning import Tuning
 from chefbotd.services.watchdog import Watchdog
 from chefbotd.services.wheel_reader import WheelReader
 from chefbotd.settings import Settings
+from chefbotd.urdf import urdf_of
 from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
@@ -100,7 +100,7 @@ class Daemon:
                     settings.drive.max_duty * settings.safety.wheels.driven_duty_share,
                 ),
                 settings.safety.default_source,
-                _description(settings.robot.description),
+                _description(settings),
                 tuple(settings.safety.sources),
                 Allowance(settings.drive, settings.chassis, settings.limits),
             ),
@@ -176,10 +176,11 @@ class Daemon:
         )
 
 
-def _description(path: Path | None) -> str | None:
-    """The robot's URDF; one that cannot be read keeps nobody from driving."""
+def _description(settings: Settings) -> str | None:
+    """The robot's URDF; one of its own that cannot be read keeps nobody from driving."""
+    path = settings.robot.description
     if path is None:
-        return None
+        return urdf_of(settings)
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

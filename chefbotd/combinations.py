@@ -9,6 +9,7 @@ from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.ramp import braking_distance
 from chefbotd.safety.guard import mount
 from chefbotd.services.tuning import ALL_WHEELS
+from chefbotd.urdf import joint_names
 from firmware_protocol.codec import VARIANTS
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -101,6 +102,9 @@ def _names(settings: "Settings") -> Iterator[str]:
     names = list(settings.range_mounts())
     if len(names) < len(settings.infrared) + (settings.ultrasonic is not None):
         yield f"range sensors need names of their own, there are {', '.join(names)}"
+    joints = joint_names(settings)
+    if repeated := sorted({joint for joint in joints if joints.count(joint) > 1} - set(names)):
+        yield f"wheels and sensors need joints of their own in the robot's description, repeated: {', '.join(repeated)}"
     channels = [sensor.channel for sensor in settings.infrared]
     if len(set(channels)) < len(channels):
         yield f"infrared sensors need analogue inputs of their own, got channels {channels}"

@@ -52,6 +52,15 @@ class Description:
                 found[link.name] = (float(link.inertial.mass), tensor)
         return found
 
+    def joints(self) -> dict[str, str]:
+        """Every joint with what it is (``continuous``, ``fixed``, ...)."""
+        return {joint.name: str(joint.type) for joint in self._model.joints}
+
+    def place(self, joint: str) -> tuple[float, float, float]:
+        """Where the joint is, in metres."""
+        x_m, y_m, z_m = self._base_from(joint)[:3, 3]
+        return float(x_m), float(y_m), float(z_m)
+
     def wheel_names(self) -> list[str]:
         """The joints that turn without end."""
         return [joint.name for joint in self._model.joints if joint.type == "continuous"]

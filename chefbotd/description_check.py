@@ -6,14 +6,17 @@ calibration (``track_multiplier``, ``left_radius_multiplier``) say how its wheel
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.description import Description
 from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
-from chefbotd.settings import Settings
+from chefbotd.urdf import Mount, mounts
+
+if TYPE_CHECKING:
+    from chefbotd.settings import Settings
 
 ALLOWED_M = 0.0005
 """Descriptions are written by hand, in millimetres."""
@@ -28,41 +31,13 @@ LEFTWARDS = (0.0, 1.0, 0.0)
 """A wheel that turns positively about this axis rolls forward, as positive speeds do, whatever its wiring is."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mount:
-    """A sensor as the configuration has it in ``section``; ``placed`` is False where only its heading is configured."""
-
-    joint: str
-    section: str
-    base_from_sensor: Pose2D
-    placed: bool = True
-
-
-def differences(description: Description, settings: Settings) -> list[str]:
+def differences(description: Description, settings: "Settings") -> list[str]:
     """What the two do not agree on: a line each, with the joint, the value found and the one expected."""
     return [
         *_bodies(description),
         *_wheels(description, settings.chassis),
         *_sensors(description, settings),
     ]
-
-
-def mounts(settings: Settings) -> list[Mount]:
-    """The sensors whose place is configured.
-
-    Their joints are ``ultrasonic_joint``, ``imu_joint`` and ``infrared_joint``, or, of several infrared sensors,
-    ``infrared_NAME_joint``.
-    """
-    found = []
-    if settings.ultrasonic is not None:
-        found.append(Mount("ultrasonic_joint", "ultrasonic", settings.ultrasonic.base_from_sensor))
-    for index, sensor in enumerate(settings.infrared):
-        joint = f"infrared_{sensor.name}_joint" if len(settings.infrared) > 1 else "infrared_joint"
-        found.append(Mount(joint, f"infrared[{index}]", sensor.base_from_sensor))
-    if settings.imu is not None:
-        heading = Pose2D(heading_rad=settings.imu.mount_heading_rad)
-        found.append(Mount("imu_joint", "imu", heading, placed=False))
-    return found
 
 
 def _bodies(description: Description) -> Iterator[str]:
@@ -107,7 +82,7 @@ def _wheel(description: Description, wheel: WheelParameters, track_width_m: floa
         yield f"{wheel.name}: the axis is {_vector(axis)}, expected {_vector(LEFTWARDS)}: forward is positive"
 
 
-def _sensors(description: Description, settings: Settings) -> Iterator[str]:
+def _sensors(description: Description, settings: "Settings") -> Iterator[str]:
     for mount in mounts(settings):
         if description.joint_type(mount.joint) is None:
             yield f"{mount.joint}: there is no such joint, expected one for [{mount.section}]"

@@ -40,24 +40,41 @@ def read(text: str) -> object:
     return value if len(found) == 1 and isinstance(value, bool | int | float | str | list | dict) else text
 
 
-def place(values: dict[str, Any], keys: Keys, value: object) -> None:
-    """Put a value where its keys lead, making sections on the way; a list's entries are counted from 0.
+def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
+    """Put a value where its keys lead, making sections on the way.
+
+    A list's entry goes by its ``name``, in any case, or by its number, from 0; with the latter the keys are returned.
 
     Raises:
         Misplaced: the way leads through a value, or to an entry that the list does not have.
     """
     *sections, name = keys
     inner: Any = values
+    way: list[str] = []
     for section in sections:
-        inner = (
-            inner.setdefault(section, {}) if isinstance(inner, dict) else inner[_index(inner, section, keys)]
-        )
+        if isinstance(inner, dict):
+            way.append(section)
+            inner = inner.setdefault(section, {})
+        else:
+            index = _index(inner, section, keys)
+            way.append(str(index))
+            inner = inner[index]
         if not isinstance(inner, dict | list):
             raise Misplaced(f"{'.'.join(keys)}: {section} is a value, not a section")
-    inner[name if isinstance(inner, dict) else _index(inner, name, keys)] = value
+    if isinstance(inner, dict):
+        inner[name] = value
+        return (*way, name)
+    index = _index(inner, name, keys)
+    inner[index] = value
+    return (*way, str(index))
 
 
 def _index(entries: list[Any], text: str, keys: Keys) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) < len(entries)):
-        raise Misplaced(f"{'.'.join(keys)}: there is no entry {text}, only 0 to {len(entries) - 1}")
-    return int(text)
+    if text.isascii() and text.isdigit() and int(text) < len(entries):
+        return int(text)
+    names = [str(entry.get("name", "")) if isinstance(entry, dict) else "" for entry in entries]
+    lowered = [name.lower() for name in names]
+    if text and lowered.count(text.lower()) == 1:
+        return lowered.index(text.lower())
+    told = [f"0 to {len(entries) - 1}", *filter(None, names)]
+    raise Misplaced(f"{'.'.join(keys)}: there is no entry {text}, only {', '.join(told)}")

@@ -2,7 +2,7 @@
 
 A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
 the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``, and
-``CHEFBOTD_CHASSIS__WHEELS__0__RADIUS_M=0.05`` the first wheel's radius.
+``CHEFBOTD_CHASSIS__WHEELS__LEFT_WHEEL__RADIUS_M=0.05`` the radius of the left wheel, by its name or by its number (0).
 """
 
 import json
@@ -38,8 +38,12 @@ from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.services.drive import ControlParameters
 from chefbotd.services.latch import LatchParameters
 from chefbotd.services.watchdog import WatchdogParameters
+from chefbotd.settings_errors import SettingsError, explain
 from chefbotd.sim.parameters import SimulationParameters
+from chefbotd.urdf import BodyParameters
 from firmware_protocol.codec import VARIANTS
+
+__all__ = ["DEFAULT_ROBOT", "Settings", "SettingsError", "load", "packaged"]
 
 DEFAULT_ROBOT = "chefbot"
 
@@ -47,7 +51,8 @@ DEFAULT_ROBOT = "chefbot"
 class RobotParameters(Parameters):
     """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``).
 
-    ``description`` is its URDF: a path from the configuration's folder, or the name of one that comes with chefbotd.
+    ``description`` is a URDF of one's own, a path from the configuration's folder; without it the URDF is made from the
+    configuration (``chefbotd.urdf``).
     """
 
     name: str = Field(default="chefbot", min_length=1)
@@ -68,16 +73,13 @@ class LogParameters(Parameters):
     level: Level = "info"
 
 
-class SettingsError(Exception):
-    """A configuration that cannot be used; its text is ready to be shown."""
-
-
 class Settings(Parameters):
     """The whole configuration, one section per part of the robot."""
 
     robot: RobotParameters
     link: LinkParameters
     chassis: ChassisParameters
+    body: BodyParameters | None = None
     encoders: EncoderParameters
     quadrature: QuadratureParameters = QuadratureParameters()
     mates: MatesParameters = MatesParameters()
@@ -147,33 +149,46 @@ def _packaged_folder() -> Path:
 
 
 def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = None) -> Settings:
-    """Read a configuration (None: the packaged ChefBot's).
+    """Read a configuration (None: the packaged ChefBot's), and a description of one's own with it.
 
-    The environment goes before the file, and ``overrides``, whose keys are dotted (``link.device``), before both.
+    The environment goes before the file, and ``overrides``, whose keys are dotted (``link.device``), before both. What
+    is returned is valid for every program: none refuses it later for what a configuration says of a real robot.
 
     Raises:
-        SettingsError: the file cannot be read or parsed, or a value is refused.
+        SettingsError: the file cannot be read or parsed, a value is refused, or the description is another robot's.
     """
     path = path or packaged()
     values = _from_file(path)
-    dotted = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
-    texts = {keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted}
-    origins = {**dict.fromkeys(dotted, ""), **{keys: f"{variable(keys)}: " for keys in texts}}
-    for keys, value in {**{keys: read(text) for keys, text in texts.items()}, **dotted}.items():
-        try:
-            place(values, keys, value)
-        except Misplaced as error:
-            raise SettingsError(f"{origins[keys]}{error}") from error
+    dotted_keys = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    environment = {
+        keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted_keys
+    }
+    texts: dict[Keys, str] = {}
+    origins: dict[Keys, str] = {}
+    try:
+        for keys, text in environment.items():
+            origins[keys] = f"{variable(keys)}: "
+            placed = place(values, keys, read(text))
+            texts[placed], origins[placed] = text, origins[keys]
+        for keys, value in dotted_keys.items():
+            origins[keys] = ""
+            origins[place(values, keys, value)] = ""
+    except Misplaced as error:
+        raise SettingsError(f"{origins[keys]}{error}") from error
     _locate_description(values, path.parent)
     try:
-        return _validate(values, texts)
+        settings = _validate(values, texts)
     except ValidationError as error:
-        raise SettingsError(_explain(error, origins, f"{path}: ")) from error
+        raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
+    _check_description(settings)
+    return settings
 
 
 def _from_file(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
+    except IsADirectoryError as error:
+        raise SettingsError(f"{path}: is a folder, expected a TOML file") from error
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -207,29 +222,21 @@ def _as_json(value: object) -> object:
 def _locate_description(values: dict[str, Any], folder: Path) -> None:
     robot = values.get("robot")
     if isinstance(robot, dict) and isinstance(named := robot.get("description"), str):
-        beside = folder / named
-        robot["description"] = str(beside if beside.is_file() else _packaged_folder() / named)
+        robot["description"] = str(folder / named)
 
 
-def _explain(error: ValidationError, origins: Mapping[Keys, str], file: str) -> str:
-    """One line per refused value: where it is from, its key, what was wrong, and the value."""
-    lines = []
-    for problem in error.errors():
-        loc = tuple(map(str, problem["loc"]))
-        origin = next((origins[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in origins), file)
-        expected = _expectation(problem["type"], problem["msg"])
-        if not loc:  # of the whole configuration, which nobody wants to read again
-            lines.append(f"{origin}{expected}")
-            continue
-        given = "" if problem["type"] == "missing" else f" (got {problem['input']!r})"
-        lines.append(f"{origin}{'.'.join(loc)}: {expected}{given}")
-    return "\n".join(lines)
+def _check_description(settings: Settings) -> None:
+    """A description of one's own is held against the configuration; the one that is made of it needs no check."""
+    path = settings.robot.description
+    if path is None:
+        return
+    from chefbotd.description import Description, DescriptionError  # slow to import, and rarely needed
+    from chefbotd.description_check import differences
 
-
-def _expectation(kind: str, message: str) -> str:
-    if kind == "extra_forbidden":
-        return "there is no such key"
-    if kind == "missing":
-        return "this key is required"
-    message = message.removeprefix("Value error, ")
-    return message[0].lower() + message[1:]
+    try:
+        found = differences(Description(path), settings)
+    except DescriptionError as error:
+        raise SettingsError(f"robot.description: {error}") from error
+    if found:
+        told = f"robot.description: {path} does not describe the robot that is configured:"
+        raise SettingsError("\n".join([told, *found]), found)

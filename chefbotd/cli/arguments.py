@@ -39,6 +39,10 @@ def configuration(text: str) -> Path:
     path = Path(text)
     if path.is_file():
         return path
+    if path.is_dir():
+        inside = sorted(path.glob("*.toml"))
+        advice = f", such as {inside[0]} in it" if inside else ""
+        raise click.BadParameter(f"{text} is a folder, expected a TOML file{advice}")
     if path.suffix or len(path.parts) > 1:
         raise click.BadParameter(f"there is no file {text}")
     from chefbotd.settings import SettingsError, packaged  # here: who only connects need not wait for it

@@ -5,9 +5,8 @@ Start-up is what a user waits for, so each command imports what it needs when it
 
 import asyncio
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -16,11 +15,10 @@ from chefbotd.cli.arguments import Address, address, configuration
 from chefbotd.cli.completion import completion
 from chefbotd.cli.echo import echo
 from chefbotd.cli.exits import Exit, ProgramError, exit_table
+from chefbotd.cli.init import init, urdf
+from chefbotd.cli.load import load_valid
+from chefbotd.cli.load import simulation as simulation_of
 from chefbotd.cli.program import Program, wants_json
-
-if TYPE_CHECKING:
-    from chefbotd.settings import Settings
-    from chefbotd.sim.parameters import Simulation
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
@@ -62,9 +60,9 @@ def run(
         "api.port": where and where.port,
         "log.level": log_level,
     }
-    settings = _load(path, {key: value for key, value in wanted.items() if value is not None})
+    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
     if simulated:
-        _simulation(settings)
+        simulation_of(settings)
     from chefbotd import logs, process
 
     logs.configure(settings.log.level)
@@ -88,10 +86,10 @@ def simulate(
     reset, quit.
     """
     overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
-    settings = _load(path, overrides)
+    settings = load_valid(path, overrides)
     from chefbotd.sim.simulate import simulate as run_board
 
-    simulation = _simulation(settings)
+    simulation = simulation_of(settings)
     try:
         asyncio.run(run_board(simulation, link_path=link, seed=seed, as_json=wants_json(ctx)))
     except (OSError, ValueError) as error:
@@ -104,14 +102,17 @@ def simulate(
 def check_config(ctx: click.Context, path: Path | None) -> None:
     """Check a configuration, and print what it resolves to.
 
-    It is FILE, or the packaged one of ROBOT; ChefBot's by default. The robot's description, if it has one, is held
-    against it, joint by joint: each wheel's radius, its place left or right of the middle, the direction of its
-    axis, and where the sensors sit. What is compared is what can be measured on the robot: track_multiplier and the
-    radius multipliers change nothing here. What cannot be simulated is refused, too.
+    It is FILE, or the packaged one of ROBOT; ChefBot's by default. What is valid here is valid for 'run' too. A URDF of
+    your own ([robot] description) is held against it, joint by joint: each wheel's radius, its place left or right of
+    the middle, the direction of its axis, and where the sensors sit. What is compared is what can be measured on the
+    robot: track_multiplier and the radius multipliers change nothing here. A robot that cannot be simulated is valid,
+    and told.
     """
-    settings = _load(path, {})
-    _simulation(settings)
-    _check_description(settings)
+    settings = load_valid(path)
+    try:
+        simulation_of(settings)
+    except ProgramError as problem:
+        click.echo(f"Note: {problem}", err=True)
     values = settings.model_dump(mode="json", by_alias=True)
     if wants_json(ctx):
         echo(json.dumps(values))
@@ -119,41 +120,8 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
         echo("\n".join(_assignments("", values)))
 
 
-main.add_command(completion)
-
-
-def _load(path: Path | None, overrides: Mapping[str, object]) -> "Settings":
-    from chefbotd.settings import SettingsError, load
-
-    try:
-        return load(path, overrides=overrides)
-    except SettingsError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
-
-
-def _simulation(settings: "Settings") -> "Simulation":
-    from chefbotd.simulation import CannotSimulateError, checked_simulation
-
-    try:
-        return checked_simulation(settings)
-    except CannotSimulateError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
-
-
-def _check_description(settings: "Settings") -> None:
-    from chefbotd.description import Description, DescriptionError
-    from chefbotd.description_check import differences
-
-    path = settings.robot.description
-    if path is None:
-        return
-    try:
-        found = differences(Description(path), settings)
-    except DescriptionError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
-    if found:
-        told = "\n".join([f"{path} does not describe the robot that is configured:", *found])
-        raise ProgramError(Exit.BAD_CONFIGURATION, told, differences=found)
+for command in (init, urdf, completion):
+    main.add_command(command)
 
 
 def _assignments(key: str, value: object) -> Iterator[str]:
@@ -163,7 +131,7 @@ def _assignments(key: str, value: object) -> Iterator[str]:
             yield from _assignments(f"{key}.{name}" if key else name, inner)
     elif isinstance(value, list) and value and isinstance(value[0], dict):
         for index, inner in enumerate(value):
-            yield from _assignments(f"{key}[{index}]", inner)
+            yield from _assignments(f"{key}.{inner.get('name', index)}", inner)
     else:
         yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
 

@@ -67,7 +67,7 @@ class Released(Result):
 
 
 class RobotDescription(Result):
-    """The robot's links and joints as a URDF document; null where the configuration names none."""
+    """The robot's links and joints as a URDF document; null where one of its own cannot be read."""
 
     urdf: str | None
 

@@ -23,10 +23,11 @@ Jerk = Annotated[float, Field(gt=0, le=1e6)]
 class LinearLimits(Parameters):
     """Limits along the robot's x axis.
 
+    ``max_reverse_m_s`` may be 0: a robot that does not reverse.
     Left out: reverse is as forward, braking as accelerating, jerk unlimited.
     """
 
-    max_forward_m_s: Speed
+    max_forward_m_s: float = Field(gt=0, le=100)
     max_reverse_m_s: Speed | None = None
     acceleration_m_s2: Rate
     deceleration_m_s2: Rate | None = None

@@ -32,6 +32,8 @@ class BatteryParameters(Parameters):
     def _in_order(self) -> Self:
         if self.critical_v > self.low_v:
             raise ValueError(f"critical_v must not be above low_v, got {self.critical_v} and {self.low_v}")
+        if not self.low_v < self.full_v:
+            raise ValueError(f"low_v must be below full_v, got {self.low_v} and {self.full_v}")
         for (lower_v, less), (higher_v, more) in pairwise(self.discharge_curve):
             if not (lower_v < higher_v and less <= more):
                 points = f"{lower_v, less} before {higher_v, more}"

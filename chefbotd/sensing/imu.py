@@ -14,10 +14,11 @@ class ImuParameters(Parameters):
     """How the sensor is mounted and scaled; the default scales are those of ±2 g and ±250 °/s.
 
     ``mount_heading_rad`` is where the sensor's x axis points in ``base_footprint``, CCW positive; its z
-    axis is up.
+    axis is up. Only the robot's description needs ``mount_z_m``, the height above the floor.
     """
 
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+    mount_z_m: float | None = Field(default=None, ge=0, le=5)
     accel_counts_per_g: float = Field(default=16384.0, gt=0)
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
 

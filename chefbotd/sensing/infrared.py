@@ -53,7 +53,8 @@ class InfraredParameters(Parameters):
     ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: nothing gets nearer
     to it than that. 0.10 m behind the bumper, what may be folded is believed again below 2.0 V (from 0.30 m on); at the
     very front (0) only when nothing at all is in sight. After ``longest_gap_s`` without a reading nothing of before
-    counts; what would be across the peak after so long, at its present pace, may be folded as well.
+    counts; what would be across the peak after so long, at its present pace, may be folded as well. Only the
+    robot's description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
     """
 
     name: str = Field(default="front", min_length=1)
@@ -69,6 +70,7 @@ class InfraredParameters(Parameters):
     field_of_view_rad: float = Field(default=0.1, gt=0, le=math.pi)
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_z_m: float | None = Field(default=None, ge=0, le=5)
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
 
     @model_validator(mode="after")

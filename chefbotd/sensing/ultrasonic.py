@@ -11,7 +11,10 @@ from chefbotd.core.parameters import Parameters
 
 
 class UltrasonicParameters(Parameters):
-    """The band in which the sensor is trusted, its cone (full angle), and its place in ``base_footprint``."""
+    """The band in which the sensor is trusted, its cone (full angle), and its place in ``base_footprint``.
+
+    Only the robot's description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
+    """
 
     name: str = Field(default="front", min_length=1)
     min_range_m: float = Field(default=0.02, ge=0, le=10)
@@ -19,6 +22,7 @@ class UltrasonicParameters(Parameters):
     field_of_view_rad: float = Field(default=0.26, gt=0, le=math.pi)
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_z_m: float | None = Field(default=None, ge=0, le=5)
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
 
     @model_validator(mode="after")

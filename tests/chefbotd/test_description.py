@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from click.testing import CliRunner
@@ -11,25 +12,29 @@ from chefbotd.cli.exits import Exit
 from chefbotd.clock import run_virtual
 from chefbotd.description import Description, DescriptionError
 from chefbotd.description_check import differences
-from chefbotd.settings import Settings, load, packaged
+from chefbotd.motion.kinematics import Side, WheelParameters
+from chefbotd.settings import Settings, SettingsError, load, packaged
+from chefbotd.sim.chassis import Chassis, Wheel
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from chefbotd.urdf import urdf_of, wheel_places_x_m
 
 KHAN = load(packaged("khan"))
 
 
-def urdf_of(robot: str) -> Path:
-    """The packaged description of a robot."""
-    path = load(packaged(robot)).robot.description
-    assert path is not None
-    return path
+WRITTEN_BY_HAND = Path(__file__).parents[1] / "vectors" / "urdf"
+
+
+def written(robot: str) -> Path:
+    """A description of the robot that was written by hand, from the published numbers."""
+    return WRITTEN_BY_HAND / f"{robot}.urdf"
 
 
 @pytest.fixture
 def spoilt(tmp_path: Path) -> Path:
     """A copy of KHAN's description to spoil."""
     copy = tmp_path / "khan.urdf"
-    copy.write_text(urdf_of("khan").read_text())
+    copy.write_text(written("khan").read_text())
     return copy
 
 
@@ -55,13 +60,13 @@ def tree(*parts: str) -> str:
 
 @pytest.mark.parametrize("robot", ["chefbot", "khan"])
 def test_the_packaged_robots_are_what_they_are_described_as(robot: str) -> None:
-    """Wheels and sensors of both URDFs are those of both configurations."""
-    assert differences(Description(urdf_of(robot)), load(packaged(robot))) == []
+    """Wheels and sensors of both URDFs that were written by hand are those of both configurations."""
+    assert differences(Description(written(robot)), load(packaged(robot))) == []
 
 
 def test_khan_has_its_published_numbers() -> None:
     """Radius 0.03 m, and 0.189 / 2 = 0.0945 m left and right of the middle."""
-    khan = Description(urdf_of("khan"))
+    khan = Description(written("khan"))
     assert [khan.mount(name).y_m for name in khan.wheel_names()] == [0.0945, -0.0945, 0.0945, -0.0945]
     assert {khan.radius_m(name) for name in khan.wheel_names()} == {0.03}
 
@@ -131,23 +136,23 @@ ROUND = "forward is positive"
         (
             '"0.06 0 0.05"',
             '"0.07 0 0.05"',
-            ["infrared_joint: x is 0.07 m, expected 0.06 m (infrared[0].mount_x_m)"],
+            ["infrared_joint: x is 0.07 m, expected 0.06 m (infrared.front.mount_x_m)"],
         ),
         (
             '"0.06 0 0.05"',
             '"0.06 -0.02 0.05"',
-            ["infrared_joint: y is -0.02 m, expected 0 m (infrared[0].mount_y_m)"],
+            ["infrared_joint: y is -0.02 m, expected 0 m (infrared.front.mount_y_m)"],
         ),
         (
             '"0.06 0 0.05"',
             '"0.06 0 0.05" rpy="0 0 1.5708"',
-            ["infrared_joint: the yaw is 1.571 rad, expected 0 rad (infrared[0].mount_heading_rad)"],
+            ["infrared_joint: the yaw is 1.571 rad, expected 0 rad (infrared.front.mount_heading_rad)"],
         ),
         ('"0.06 0 0.05"', '"0.06 0 0.05" rpy="0 0.3 0"', []),
         (
             'name="infrared_joint"',
             'name="eye_joint"',
-            ["infrared_joint: there is no such joint, expected one for [infrared[0]]"],
+            ["infrared_joint: there is no such joint, expected one for [infrared.front]"],
         ),
     ],
 )
@@ -187,14 +192,14 @@ def test_chefbots_sensors_and_wheels_are_compared_too(
 ) -> None:
     """The ultrasonic's place; the IMU's heading, which is all that is configured of it; a wheel on the other side."""
     copy = tmp_path / "chefbot.urdf"
-    copy.write_text(urdf_of("chefbot").read_text())
+    copy.write_text(written("chefbot").read_text())
     assert differences(spoil(copy, old, new), load()) == told
 
 
 def test_a_turned_imu_is_described_as_it_is_configured(tmp_path: Path) -> None:
     """Half a turn is the same from both sides: pi in the one, -pi in the other."""
     copy = tmp_path / "chefbot.urdf"
-    copy.write_text(urdf_of("chefbot").read_text())
+    copy.write_text(written("chefbot").read_text())
     link = '<child link="imu_link"/>\n    <origin xyz="0 0 0.1"'
     turned = spoil(copy, link, f'{link} rpy="0 0 3.1415926"')
     assert differences(turned, load(overrides={"imu.mount_heading_rad": -3.1415926})) == []
@@ -207,7 +212,7 @@ def test_what_calibration_finds_changes_no_description() -> None:
         "chassis.left_radius_multiplier": 1.01,
         "chassis.right_radius_multiplier": 0.99,
     }
-    assert differences(Description(urdf_of("khan")), load(packaged("khan"), overrides=found)) == []
+    assert differences(Description(written("khan")), load(packaged("khan"), overrides=found)) == []
 
 
 def test_of_several_infrared_sensors_each_has_a_joint_by_its_name(spoilt: Path) -> None:
@@ -217,7 +222,7 @@ def test_of_several_infrared_sensors_each_has_a_joint_by_its_name(spoilt: Path) 
     both = KHAN.model_copy(update={"infrared": (front, rear)})
     described = spoil(spoilt, 'name="infrared_joint"', 'name="infrared_front_joint"')
     assert differences(described, both) == [
-        "infrared_rear_joint: there is no such joint, expected one for [infrared[1]]"
+        "infrared_rear_joint: there is no such joint, expected one for [infrared.rear]"
     ]
 
 
@@ -273,46 +278,129 @@ def test_a_missing_description_is_named(tmp_path: Path) -> None:
         Description(tmp_path / "absent.urdf")
 
 
-def checked(folder: Path, *, change: tuple[str, str] = ("", ""), urdf: str | None = None) -> tuple[int, str]:
-    """The exit code and output of ``check-config`` on a copy of KHAN's configuration, with a description beside it."""
+Command = tuple[str, ...]
+OF_THE_SAME_OPINION: list[Command] = [
+    ("check-config",),
+    ("urdf",),
+    ("simulate", "--config"),
+    ("run", "--config"),
+]
+
+
+def own(folder: Path, urdf: str | None, *, change: tuple[str, str] = ("", "")) -> Path:
+    """A copy of KHAN's configuration that names a description beside it."""
     path = folder / "robot.toml"
-    path.write_text(packaged("khan").read_text().replace(*change, 1))
+    text = packaged("khan").read_text().replace('# description = "my.urdf"', 'description = "my.urdf"', 1)
+    assert change[0] in text
+    path.write_text(text.replace(*change, 1))
     if urdf is not None:
-        (folder / "khan.urdf").write_text(urdf)
-    result = CliRunner().invoke(main, ["check-config", str(path)])
-    return result.exit_code, result.output
+        (folder / "my.urdf").write_text(urdf)
+    return path
 
 
-def test_check_config_holds_the_description_against_the_configuration(tmp_path: Path) -> None:
-    """A track that differs is a configuration that is not valid, with both numbers, a line for each of the wheels."""
-    code, output = checked(tmp_path, change=("track_width_m = 0.189", "track_width_m = 0.2"))
-    assert code == Exit.BAD_CONFIGURATION
-    first, *lines = output.splitlines()
-    assert first.endswith("khan.urdf does not describe the robot that is configured:")
+@pytest.mark.parametrize("command", OF_THE_SAME_OPINION, ids=lambda command: command[0])
+def test_a_description_of_ones_own_is_held_against_the_configuration(
+    tmp_path: Path, command: Command
+) -> None:
+    """A track that differs is not valid, whatever the command, with both numbers, a line for each of the wheels."""
+    path = own(tmp_path, written("khan").read_text(), change=("track_width_m = 0.189", "track_width_m = 0.2"))
+    result = CliRunner().invoke(main, [*command, str(path)])
+    assert result.exit_code == Exit.BAD_CONFIGURATION
+    first, *lines = result.stderr.splitlines()
+    assert first.endswith("my.urdf does not describe the robot that is configured:")
     assert lines[:1] == [f"front_left_wheel: y is 0.0945 m, expected 0.1 m (half {TRACK} left)"]
     assert len(lines) == 4
 
 
 def test_check_config_tells_scripts_each_difference(tmp_path: Path) -> None:
     """With ``--json`` they are a list."""
-    path = tmp_path / "robot.toml"
-    path.write_text(packaged("khan").read_text().replace("mount_x_m = 0.06", "mount_x_m = 0.05"))
+    path = own(tmp_path, written("khan").read_text(), change=("mount_x_m = 0.06", "mount_x_m = 0.05"))
     result = CliRunner().invoke(main, ["check-config", "--json", str(path)])
     assert json.loads(result.stderr)["error"]["differences"] == [
-        "infrared_joint: x is 0.06 m, expected 0.05 m (infrared[0].mount_x_m)"
+        "infrared_joint: x is 0.06 m, expected 0.05 m (infrared.front.mount_x_m)"
     ]
 
 
-def test_check_config_takes_the_description_beside_the_file_first(tmp_path: Path) -> None:
-    """A spoilt one there is read instead of the packaged one, which serves where there is none."""
-    assert checked(tmp_path)[0] == Exit.OK
-    code, output = checked(tmp_path, urdf="spoilt")
-    assert (code, "khan.urdf: not a URDF" in " ".join(output.split())) == (Exit.BAD_CONFIGURATION, True)
+@pytest.mark.parametrize(
+    ("urdf", "told"), [(None, "my.urdf: cannot be read: No such file"), ("spoilt", "my.urdf: not a URDF")]
+)
+def test_a_description_of_ones_own_must_be_there(tmp_path: Path, urdf: str | None, told: str) -> None:
+    """One that is missing or broken is told with its path."""
+    with pytest.raises(SettingsError, match=told):
+        load(own(tmp_path, urdf))
 
 
-def test_a_robot_need_not_be_described(tmp_path: Path) -> None:
-    """Without the key there is nothing to hold against it."""
-    assert checked(tmp_path, change=('description = "khan.urdf"', ""))[0] == Exit.OK
+@pytest.mark.parametrize("robot", ["chefbot", "khan"])
+def test_the_description_that_is_made_is_the_one_written_by_hand(robot: str, tmp_path: Path) -> None:
+    """Every joint is where the other has it, masses are equal, and moments of inertia, which it rounds, within 0.5 %."""
+    path = tmp_path / "made.urdf"
+    path.write_text(urdf_of(load(packaged(robot))))
+    made, hand = Description(path), Description(written(robot))
+    assert made.joints() == hand.joints()
+    for name in hand.joints():
+        assert made.place(name) == pytest.approx(hand.place(name), abs=1e-9), name
+    assert [made.radius_m(name) for name in hand.wheel_names()] == [
+        hand.radius_m(name) for name in hand.wheel_names()
+    ]
+    assert made.inertias().keys() == hand.inertias().keys()
+    for link, (mass_kg, inertia_kg_m2) in hand.inertias().items():
+        assert made.inertias()[link][0] == mass_kg
+        assert made.inertias()[link][1] == pytest.approx(inertia_kg_m2, rel=0.005)
+
+
+OBLIQUE = {
+    "chassis.track_width_m": 0.3,
+    "chassis.wheels.0.radius_m": 0.04,
+    "infrared.0.mount_x_m": 0.11,
+    "infrared.0.mount_y_m": -0.07,
+    "infrared.0.mount_z_m": 0.2,
+    "infrared.0.mount_heading_rad": 0.7,
+    "sim.body.wheelbase_m": 0.25,
+}
+
+
+def test_the_description_that_is_made_follows_the_configuration(tmp_path: Path) -> None:
+    """A track of 0.3, one larger wheel, a sensor at an odd angle, a wheelbase of 0.25: by hand, seen from the floor.
+
+    The axle is 0.04 m high, so that the smaller wheels (0.03 m) sit 0.01 m lower and touch the floor as well.
+    """
+    settings = load(packaged("khan"), overrides=OBLIQUE)
+    path = tmp_path / "made.urdf"
+    path.write_text(urdf_of(settings))
+    made = Description(path)
+    assert differences(made, settings) == []
+    assert made.place("front_left_wheel") == pytest.approx((0.125, 0.15, 0.04))
+    assert made.place("rear_right_wheel") == pytest.approx((-0.125, -0.15, 0.03))
+    assert made.place("infrared_joint") == pytest.approx((0.11, -0.07, 0.2))
+    assert made.mount("infrared_joint").heading_rad == pytest.approx(0.7)
+
+
+def test_wheels_are_described_where_they_are_simulated() -> None:
+    """Three wheels on one side and two on the other, in mixed order: as the simulator spreads them over 0.5 m."""
+    sides = "LRLRL"
+    wheels = [
+        WheelParameters(name=str(index), side=Side.LEFT if side == "L" else Side.RIGHT, radius_m=0.03)
+        for index, side in enumerate(sides)
+    ]
+    simulated = Chassis(tuple(Wheel(side == "L", 0.03) for side in sides), 0.2, 900.0)
+    assert wheel_places_x_m(wheels, 0.5) == [0.25, 0.25, 0.0, -0.25, -0.25]
+    assert tuple(wheel_places_x_m(wheels, 0.5)) == simulated.places_x_m(0.5)
+
+
+def test_what_is_not_known_is_not_described() -> None:
+    """Without [body] no link has a mass, and the body no shape; a name is escaped as XML wants it."""
+    settings = load(overrides={"robot.name": "<Ann's & Bob's>"}).model_copy(update={"body": None})
+    robot = ElementTree.fromstring(urdf_of(settings))
+    assert robot.get("name") == "<Ann's & Bob's>"
+    assert robot.findall(".//mass") == []
+    assert robot.findall("link[@name='base_link']/visual") == []
+    assert len(robot.findall(".//visual")) == 2
+
+
+def test_a_wheel_named_like_a_joint_of_the_description() -> None:
+    """Two joints of one name are no URDF: the configuration is refused."""
+    with pytest.raises(SettingsError, match=r"joints of their own .* repeated: imu_joint"):
+        load(overrides={"chassis.wheels.0.name": "imu_joint"})
 
 
 def served(settings: Settings) -> str | None:
@@ -326,17 +414,24 @@ def served(settings: Settings) -> str | None:
     return run_virtual(scenario())
 
 
-def test_the_daemon_serves_the_description_as_it_stands() -> None:
-    """ChefBot's own, byte for byte."""
-    assert served(load()) == urdf_of("chefbot").read_text()
+def test_the_daemon_serves_the_description_that_is_made() -> None:
+    """With the radius that is configured."""
+    settings = load(overrides={"chassis.wheels.0.radius_m": 0.047})
+    assert served(settings) == urdf_of(settings)
+    assert 'cylinder radius="0.047"' in urdf_of(settings)
 
 
-@pytest.mark.parametrize("named", [None, Path("absent.urdf")])
-def test_a_daemon_without_a_description_runs_and_says_so(named: Path | None) -> None:
-    """Whether none is named or it cannot be read: null."""
-    settings = load()
-    robot = settings.robot.model_copy(update={"description": named})
-    assert served(settings.model_copy(update={"robot": robot})) is None
+def test_the_daemon_serves_a_description_of_ones_own_as_it_stands(tmp_path: Path) -> None:
+    """Byte for byte."""
+    text = written("khan").read_text()
+    assert served(load(own(tmp_path, text))) == text
+
+
+def test_a_description_that_is_gone_keeps_nobody_from_driving(tmp_path: Path) -> None:
+    """It was there when the configuration was read: null."""
+    settings = load(own(tmp_path, written("khan").read_text()))
+    (tmp_path / "my.urdf").unlink()
+    assert served(settings) is None
 
 
 @pytest.mark.parametrize(
@@ -365,6 +460,6 @@ def test_a_link_that_no_body_can_be_is_told(spoilt: Path, old: str, new: str, to
 def test_inertias_are_those_of_the_shapes(robot: str) -> None:
     """ChefBot's body, a cylinder of 5.6 kg: 5.6 * 0.18^2 / 2; KHAN's, a box of 2.6 kg: 2.6 / 12 * (0.32^2 + 0.15^2)."""
     upright = {"chefbot": 5.6 * 0.18**2 / 2, "khan": 2.6 / 12 * (0.32**2 + 0.15**2)}[robot]
-    mass_kg, inertia_kg_m2 = Description(urdf_of(robot)).inertias()["base_link"]
+    mass_kg, inertia_kg_m2 = Description(written(robot)).inertias()["base_link"]
     assert mass_kg == {"chefbot": 5.6, "khan": 2.6}[robot]
     assert inertia_kg_m2[2, 2] == pytest.approx(upright, rel=0.005)

@@ -51,9 +51,13 @@ def test_the_packaged_chefbot_has_the_published_numbers():
             r"chassis.track_width_m: .*greater than 0 \(got -0.3\)",
         ),
         ("baud = 115200", 'baud = "fast"', r"link.baud: .*integer.* \(got 'fast'\)"),
-        ("baud = 115200", "bawd = 115200", r"link.bawd: there is no such key \(got 115200\)"),
+        (
+            "baud = 115200",
+            "bawd = 115200",
+            r"link.bawd: there is no such key, did you mean baud\? \(got 115200\)",
+        ),
         ("counts_per_turn = 4200", "", "encoders.counts_per_turn: this key is required"),
-        ("radius_m = 0.045", "radius_m = nan", r"chassis.wheels.0.radius_m: .*finite"),
+        ("radius_m = 0.045", "radius_m = nan", r"chassis.wheels.left_wheel.radius_m: .*finite"),
         ('side = "left"', 'side = "right"', "chassis: .*at least one wheel on the left side"),
         ("baud = 115200", 'baud = "115200"', r"link.baud: .*integer \(got '115200'\)"),
         ("exclusive = true", 'exclusive = "yes"', r"link.exclusive: .*boolean \(got 'yes'\)"),
@@ -117,12 +121,12 @@ def test_a_variable_is_read_as_its_key_needs_it(monkeypatch: pytest.MonkeyPatch)
         (
             "CHEFBOTD_CHASSIS__WHEELS__1__SIDE",
             "up",
-            r"^CHEFBOTD_CHASSIS__WHEELS__1__SIDE: chassis.wheels.1.side",
+            r"^CHEFBOTD_CHASSIS__WHEELS__1__SIDE: chassis.wheels.right_wheel.side",
         ),
         (
             "CHEFBOTD_CHASSIS__WHEELS__2__SIDE",
             "left",
-            "^CHEFBOTD_CHASSIS__WHEELS__2__SIDE: .*no entry 2, only 0 to 1",
+            "^CHEFBOTD_CHASSIS__WHEELS__2__SIDE: .*no entry 2, only 0 to 1, left_wheel, right_wheel",
         ),
         ("CHEFBOTD_CHASSIS__WHEELS__X", "1", "^CHEFBOTD_CHASSIS__WHEELS__X: .*no entry x"),
     ],
@@ -405,3 +409,59 @@ def test_a_guard_that_counts_on_more_braking_than_there_is_is_refused(
 def test_a_guard_that_counts_on_no_more_braking_than_there_is_is_accepted(overrides: dict[str, object]):
     """As much as the limits allow, a jerk that costs millimetres, and a limit that no sensor hangs on."""
     assert load(overrides=overrides).safety.guard.enabled
+
+
+def test_a_wheel_goes_by_its_name(monkeypatch: pytest.MonkeyPatch):
+    """In a variable, whatever its case, and in messages, where the variable said a number."""
+    monkeypatch.setenv("CHEFBOTD_CHASSIS__WHEELS__RIGHT_WHEEL__RADIUS_M", "0.05")
+    assert [wheel.radius_m for wheel in load().chassis.wheels] == [0.045, 0.05]
+    monkeypatch.setenv("CHEFBOTD_CHASSIS__WHEELS__RIGHT_WHEEL__RADIUS_M", "-2")
+    with pytest.raises(
+        SettingsError, match=r"^CHEFBOTD_\w+RIGHT_WHEEL__RADIUS_M: chassis\.wheels\.right_wheel\.radius_m: .*"
+    ):
+        load()
+
+
+def test_a_section_that_is_mistyped_is_told_with_the_one_that_was_meant(chefbot: Path):
+    """``[ultrasonics]`` comes near ``[ultrasonic]``; what comes near nothing gets no guess."""
+    with pytest.raises(SettingsError, match=r"ultrasonics: there is no such key, did you mean ultrasonic\?"):
+        load(spoil(chefbot, "[ultrasonic]", "[ultrasonics]"))
+    with pytest.raises(SettingsError, match=r"zebra: there is no such key \(got"):
+        load(spoil(chefbot, "[imu]", "[zebra]"))
+
+
+def test_a_near_miss_in_a_list_and_in_a_named_section(chefbot: Path):
+    """A wheel's ``radius`` and a source's ``timeout``: their own keys are suggested."""
+    spoil(chefbot, "radius_m = 0.045", "radius = 0.045")
+    spoil(chefbot, "timeout_s = 0.2", "timeout = 0.2")
+    with pytest.raises(SettingsError) as error:
+        load(chefbot)
+    assert "chassis.wheels.left_wheel.radius: there is no such key, did you mean radius_m?" in str(
+        error.value
+    )
+    assert "safety.sources.safety.timeout: there is no such key, did you mean timeout_s?" in str(error.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_file(chefbot: Path):
+    """Some editors begin a file with one."""
+    chefbot.write_bytes(b"\xef\xbb\xbf" + chefbot.read_bytes())
+    assert load(chefbot) == load()
+
+
+def test_a_folder_is_told_as_one(tmp_path: Path):
+    """It is no file that cannot be read."""
+    with pytest.raises(SettingsError, match="is a folder, expected a TOML file"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        ({"battery.low_v": 12.9}, "battery: low_v must be below full_v, got 12.9 and 12.9"),
+        ({"limits.linear.max_forward_m_s": 0}, r"limits\.linear\.max_forward_m_s: .*greater than 0"),
+    ],
+)
+def test_values_with_which_no_robot_works(overrides: dict[str, object], told: str):
+    """A battery that is low when it is full, a robot that may not drive."""
+    with pytest.raises(SettingsError, match=told):
+        load(overrides=overrides)

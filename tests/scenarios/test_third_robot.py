@@ -172,9 +172,10 @@ def test_its_banner_is_known(crawler: Path) -> None:
     on(load(crawler), scenario)
 
 
-def test_its_configuration_is_found_good(crawler: Path) -> None:
+def test_its_configuration_is_found_good(crawler: Path, order: str) -> None:
     """``check-config`` takes it, and prints each wheel as it is configured."""
     result = CliRunner().invoke(chefbotd, ["check-config", str(crawler)])
     assert result.exit_code == 0, result.stderr
-    assert 'chassis.wheels[5].name = "' in result.output
+    for name in names(order):
+        assert f'chassis.wheels.{name}.name = "{name}"' in result.output
     assert "sim.body.wheels_per_side" not in result.output

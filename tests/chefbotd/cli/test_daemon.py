@@ -41,7 +41,7 @@ def test_check_config_prints_what_it_resolves_to() -> None:
     lines = chefbotd("check-config").output.splitlines()
     assert 'robot.name = "chefbot"' in lines
     assert "api.port = 7333" in lines
-    assert "chassis.wheels[1].radius_m = 0.045" in lines
+    assert "chassis.wheels.right_wheel.radius_m = 0.045" in lines
 
 
 def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
@@ -67,15 +67,27 @@ def test_a_bad_configuration(tmp_path: Path) -> None:
             assert words in result.stderr
 
 
-@pytest.mark.parametrize(
-    "command", [["check-config"], ["run", "--sim", "--config"], ["simulate", "--config"]]
-)
-def test_a_robot_that_cannot_be_simulated(tmp_path: Path, command: list[str]) -> None:
-    """One that would start in the cupboard is a bad configuration, told in one line."""
+@pytest.fixture
+def cupboard(tmp_path: Path) -> Path:
+    """A simulated KHAN would start in the cupboard."""
     path = tmp_path / "cupboard.toml"
     start = "\n[sim.world]\nstart_x_m = 2.65\nstart_y_m = 0.8\n"
     path.write_text(packaged("khan").read_text(encoding="utf-8") + start, encoding="utf-8")
-    result = chefbotd(*command, path)
+    return path
+
+
+def test_a_real_robot_need_not_be_one_that_can_be_simulated(cupboard: Path) -> None:
+    """``check-config`` finds it valid, as ``run`` does, and notes on stderr what ``run --sim`` would refuse."""
+    result = chefbotd("check-config", cupboard)
+    assert (result.exit_code, 'robot.name = "khan"' in result.stdout) == (0, True)
+    (told,) = result.stderr.splitlines()
+    assert told.startswith("Note: khan cannot be simulated: ")
+
+
+@pytest.mark.parametrize("command", [["run", "--sim", "--config"], ["simulate", "--config"]])
+def test_a_robot_that_cannot_be_simulated(cupboard: Path, command: list[str]) -> None:
+    """One that would start in the cupboard is a bad configuration for a simulation, told in one line."""
+    result = chefbotd(*command, cupboard)
     assert result.exit_code == Exit.BAD_CONFIGURATION
     (told,) = result.stderr.splitlines()
     assert told.startswith("Error: khan cannot be simulated: ")
@@ -206,3 +218,46 @@ def test_a_demonstration_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> N
     result = CliRunner().invoke(chefbotctl, ["square", "--sim"])
     assert result.exit_code == Exit.CANNOT_CONNECT
     assert "api.port_" in result.stderr
+
+
+@pytest.mark.parametrize("robot", ["chefbot", "khan"])
+def test_a_robot_of_ones_own(tmp_path: Path, robot: str) -> None:
+    """What README says: begin, change the wheels' radius, and it is valid, and described as it is now."""
+    folder = tmp_path / "new" / "mine"
+    begun = chefbotd("init", "--robot", robot, folder)
+    assert begun.exit_code == 0
+    config, urdf = folder / f"{robot}.toml", folder / f"{robot}.urdf"
+    assert config.read_bytes() == packaged(robot).read_bytes()
+    assert urdf.read_text() == chefbotd("urdf", config).output
+    assert f"chefbotd run --config {config}" in begun.output
+    before = {"chefbot": "radius_m = 0.045", "khan": "radius_m = 0.03\n"}[robot]
+    config.write_text(config.read_text().replace(before, "radius_m = 0.052\n"))
+    assert chefbotd("check-config", config).exit_code == 0
+    assert 'cylinder radius="0.052"' in chefbotd("urdf", config).output
+
+
+def test_a_robot_of_ones_own_is_never_overwritten(tmp_path: Path) -> None:
+    """Neither file, and nothing is written when one of them is there."""
+    (tmp_path / "chefbot.urdf").write_text("mine")
+    again = chefbotd("init", tmp_path)
+    assert again.exit_code == Exit.FAILED
+    assert again.stderr == f"Error: {tmp_path}/chefbot.urdf: already there, and not overwritten\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["chefbot.urdf"]
+
+
+def test_a_robot_of_ones_own_that_cannot_begin(tmp_path: Path) -> None:
+    """An unknown robot is told which there are; a folder within a file, that it cannot be."""
+    assert "there are: chefbot, khan" in chefbotd("init", "--robot", "marvin", tmp_path).stderr
+    (tmp_path / "file").write_text("")
+    within = chefbotd("init", tmp_path / "file" / "robot")
+    assert (within.exit_code, "file/robot: cannot be written: Not a directory" in within.stderr) == (1, True)
+
+
+def test_a_folder_is_no_configuration(tmp_path: Path) -> None:
+    """It is told as one, with the file in it that may have been meant."""
+    chefbotd("init", tmp_path)
+    told = chefbotd("check-config", tmp_path)
+    assert told.exit_code == Exit.USAGE
+    assert f"is a folder, expected a TOML file, such as {tmp_path}/chefbot.toml" in " ".join(
+        told.stderr.split()
+    )

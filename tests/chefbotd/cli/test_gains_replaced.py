@@ -105,14 +105,13 @@ def readable_only() -> Iterator[Path]:
     """ChefBot's configuration, of which file and folder may only be read, also if it is root who runs the tests."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for source in (packaged(), packaged().with_suffix(".urdf")):
-            folder.joinpath(source.name).write_bytes(source.read_bytes())
-            folder.joinpath(source.name).chmod(0o444)
+        folder.joinpath(packaged().name).write_bytes(packaged().read_bytes())
+        folder.joinpath(packaged().name).chmod(0o444)
         folder.chmod(0o555)
-        was = os.geteuid()
+        config, was = folder / packaged().name, os.geteuid()
         if was == 0:
             os.seteuid(NOBODY)
-        yield folder / packaged().name
+        yield config
         os.seteuid(was)
         folder.chmod(0o755)
 
