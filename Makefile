@@ -59,10 +59,11 @@ wheel-test: wheel
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready
 	$(BIN)/pip install --quiet --editable '.[fuzz]'
-	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops
+	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops build/fuzz/lidars
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz stops build/fuzz/stops tests/vectors/fuzz/stops $(FUZZ_OPTIONS)
+	$(BIN)/python -m fuzz lidars build/fuzz/lidars tests/vectors/fuzz/lidars $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
 soak: $(VENV)/ready

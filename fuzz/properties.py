@@ -21,6 +21,7 @@ from firmware_protocol.messages import (
     ResetDone,
     Text,
 )
+from fuzz.lidars import lidars_are_sound
 from fuzz.stops import HINT, no_stop_is_lost
 
 CODECS = tuple(table(variant) for variant in VARIANTS.values() for table in (from_board, to_board))
@@ -127,4 +128,5 @@ TARGETS: Mapping[str, Callable[[bytes], None]] = {
     "decode": decoding_is_sound,
     "request": parsing_is_sound,
     "stops": no_stop_is_lost,
+    "lidars": lidars_are_sound,
 }
