@@ -53,7 +53,12 @@ def topics(wheel_names: tuple[str, ...], *, simulated: bool) -> dict[str, Topic]
         Topic("imu", (events.ImuMeasured,), ImuData, _same_fields(ImuData)),
         Topic("ranges", (events.RangeMeasured,), RangesData, _ranges, join=_join_beam),
         Topic("battery", (events.BatteryMeasured,), BatteryData, _same_fields(BatteryData)),
-        Topic("link", (events.LinkOpened, events.LinkJudged, events.LinkClosed), LinkData, link_data),
+        Topic(
+            "link",
+            (events.LinkOpened, events.LinkJudged, events.LinkNotOpened, events.LinkClosed),
+            LinkData,
+            link_data,
+        ),
         Topic(
             "safety",
             (events.SafetyChanged, events.ControlChanged),
@@ -109,7 +114,10 @@ def _ranges(beams: Beams) -> RangesData:
     )
 
 
-def link_data(event: events.LinkOpened | events.LinkJudged | events.LinkClosed | None) -> LinkData:
+LinkEvent = events.LinkOpened | events.LinkJudged | events.LinkNotOpened | events.LinkClosed
+
+
+def link_data(event: LinkEvent | None) -> LinkData:
     """The link's state; None: nothing has been heard of it, so it is down."""
     match event:
         case events.LinkOpened():
@@ -122,7 +130,7 @@ def link_data(event: events.LinkOpened | events.LinkJudged | events.LinkClosed |
                 healthy=event.healthy,
                 condition=event.condition,
             )
-        case events.LinkClosed():
+        case events.LinkNotOpened() | events.LinkClosed():
             return LinkData(state="down", device=event.device, reason=event.reason)
     return LinkData(state="down", device="", reason="not opened yet")
 

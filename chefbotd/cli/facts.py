@@ -41,7 +41,8 @@ def link(data: Data) -> Fact:
     """Up or down, with the device and the reason."""
     if data["state"] == "up":
         return Fact("link", f"up on {data['device']}", Mood.GOOD)
-    return Fact("link", f"down: {data['reason'] or 'no device yet'} ({data['device'] or '-'})", Mood.ALARM)
+    device = f"{data['device']}: " if data["device"] else ""
+    return Fact("link", f"down, {device}{data['reason'] or 'no device yet'}", Mood.ALARM)
 
 
 def safety(data: Data) -> Fact:

@@ -15,6 +15,7 @@ from pydantic import Field, field_validator
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.link.owner import owner_of
+from chefbotd.link.ports import advice
 
 log = structlog.get_logger(component="link")
 
@@ -198,9 +199,8 @@ def _open(parameters: LinkParameters) -> Any:
         raise OSError(f"{device}: {error}") from error
     except OSError as error:
         in_use = error.errno in IN_USE
-        raise OSError(
-            f"{device} is in use by {owner_of(device)}" if in_use else f"{device}: {error}"
-        ) from error
+        told = f"in use by {owner_of(device)}" if in_use else advice(device, error)
+        raise OSError(f"{device}: {told}") from error
 
 
 def _open_tty(parameters: LinkParameters) -> "BriefSerial":

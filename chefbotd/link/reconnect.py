@@ -84,6 +84,8 @@ class BoardLink:
                 await self._open_port()
             except OSError as error:
                 now_s = self._clock.now_s()
+                if str(error) != complaint:
+                    self._session.report_not_opened(str(error).removeprefix(f"{self._parameters.device}: "))
                 if str(error) != complaint or now_s - complained_s >= REMIND_EVERY_S:
                     complaint, complained_s = str(error), now_s
                     log.warning("link cannot be opened", device=self._parameters.device, error=complaint)

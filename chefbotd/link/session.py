@@ -17,6 +17,7 @@ from chefbotd.core.events import (
     LineSeen,
     LinkClosed,
     LinkJudged,
+    LinkNotOpened,
     LinkOpened,
     TextReceived,
 )
@@ -135,6 +136,10 @@ class BoardSession(asyncio.Protocol):
             log.warning(
                 "this does not sound like the board", condition=health.condition, reason=health.reason
             )
+
+    def report_not_opened(self, reason: str) -> None:
+        """The port cannot be opened: whoever looks is told why."""
+        self._bus.publish(LinkNotOpened(self._clock.now_s(), self._device, reason))
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""

@@ -31,6 +31,10 @@ log = structlog.get_logger(component="safety")
 
 ENCODERS_STALE = "encoders_stale"
 OBSTACLE = "obstacle:"
+NO_BOARD = "no_board"
+"""The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
+
+WAITING = "waiting for the board"
 
 
 class SafetyKeeper:
@@ -169,7 +173,8 @@ class SafetyKeeper:
     def announce(self, now_s: float) -> None:
         """Publish the gate's state if it has changed, leave word of it for the next daemon, and log a change of mode."""
         state, decision, told = self._gate, self._decision, self._announced
-        said = (state.mode, state.reason, decision.source, state.fault, decision.limited_by)
+        mode, reason = (state.mode, state.reason) if self._link_known() else (NO_BOARD, WAITING)
+        said = (mode, reason, decision.source, state.fault, decision.limited_by)
         if said == self._said:
             return
         self._said, limited_by, fault = said, decision.limited_by, state.fault
@@ -179,9 +184,13 @@ class SafetyKeeper:
         self._bus.publish(event)
         if limited_by is not None and (told is None or told.limited_by != limited_by):
             self._limited_log.warning("motion limited", by=limited_by)
-        if told is not None and told.mode != state.mode:
+        if told is not None and told.mode != mode:
             logged = log.info if self.armed else log.warning
-            logged("safety mode changed", mode=str(state.mode), reason=state.reason, fault=fault)
+            logged("safety mode changed", mode=str(mode), reason=reason, fault=fault)
+
+    def _link_known(self) -> bool:
+        """Not before the board is first connected: the gate is armed already, but there is nothing that could move."""
+        return self._link_open or not self.armed
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""

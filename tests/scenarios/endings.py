@@ -106,7 +106,7 @@ async def _contended(program: Program, client: Client) -> tuple[str, ...]:
         while "link cannot be opened" not in (said := second.log.read_text()):  # noqa: ASYNC110 - nobody tells us
             await asyncio.sleep(PERIOD_S)
     owner = f"(pid {program.process.pid})"
-    return () if "is in use by" in said and owner in said else ("the second does not say who has it",)
+    return () if "in use by" in said and owner in said else ("the second does not say who has it",)
 
 
 async def _talkative(program: Program, client: Client) -> tuple[str, ...]:

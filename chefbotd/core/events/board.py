@@ -13,6 +13,15 @@ class LinkOpened:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkNotOpened:
+    """The device cannot be opened; ``reason`` tells people why and what to do. Told again when the reason changes."""
+
+    stamp_s: float
+    device: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class LinkClosed:
     """The serial device is gone; ``reason`` is for people."""
 

@@ -123,6 +123,14 @@ def test_link() -> None:
         "healthy": False,
         "condition": "down",
     }
+    absent = data_of("link", events.LinkNotOpened(0.5, "/dev/ttyACM0", "there is no such device"))
+    assert absent == {
+        "state": "down",
+        "device": "/dev/ttyACM0",
+        "reason": "there is no such device",
+        "healthy": False,
+        "condition": "down",
+    }
     assert link_data(None).state == "down"
 
 

@@ -19,9 +19,11 @@ STATS = {
 
 
 def test_a_link_that_is_down_alarms() -> None:
-    """The reason comes first, then the device."""
+    """The device, then the reason; none is named before there is one."""
     fact = facts.link({"state": "down", "device": "/dev/ttyACM0", "reason": "unplugged"})
-    assert (fact.text, fact.mood) == ("down: unplugged (/dev/ttyACM0)", Mood.ALARM)
+    assert (fact.text, fact.mood) == ("down, /dev/ttyACM0: unplugged", Mood.ALARM)
+    nameless = facts.link({"state": "down", "device": "", "reason": "not opened yet"})
+    assert nameless.text == "down, not opened yet"
 
 
 def test_a_locked_robot_alarms() -> None:

@@ -135,10 +135,10 @@ def test_a_second_opener_is_refused(pty: Pty, runner: asyncio.Runner):
 
 
 def test_a_missing_device_is_an_error_that_names_it(runner: asyncio.Runner):
-    """No such file: the message has the path."""
+    """No such file: the message has the path, and what is there instead."""
 
     async def scenario() -> None:
-        with pytest.raises(OSError, match="/dev/no-such-board"):
+        with pytest.raises(OSError, match=r"^/dev/no-such-board: there is no such device; .*serial port"):
             await open_port(LinkParameters(device="/dev/no-such-board"), Recorder())
 
     runner.run(scenario())

@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.core.events import LinkClosed, LinkOpened
+from chefbotd.core.events import LinkClosed, LinkNotOpened, LinkOpened
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import BoardLink, waits_s
 from chefbotd.link.session import BoardSession
@@ -158,3 +158,28 @@ def test_a_port_that_opens_and_closes_is_tried_ever_more_rarely(said: bytes):
 def test_a_board_that_has_spoken_is_opened_again_soon():
     """A good line each time, then the link is lost: every wait is the first one, 0.1 s, so 600 in a minute."""
     assert 570 <= opens_in_a_minute(b"u\t12\n") <= 630
+
+
+def test_why_a_device_cannot_be_opened_is_told_once_for_each_reason():
+    """Ten minutes without a device are one event; a device that is lost and stays away is told anew."""
+    device = FakeSerialDevice(plugged=False)
+
+    async def scenario() -> list[object]:
+        bus = Bus()
+        inbox = bus.subscribe(LinkNotOpened, LinkOpened, size=100)
+        session = BoardSession(bus, LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+        link = BoardLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
+        task = asyncio.create_task(link.run())
+        await asyncio.sleep(600.0)
+        device.plug()
+        await asyncio.sleep(2.0)
+        device.unplug()
+        await asyncio.sleep(600.0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        return [inbox.take() for _ in range(len(inbox))]
+
+    told = run_virtual(scenario())
+    assert [type(event) for event in told] == [LinkNotOpened, LinkOpened, LinkNotOpened]
+    assert [event.device for event in told] == ["fake"] * 3
+    assert told[0].reason == "could not open port /dev/ttyACM0: no such device"

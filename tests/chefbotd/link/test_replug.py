@@ -163,7 +163,7 @@ def test_a_device_in_use_is_refused_by_its_owners_name(cable: Cable):
         )
         assert other.stdout is not None
         await other.stdout.readline()
-        with pytest.raises(OSError, match=rf"^{cable.path} is in use by \S+ \(pid {other.pid}\)$"):
+        with pytest.raises(OSError, match=rf"^{cable.path}: in use by \S+ \(pid {other.pid}\)$"):
             await open_port(LinkParameters(device=str(cable.path)), asyncio.Protocol())
         await other.communicate(b"\n")
 

@@ -327,6 +327,7 @@ def test_an_estop_is_zero_at_once_latches_and_does_not_jump_on_release():
         await rig.frames(0.01)
         assert rig.duty[0] <= 60
         assert rig.modes() == [
+            ("no_board", None),
             ("armed", None),
             ("armed", "teleop"),
             ("estopped", None),
