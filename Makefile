@@ -14,17 +14,27 @@ SOAK_MINUTES ?= 60
 CLOCK ?= both
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
-.PHONY: run test coverage check audit lint format wheel wheel-test bench fuzz soak faults clean
+# Tests that need the real clock share a worker. JOBS=0 runs all of them in one process.
+JOBS ?= logical
+PARALLEL := -n $(JOBS) --dist loadgroup
+
+.PHONY: run test test-all coverage check audit lint format wheel wheel-test bench fuzz soak faults clean
 
 run: $(VENV)/ready
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
 
+# For every change: no long scenario, few examples, each scenario on one robot.
 test: $(VENV)/ready
-	$(BIN)/pytest -q
+	@echo "About 3000 tests; one to two minutes on two cores."
+	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
+
+# Everything, as `make check` and .ci/run try it.
+test-all: $(VENV)/ready
+	@echo "Every test, with all examples and long scenarios; about five minutes on two cores."
+	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL)
 
 coverage: $(VENV)/ready
-	$(BIN)/coverage run -m pytest -q
-	$(BIN)/coverage report
+	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
 check: lint coverage wheel-test audit
 
@@ -51,10 +61,10 @@ wheel: $(VENV)/ready
 wheel-test: wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil pytest-timeout trustme
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
-	cd build/wheel-test && ../wheel-venv/bin/python -P -m pytest -q
+	cd build/wheel-test && CHEFBOTD_TESTS=all ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.realtime
+
 # Every signal of signal(7) on Linux, by hand. SIGIOT is SIGABRT, SIGPOLL is SIGIO, SIGCLD is SIGCHLD.
 ENDS = [
     "SIGHUP",

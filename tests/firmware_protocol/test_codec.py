@@ -45,6 +45,7 @@ from firmware_protocol.messages import (
     Text,
     UltrasonicDistance,
 )
+from tests.budget import examples
 
 VECTORS = Path(__file__).parent.parent / "vectors"
 BOARD = from_board(CLASSIC)
@@ -129,21 +130,21 @@ TO_BOARD_MESSAGES = st.one_of(st.builds(SetDuty, st.tuples(INT16S, INT16S)), st.
 
 
 @given(FROM_BOARD_MESSAGES)
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_what_the_board_encodes_the_daemon_decodes(message: messages.FromBoard) -> None:
     """Every message from the board survives its line."""
     assert BOARD.decode(BOARD.encode(message).rstrip(b"\r\n")) == message
 
 
 @given(TO_BOARD_MESSAGES)
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_what_the_daemon_encodes_the_board_decodes(message: messages.ToBoard) -> None:
     """Every command survives its line."""
     assert HOST.decode(HOST.encode(message).removesuffix(b"\r")) == message
 
 
 @given(st.one_of(st.binary(max_size=80), st.text("tesuib-.0123456789\t ", max_size=30).map(str.encode)))
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_no_line_makes_a_codec_raise(line: bytes) -> None:
     """Whatever the bytes, decoding gives a value; a refusal carries the very bytes."""
     for codec in (BOARD, HOST):
@@ -234,7 +235,7 @@ def bursts() -> st.SearchStrategy[QuadratureEdges]:
 
 
 @given(bursts())
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_burst_of_edges_survives_its_line_at_any_length(message: QuadratureEdges) -> None:
     """One to 384 edges, one to four times: the row is found by their number when writing as when reading."""
     codec = CODECS["from_khan_edges"]

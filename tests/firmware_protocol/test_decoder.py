@@ -20,6 +20,7 @@ from firmware_protocol.messages import (
     Text,
     UltrasonicDistance,
 )
+from tests.budget import examples
 
 BOARD = from_board(CLASSIC)
 HOST = to_board(CLASSIC)
@@ -58,7 +59,7 @@ def test_a_noisy_capture_yields_its_good_lines_and_says_what_the_others_were() -
 
 
 @given(st.lists(st.integers(0, len(NOISY)), max_size=30))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_chunking_never_matters_to_a_noisy_capture(cuts: list[int]) -> None:
     """The capture cut anywhere decodes as the whole does, line by line and in the counters."""
     whole, cut = Decoder(BOARD), Decoder(BOARD)
@@ -78,7 +79,7 @@ def test_byte_by_byte_is_the_same_as_whole() -> None:
     st.lists(st.integers(0, 200), max_size=20),
     st.sampled_from([BOARD, HOST]),
 )
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_chunking_never_matters_to_arbitrary_line_ends_and_overlong_lines(
     pieces: list[bytes], cuts: list[int], codec: object
 ) -> None:
@@ -90,7 +91,7 @@ def test_chunking_never_matters_to_arbitrary_line_ends_and_overlong_lines(
 
 
 @given(st.lists(st.binary(max_size=300), max_size=10))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_no_bytes_make_a_decoder_raise(chunks: list[bytes]) -> None:
     """Arbitrary bytes give values, each no longer than the limit, and each is counted."""
     for codec in (BOARD, HOST):

@@ -11,6 +11,7 @@ from firmware_protocol.codec import FROM_BOARD
 from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.lines import COMPONENT, INT16, Field, LineKind, Number
 from firmware_protocol.messages import Malformed, Reason
+from tests.budget import examples
 
 TENTHS = Number(-10, 10, decimals=1)
 
@@ -148,7 +149,7 @@ def test_a_message_may_refuse_numbers_itself() -> None:
 
 @shapes
 @given(data=st.data())
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_reader_refuses_exactly_what_the_grammar_refuses(
     row: LineKind, message: object, data: st.DataObject
 ) -> None:

@@ -9,6 +9,7 @@ from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 from tests.scenarios.wires import frozen, rewire
 
 TWIST = tuple[float, float]
@@ -70,7 +71,7 @@ def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> 
     return seen
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", sample(list(MOTIONS)))
 @pytest.mark.parametrize(
     ("scrub_duty", "dead_wheels"),
     [(250.0, (0, 3)), (0.0, (1, 2))],

@@ -20,6 +20,8 @@ from tests.scenarios.process import (
     started,
 )
 
+pytestmark = pytest.mark.realtime
+
 
 def configured(folder: Path) -> Mapping[str, str]:
     """The environment that names a folder for the latch."""

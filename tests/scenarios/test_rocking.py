@@ -10,6 +10,7 @@ from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 from tests.scenarios.wires import Rewrite, frozen, reversed_from_now, rewire
 
 ROBOTS = ["chefbot", "khan"]
@@ -51,7 +52,7 @@ def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
     run_virtual(scenario())
 
 
-@pytest.mark.parametrize("motion", [(0.05, 0.3), (0.1, 1.0)])
+@pytest.mark.parametrize("motion", sample([((0.05, 0.3),), ((0.1, 1.0),)]))
 def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, float]):
     """KHAN's inner wheels are hardly asked to turn and dragged sideways: twelve seconds without a fault."""
 
@@ -102,7 +103,7 @@ def found(
     ("robot_name", "motion"),
     [("chefbot", (0.2, 0.0)), ("chefbot", (0.0, 1.0)), ("khan", (0.2, 0.0)), ("khan", (0.3, 0.0))],
 )
-@pytest.mark.parametrize("half_period_s", [0.3, 1.0])
+@pytest.mark.parametrize("half_period_s", sample([1.0, 0.3]))
 def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
     robot_name: str, motion: tuple[float, float], half_period_s: float
 ):
@@ -114,7 +115,7 @@ def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
-@pytest.mark.parametrize("half_period_s", [0.3, 1.0])
+@pytest.mark.parametrize("half_period_s", sample([1.0, 0.3]))
 def test_a_reversed_encoder_is_found_however_often_the_driver_turns_round(
     robot_name: str, half_period_s: float
 ):

@@ -12,6 +12,7 @@ from tests.scenarios.soak import soak
 
 
 @pytest.mark.parametrize(("robot", "seed"), [("chefbot", 1), ("chefbot", 2), ("khan", 1)])
+@pytest.mark.slow
 def test_nothing_breaks_in_three_minutes_of_faults(robot: str, seed: int):
     """Seeded faults at random: no motion while disarmed, setpoints within limits, odometry near the truth."""
     report = soak(3.0, seed, robot)

@@ -20,6 +20,8 @@ from tests.scenarios.process import (
     started,
 )
 
+pytestmark = pytest.mark.realtime
+
 # What a process makes of every signal that there is, tests/chefbotd/test_signals.py says; here is one of each sort.
 SENT = (
     signal.SIGTERM,

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from chefbotd.api.access import AccessError, Guard, Keyring, load_guard
 from chefbotd.api.parameters import ApiParameters
 from chefbotd.messages.roles import Role
+from tests.budget import examples
 
 ANN, BOB = "a" * 32, "b" * 32
 TOKENS = f"# who drives\n\nadmin {ANN}\n  drive\t{BOB}\n"
@@ -41,7 +42,7 @@ def test_each_token_gives_its_role() -> None:
     assert [keyring.role_of(t) for t in offered] == [Role.ADMIN, Role.DRIVE, None, None, None, None, None]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.text(st.characters(codec="utf-8"), max_size=80))
 def test_nothing_but_the_token_opens(offered: str) -> None:
     """Whatever text is offered, it is a role only if it is the token itself."""

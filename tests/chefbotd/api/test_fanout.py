@@ -16,6 +16,7 @@ from chefbotd.api.topics import Topic, topics
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
 from chefbotd.messages.telemetry import TextData, TopicData
+from tests.budget import examples
 
 
 class Reader:
@@ -164,7 +165,7 @@ def test_a_slow_topic_is_not_delayed_by_its_rate_limit() -> None:
     assert timeline(10.0, script) == [(0.0, "0"), (0.15, "1"), (0.3, "2")]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.lists(st.integers(0, 300), min_size=1, max_size=4), st.integers(1, 60), st.integers(5, 200))
 def test_nobody_gets_events_sooner_than_asked_for(
     joins_ms: list[int], event_ms: int, interval_ms: int

@@ -25,6 +25,7 @@ from chefbotd.core.events import LinkOpened, SafetyChanged, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.messages import answers, requests
 from chefbotd.messages.roles import Role
+from tests.budget import examples
 from tests.fakes.robot import FakeRobot
 
 
@@ -412,7 +413,7 @@ PARAM_VALUES = (
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(
     method=st.sampled_from(
         [name for name, *_ in COMMANDS] + ["subscribe", "unsubscribe", "set_pid", "get_pid"]

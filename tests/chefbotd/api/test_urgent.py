@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.api.urgent import EstopParams, StopParams, read_leniently
+from tests.budget import examples
 from tests.chefbotd.api.test_methods import Desk
 
 REASONS: list[tuple[Any, str]] = [
@@ -104,14 +105,14 @@ def test_words_are_no_request(line: bytes) -> None:
     assert read_leniently(line) is None
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.binary(max_size=200) | st.text('{}[]":,\\u09eE- method').map(str.encode))
 def test_any_bytes_can_be_read(line: bytes) -> None:
     """No line raises."""
     read_leniently(line)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(
     st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists)
     | st.dictionaries(st.text(), st.text())

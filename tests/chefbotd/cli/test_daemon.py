@@ -21,6 +21,8 @@ from chefbotd.cli.launch import simulated_daemon
 from chefbotd.client import Client
 from chefbotd.settings import packaged
 
+pytestmark = pytest.mark.realtime
+
 PROGRAM = (sys.executable, "-m", "chefbotd.cli.daemon")
 
 

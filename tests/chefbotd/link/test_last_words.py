@@ -22,6 +22,8 @@ from firmware_protocol.codec import CLASSIC, to_board
 from firmware_protocol.decoder import Decoder
 from tests.fakes.classic_sketch import duty_in_force
 
+pytestmark = pytest.mark.realtime
+
 STOP = b"s 0 0\r"
 MOTION = b"s 203 -201\r"
 DUTY = (203, -201)

@@ -19,6 +19,8 @@ from chefbotd.link.reconnect import BoardLink
 from chefbotd.link.session import BoardSession
 from firmware_protocol.codec import CLASSIC
 
+pytestmark = pytest.mark.realtime
+
 CYCLES = 100
 OPENING = b"s 0 0\rs 0 0\r"
 

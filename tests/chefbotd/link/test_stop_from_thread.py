@@ -5,12 +5,16 @@ import os
 import threading
 import time
 
+import pytest
+
 from chefbotd.bus import Bus
 from chefbotd.clock import SystemClock
 from chefbotd.link.port import LinkParameters, open_port
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.codec import CLASSIC
+
+pytestmark = pytest.mark.realtime
 
 
 def new_session(setpoints_per_s: float = 200.0) -> BoardSession:

@@ -12,6 +12,7 @@ from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
+from tests.budget import examples
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -102,7 +103,7 @@ def reached(drive: Drive, target: Motion) -> tuple[float, ...]:
     return drive.targets_rad_s(state)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(SPEED, st.floats(-10.0, 10.0), st.booleans())
 def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
     linear_m_s: float, angular_rad_s: float, keep: bool
@@ -115,7 +116,7 @@ def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
     assert (allowed.limited_by is None) == (allowed.command == wanted)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
 def test_what_is_allowed_of_wheels_is_what_the_controller_goes_for(left: float, right: float) -> None:
     """The same of wheels that are each asked for a speed."""

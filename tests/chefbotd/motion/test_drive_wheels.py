@@ -14,6 +14,7 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.ramp import AxisLimits
+from tests.budget import examples
 
 
 def chassis_of(wheels: int) -> ChassisParameters:
@@ -69,7 +70,7 @@ def seconds_needed(axis: AxisLimits, was: float, now: float) -> float:
 @pytest.mark.parametrize("jerk", [None, 8.0], ids=["no jerk limit", "jerk limit"])
 @pytest.mark.parametrize("chassis", [CHASSIS, FOUR], ids=["two wheels", "four wheels"])
 @given(story=STORIES)
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=examples(150))
 def test_wheels_keep_the_acceleration_limits_of_the_robot(
     chassis: ChassisParameters, jerk: float | None, story: list[Any]
 ):

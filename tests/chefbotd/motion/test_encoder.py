@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.motion import encoder
 from chefbotd.motion.encoder import EncoderParameters, EncodersState, Reading
+from tests.budget import examples
 
 PERIOD_S = 0.02
 FORWARD = (1, 1)
@@ -237,7 +238,7 @@ def test_a_board_reset_does_not_move_the_robot() -> None:
     st.lists(st.tuples(st.integers(-200, 200), st.integers(-200, 200)), max_size=60),
     st.sampled_from([8, 16, 32]),
 )
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_no_count_is_ever_lost(steps: list[tuple[int, int]], width_bits: int) -> None:
     """Any possible motion, through any number of wraps, ends at exactly the counts that were turned."""
     params = parameters(
@@ -255,7 +256,7 @@ def test_no_count_is_ever_lost(steps: list[tuple[int, int]], width_bits: int) ->
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=40))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_corruption_never_shifts_the_odometry(corrupted: list[bool]) -> None:
     """Frames garbled at random, with good ones after them, leave the position as if none had been garbled."""
     frames = [(0, 0)]

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from chefbotd.motion import pid
 from chefbotd.motion.pid import RESET, PidParameters, PidState
+from tests.budget import examples
 
 DT_S = 0.1
 
@@ -203,7 +204,7 @@ def tunings(draw: st.DrawFn) -> tuple[PidParameters, PidParameters, PidState, fl
 
 
 @given(tunings(), gains)
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_new_gains_make_no_bump(
     tuning: tuple[PidParameters, PidParameters, PidState, float, float], third: PidParameters
 ) -> None:
@@ -217,7 +218,7 @@ def test_new_gains_make_no_bump(
 
 
 @given(tunings(), st.floats(0, 0.1))
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 def test_after_new_gains_only_time_moves_the_duty(
     tuning: tuple[PidParameters, PidParameters, PidState, float, float], dt_s: float
 ) -> None:
@@ -235,7 +236,7 @@ def test_after_new_gains_only_time_moves_the_duty(
 
 
 @given(tunings())
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_what_fades_never_outlasts_the_motion(
     tuning: tuple[PidParameters, PidParameters, PidState, float, float],
 ) -> None:
@@ -330,7 +331,7 @@ PERIODS = st.floats(1e-6, 0.2) | st.just(0.0)
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5), PERIODS), max_size=40), st.booleans())
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_clamps_hold_whatever_happens(
     steps: list[tuple[float, float, float]], conditional_integration: bool
 ) -> None:

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.motion.ramp import AxisLimits, advance, braking_distance
+from tests.budget import examples
 
 
 def limits(**changes: float) -> AxisLimits:
@@ -134,7 +135,7 @@ periods = st.lists(st.floats(0.001, 0.1), min_size=1, max_size=40)
 
 
 @given(axes, speeds, speeds, periods)
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_the_target_is_approached_and_never_passed(
     axis: AxisLimits, speed: float, target: float, periods_s: list[float]
 ) -> None:
@@ -148,7 +149,7 @@ def test_the_target_is_approached_and_never_passed(
 
 
 @given(axes, speeds, speeds, periods)
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_acceleration_and_jerk_stay_within_their_limits(
     axis: AxisLimits, speed: float, target: float, periods_s: list[float]
 ) -> None:
@@ -164,7 +165,7 @@ def test_acceleration_and_jerk_stay_within_their_limits(
 
 
 @given(axes, speeds, speeds, st.floats(0.001, 2.0), st.floats(0.05, 0.95))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_the_way_does_not_depend_on_its_steps(
     axis: AxisLimits, speed: float, target: float, dt_s: float, cut: float
 ) -> None:
@@ -176,7 +177,7 @@ def test_the_way_does_not_depend_on_its_steps(
 
 
 @given(axes, speeds, st.floats(-1, 1), speeds)
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_every_target_is_reached(axis: AxisLimits, speed: float, acceleration: float, target: float) -> None:
     """However the axis moves now, it comes to exactly the target, without any acceleration left."""
     for _ in range(400):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, WheelVelocities
 from chefbotd.safety.guard import Beams, GuardParameters, closing_limit_m_s, mount, restrain, see
+from tests.budget import examples
 
 PARAMETERS = GuardParameters(stop_distance_m=0.15, deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
 AHEAD, BACK, SPIN = Twist2D(0.3, 0.0), Twist2D(-0.3, 0.0), Twist2D(0.0, 1.0)
@@ -118,7 +119,7 @@ poses = st.builds(Pose2D, coordinate, coordinate, st.floats(-math.pi, math.pi))
     st.lists(st.tuples(poses, st.floats(0.02, 4.0)), min_size=1, max_size=4),
     st.builds(Twist2D, st.floats(-1.0, 1.0), st.floats(-5.0, 5.0)),
 )
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_no_beam_is_ever_shortened_faster_than_it_may(sensors: list[tuple[Pose2D, float]], wanted: Twist2D):
     """However many sensors look wherever: each range shrinks no faster than its limit, and nothing turns round.
 

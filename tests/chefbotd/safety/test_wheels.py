@@ -15,6 +15,7 @@ from chefbotd.safety.wheels import (
     play_of,
     watch,
 )
+from tests.budget import examples
 
 PARAMETERS = WheelWatchParameters()
 NAMES = ("left_wheel", "right_wheel")
@@ -95,7 +96,7 @@ def test_a_wheel_that_still_rolls_when_its_motor_turns_round_is_no_fault():
     st.lists(st.tuples(st.floats(-1, 1), st.floats(0.0, 0.4)), max_size=100),
     st.sampled_from([0.01, 0.05, 0.5]),
 )
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_wheels_that_follow_their_motors_are_never_at_fault(story: list[tuple[float, float]], cycle_s: float):
     """Whatever the effort, a wheel that turns its way by 0.1 rad or more a reading raises nothing."""
     readings = []
@@ -120,7 +121,7 @@ def test_a_wheel_that_stands_is_stalled_however_often_the_direction_changes(read
 
 
 @given(st.lists(st.tuples(st.sampled_from([1, -1]), st.integers(-1, 1)), min_size=36, max_size=60))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_whatever_the_directions_a_wheel_that_only_dithers_is_found(story: list[tuple[int, int]]):
     """Driven without a pause, standing within a count to either side: found after exactly 1.75 s."""
     readings, at_counts = [], 0

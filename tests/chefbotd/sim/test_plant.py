@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from chefbotd.sim.chassis import PUBLISHED, Chassis, Wheel
 from chefbotd.sim.motor import BodyParameters, MotorParameters
 from chefbotd.sim.plant import Plant, Supply, WheelState
+from tests.budget import examples
 
 HANGING = BodyParameters(mass_kg=0)
 FULL = (1.0, 1.0)
@@ -202,7 +203,7 @@ def test_wrong_numbers_are_refused() -> None:
         Plant(MotorParameters(), HANGING, 0)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(
     left=st.floats(-20, 20),
     right=st.floats(-20, 20),

@@ -15,6 +15,8 @@ import uvloop
 
 from chefbotd.sim.pty import PtyBoard
 
+pytestmark = pytest.mark.realtime
+
 Run = Callable[[Coroutine[Any, Any, None]], None]
 PATIENCE_S = 5.0
 

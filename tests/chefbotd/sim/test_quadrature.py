@@ -18,6 +18,7 @@ from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from firmware_protocol.codec import KHAN_EDGES, from_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges, QuadratureStill
+from tests.budget import examples
 
 TURN_RAD = np.array([math.tau])
 
@@ -67,7 +68,7 @@ def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
     assert [total for total, _ in watched.take(3.0)] == [1]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @example([5e-324, -1.611856103644697, -1e-09, 1e-300, -0.001, 1.5, -1e-17])
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=20))
 def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) -> None:

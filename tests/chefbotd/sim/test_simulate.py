@@ -16,6 +16,8 @@ import pytest
 from chefbotd.sim.parameters import Simulation, SimulationParameters
 from chefbotd.sim.simulate import simulate, stdin_lines
 
+pytestmark = pytest.mark.realtime
+
 PATIENCE_S = 10.0
 PROGRAM = """
 import asyncio, sys

@@ -1,0 +1,45 @@
+"""How much is tried: a fast tier for every change, and everything for `make test-all`, `make check` and .ci/run.
+
+`CHEFBOTD_TESTS=all` in the environment gives Hypothesis its full budget. What is marked `slow` is chosen by pytest's own
+`-m`, as in `make test`.
+"""
+
+import os
+
+import pytest
+from hypothesis import settings
+
+from tests.budget import FAST_EXAMPLES, IS_FULL
+
+settings.register_profile("fast", max_examples=FAST_EXAMPLES, deadline=None)
+settings.register_profile("full", deadline=None)
+settings.load_profile("full" if IS_FULL else "fast")
+
+CONTROLLER = "PYTEST_XDIST_WORKER" not in os.environ
+
+
+class _Executed:
+    """How many tests were carried out, on this process or its workers: not those that were skipped."""
+
+    count = 0
+
+
+@pytest.hookimpl
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """One worker runs all tests that need the real clock, so that no two of them disturb each other."""
+    for item in items:
+        if item.get_closest_marker("realtime"):
+            item.add_marker(pytest.mark.xdist_group("realtime"))
+
+
+@pytest.hookimpl
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Count the tests that ran."""
+    _Executed.count += report.when == "call" and not report.skipped
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """A run that carried out no test proves nothing: it fails, also where every test was skipped."""
+    if CONTROLLER and exitstatus == 0 and not _Executed.count and not session.config.option.collectonly:
+        session.exitstatus = pytest.ExitCode.NO_TESTS_COLLECTED
