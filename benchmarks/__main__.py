@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 from rich.console import Console
 
-from benchmarks import cpu, decode, fanout, latency, optiodom, ratios, saturation, square, start
+from benchmarks import cpu, decode, depth, fanout, latency, optiodom, ratios, saturation, square, start
 from benchmarks.figures import NOISY_CORES, Figure, Outcome, table
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
@@ -34,6 +34,7 @@ def _decode(*, quick: bool) -> Outcome:
 Benchmark = Callable[..., Outcome]
 BENCHMARKS: dict[str, Benchmark] = {
     "decode": _decode,
+    "depth": depth.run,
     "square": square.run,
     "start": start.run,
     "latency": latency.run,
