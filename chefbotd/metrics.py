@@ -1,0 +1,83 @@
+"""What the daemon counts: a registry to which each part adds its own figures.
+
+A part keeps its counters as plain attributes and registers a function that reads them. Counting then costs nothing but
+the addition, and whoever collects the figures (the topic ``stats``, a metrics page) knows no part by name.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, TypeAlias
+
+Value: TypeAlias = int | float | Mapping[str, int] | None
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+class Kind(StrEnum):
+    """A counter only grows while the daemon runs; a gauge goes up and down."""
+
+    COUNTER = "counter"
+    GAUGE = "gauge"
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One figure: ``name`` in snake case with its unit, ``help`` in a sentence, ``read`` gives its value now.
+
+    ``label`` names what the keys of a figure with several values are (``reason``); None for a figure with one value.
+    ``annotation`` is the type of the value, for whoever makes a schema of it.
+    """
+
+    name: str
+    help: str
+    kind: Kind
+    annotation: Any
+    read: Callable[[], Value]
+    label: str | None = None
+
+
+class Metrics:
+    """The registry, in the order in which the figures were added."""
+
+    def __init__(self) -> None:
+        self._metrics: dict[str, Metric] = {}
+
+    def __iter__(self) -> Iterator[Metric]:
+        return iter(self._metrics.values())
+
+    def counter(self, name: str, help: str, read: Callable[[], int]) -> None:
+        """Add a number that only grows.
+
+        Raises:
+            ValueError: the name is taken, or is not in snake case; as for the others.
+        """
+        self._add(Metric(name, help, Kind.COUNTER, int, read))
+
+    def counters(self, name: str, help: str, label: str, read: Callable[[], Mapping[str, int]]) -> None:
+        """Add numbers that only grow, by what ``label`` says."""
+        self._add(Metric(name, help, Kind.COUNTER, dict[str, int], read, label))
+
+    def gauge(self, name: str, help: str, read: Callable[[], float]) -> None:
+        """Add a number that goes up and down."""
+        self._add(Metric(name, help, Kind.GAUGE, float, read))
+
+    def optional_gauge(self, name: str, help: str, read: Callable[[], float | None]) -> None:
+        """Add a number that goes up and down, and is None as long as it is not known."""
+        self._add(Metric(name, help, Kind.GAUGE, float | None, read))
+
+    def collect(self) -> dict[str, Value]:
+        """Every figure by its name, as it is now; mappings are copies."""
+        return {metric.name: _copied(metric.read()) for metric in self}
+
+    def _add(self, metric: Metric) -> None:
+        if metric.name in self._metrics:
+            raise ValueError(f"there is a metric named {metric.name!r} already")
+        if not NAME.fullmatch(metric.name):
+            raise ValueError(f"a metric's name is in snake case, got {metric.name!r}")
+        self._metrics[metric.name] = metric
+
+
+def _copied(value: Value) -> Value:
+    return {str(key): count for key, count in value.items()} if isinstance(value, Mapping) else value
