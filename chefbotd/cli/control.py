@@ -19,7 +19,10 @@ TOKEN = click.File(encoding="utf-8")
 LONGEST_TOKEN = 512
 """As the daemon has it."""
 
-LONGEST_TOKEN_FILE = 4096
+LONGEST_TOKEN_FILE = 65_536
+ROLES = ("observe", "drive", "admin")
+"""As the daemon has them, which need not be imported to connect."""
+
 EXITS = list(MEANING)
 
 
@@ -40,7 +43,7 @@ EXITS = list(MEANING)
     type=TOKEN,
     envvar="CHEFBOTCTL_TOKEN_FILE",
     show_envvar=True,
-    help="A file that holds the token to show, and nothing else.",
+    help="A file that holds the token to show, alone or after its role.",
 )
 @click.option(
     "--ca",
@@ -66,17 +69,23 @@ def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
 
 
 def _token(file: TextIO) -> str:
-    """The one word in the file; it is never repeated in a message."""
+    """The first token in the file: alone on its line or after its role, as in the daemon's own file.
+
+    It is never repeated in a message.
+    """
     try:
-        words = file.read(LONGEST_TOKEN_FILE + 1).split()
+        lines = file.read(LONGEST_TOKEN_FILE + 1).splitlines()
     except UnicodeDecodeError:
         raise click.UsageError(f"--token-file {file.name}: is no text") from None
-    if len(words) != 1 or len(words[0]) > LONGEST_TOKEN:
+    entries = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    words = entries[0] if entries else []
+    has_role = len(words) == 2 and words[0] in ROLES
+    if not (len(words) == 1 or has_role) or len(words[-1]) > LONGEST_TOKEN:
         raise click.UsageError(
-            f"--token-file {file.name}: expected the token alone, of at most {LONGEST_TOKEN} characters, "
-            f"found {len(words)} words"
+            f"--token-file {file.name}: expected a token of at most {LONGEST_TOKEN} characters, alone or after its "
+            f"role ({', '.join(ROLES)}), found {len(words)} words"
         )
-    return words[0]
+    return words[-1]
 
 
 COMMANDS: tuple[click.Command, ...] = (

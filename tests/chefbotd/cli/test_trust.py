@@ -80,13 +80,14 @@ def test_plain_text_at_a_tls_socket_cannot_connect(tmp_path: Path) -> None:
     ("text", "found"),
     [
         (b"", "found 0 words"),
-        (b"drive " + b"d" * 32, "found 2 words"),
+        (b"driver " + b"d" * 32, "found 2 words"),
+        (b"# only a comment\n", "found 0 words"),
         (b"d" * 513, "found 1 words"),
         (b"\xff", "text"),
     ],
 )
 def test_a_file_that_is_no_token_is_a_wrong_argument(tmp_path: Path, text: bytes, found: str) -> None:
-    """Nothing, the daemon's own line with its role, far too much, no text: told before anything is connected."""
+    """Nothing, a role that is none, a comment, far too much, no text: told before anything is connected."""
     (tmp_path / "token").write_bytes(text)
     result = CliRunner().invoke(main, [f"--token-file={tmp_path / 'token'}", "stop"])
     assert (result.exit_code, found in result.stderr) == (Exit.USAGE, True)
