@@ -6,6 +6,7 @@ newcomer per turn of the event loop, and lives through the kernel's refusals.
 
 import asyncio
 import contextlib
+import errno
 import os
 import socket
 import ssl
@@ -56,6 +57,8 @@ class Doorway:
             self.close()
             number = error.errno or 0  # a look-up's are negative; a socket's own text repeats the address
             why = (os.strerror(number) if number > 0 else str(error.strerror)).lower()
+            if number == errno.EADDRINUSE:
+                why += "; is another chefbotd running? --listen HOST:PORT chooses another port"
             raise CannotListen(error.errno, f"cannot listen on {host}:{port}: {why}") from error
         name: tuple[str, int] = self._listeners[0].getsockname()[:2]
         return name

@@ -1,6 +1,8 @@
 """What chefbotd and chefbotctl have in common: failures become exit codes, and --json stands anywhere."""
 
+import io
 import json
+import sys
 from copy import copy
 from typing import Any, Protocol, Self, runtime_checkable
 
@@ -50,6 +52,12 @@ class Program(click.Group):
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """Add a command, or a group with all its commands."""
         super().add_command(_with_json(cmd), name)
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the program; what the output's encoding lacks, such as a degree sign in ASCII, becomes a question mark."""
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="replace")
+        return super().main(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that was named."""

@@ -98,9 +98,10 @@ def poses(walk: Walk) -> Table:
 
 
 def _brief(pose: Pose2D | None) -> str:
+    """Each number as wide as any of its kind, so that they stand below each other."""
     if pose is None:
         return "-"
-    return f"{pose.x_m:+.3f} {pose.y_m:+.3f} {math.degrees(pose.heading_rad):+.1f}"
+    return f"{pose.x_m:+7.3f} {pose.y_m:+7.3f} {math.degrees(pose.heading_rad):+6.1f}"
 
 
 def closing_words(walk: Walk) -> str:

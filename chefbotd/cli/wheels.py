@@ -1,6 +1,8 @@
 """The command of chefbotctl that turns wheels each on its own."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,6 +11,13 @@ from chefbotd.cli.arguments import positive, wheel_speed
 from chefbotd.cli.conversation import Conversation
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.lead import lead, take_over
+from chefbotd.client import Client
+
+if TYPE_CHECKING:
+    from chefbotd.cli.timed_drive import Turning
+
+SUFFIX = "_wheel"
+"""What people leave out of a wheel's name, as ``status`` does."""
 
 
 @click.command()
@@ -21,21 +30,24 @@ def wheels(
 ) -> None:
     """Turn wheels each at RAD_S rad/s, for S seconds.
 
-    Forward is positive; wheels that are not named stand. It always ends with a stop. What is beyond the robot's
-    limits is slowed, and told. Exit code 6 means that a wheel was told to turn and turned next to nothing of what
-    the limits allow.
+    NAME is a wheel's name, such as left_wheel, or left for short. Forward is positive; wheels that are not named stand.
+    It always ends with a stop. What is beyond the robot's limits is slowed, and told. Exit code 6 means that a wheel
+    was told to turn and turned next to nothing of what the limits allow.
     """
     from rich.console import Console
 
     from chefbotd.cli.timed_drive import turn_for
 
-    wanted = dict(asked)
-    if len(wanted) < len(asked):
+    if len(dict(asked)) < len(asked):
         raise click.UsageError("each wheel may be named once")
+    wanted: dict[str, float] = {}
+
+    async def turn(robot: Client) -> "Turning":
+        wanted.update(_by_wheel(asked, list(await robot.get_pid())))
+        return await turn_for(robot, wanted, seconds, report)
+
     with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
-        done = lead(
-            chat, "wheels", lambda robot: turn_for(robot, wanted, seconds, report), takes_over=takes_over
-        )
+        done = lead(chat, "wheels", turn, takes_over=takes_over)
     allowed = ", ".join(f"{name} {speed:+.2f} rad/s" for name, speed in done.allowed_rad_s.items())
     turned = ", ".join(f"{name} {done.turned_rad_s.get(name, 0.0):+.2f} rad/s" for name in wanted)
     output.say(
@@ -53,3 +65,15 @@ def wheels(
         raise ProgramError(
             Exit.NOT_DONE, f"told to turn, and seen to turn next to nothing: {names}{done.told.because}"
         )
+
+
+def _by_wheel(asked: Iterable[tuple[str, float]], wheels: Iterable[str]) -> dict[str, float]:
+    """The speeds by the wheels' full names; a name that no wheel has is for the daemon to refuse."""
+    short = {wheel.removesuffix(SUFFIX): wheel for wheel in wheels}
+    found: dict[str, float] = {}
+    for name, speed in asked:
+        wheel = short.get(name.removesuffix(SUFFIX), name)
+        if wheel in found:
+            raise click.UsageError(f"each wheel may be named once, and {name} is {wheel} too")
+        found[wheel] = speed
+    return found

@@ -129,7 +129,9 @@ def test_a_port_that_is_taken() -> None:
         ended = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
     (told,) = ended.stderr.splitlines()
     assert (ended.returncode, ended.stdout) == (Exit.FAILED, "")
-    assert f'"cannot listen on {where}: address already in use"' in told
+    assert (
+        f'"cannot listen on {where}: address already in use; is another chefbotd running? --listen ' in told
+    )
     assert "Traceback" not in told
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -132,3 +133,26 @@ def test_a_terminal_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
         need_terminal()
         monkeypatch.undo()
     os.close(ours)
+
+
+DRAWS = """
+import click
+from chefbotd.cli.printer import Printer
+from chefbotd.cli.program import Program
+
+program = Program("program")
+program.add_command(click.Command("draw", callback=lambda: Printer().print("turned by 5\\u00b0")))
+program(["draw"])
+"""
+
+
+def test_a_terminal_that_knows_no_degree_sign() -> None:
+    """``PYTHONIOENCODING=ascii``: a question mark stands for what cannot be drawn, and nothing fails."""
+    ended = subprocess.run(
+        (sys.executable, "-c", DRAWS),
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        timeout=20,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"turned by 5?\n", b"")

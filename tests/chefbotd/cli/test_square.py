@@ -3,11 +3,13 @@
 import io
 import json
 import math
+import re
 from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
+from chefbotd.cli import square_view
 from chefbotd.cli.arguments import Address
 from chefbotd.cli.course import CourseParameters, square
 from chefbotd.cli.exits import Exit, ProgramError
@@ -143,3 +145,13 @@ def test_live_progress() -> None:
 def test_addresses_are_written_as_they_are_read() -> None:
     """An IPv6 address keeps its brackets."""
     assert str(Address("::1", 80)) == "[::1]:80"
+
+
+def test_the_numbers_of_poses_stand_below_each_other() -> None:
+    """Headings of 0.0, -90.5 and +180.0 degrees: in every row each number ends in the column it ends in above."""
+    told = [
+        square_view._brief(Pose2D(x_m, -x_m / 3, math.radians(heading_deg)))
+        for x_m, heading_deg in ((0.0, 0.0), (-12.5, -90.5), (1.999, 180.0))
+    ]
+    ends = [[match.end() for match in re.finditer(r"\S+", text)] for text in told]
+    assert ends == [[7, 15, 22]] * 3

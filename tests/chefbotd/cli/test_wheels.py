@@ -16,7 +16,7 @@ def test_wheels_are_turned_at_20_hz_and_stopped(control: Control, daemon: FakeDa
     asked = [given for _, name, given in daemon.calls if name == "set_wheel_velocities"]
     assert len(asked) == pytest.approx(20, abs=1)
     assert asked[0] == {"name": ["left_wheel", "right_wheel"], "velocity_rad_s": [1.0, -2.5]}
-    assert daemon.methods() == ["introduce", "set_wheel_velocities", "get_state", "stop"]
+    assert daemon.methods() == ["introduce", "get_pid", "set_wheel_velocities", "get_state", "stop"]
     assert result.exit_code == 0
     assert json.loads(result.stdout) == {
         "velocity_rad_s": {"left_wheel": 1.0, "right_wheel": -2.0},
@@ -69,7 +69,7 @@ def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeD
     result = control("wheels", "middle=1", "--for", "1")
     assert result.exit_code == Exit.REFUSED
     assert "unknown_wheel" in result.stderr
-    assert daemon.methods() == ["introduce", "set_wheel_velocities", "stop"]
+    assert daemon.methods() == ["introduce", "get_pid", "set_wheel_velocities", "stop"]
 
 
 @pytest.mark.parametrize(
@@ -99,3 +99,21 @@ def test_taking_over_comes_before_driving(control: Control, daemon: FakeDaemon, 
     (_, _, introduced), (_, taken, params) = daemon.calls[:2]
     assert introduced == {"client": f"chefbotctl {args[0]} on {socket.gethostname()}"[:64]}
     assert (taken, params) == ("take_control", {})
+
+
+def test_a_wheel_goes_by_its_short_name_as_well(control: Control, daemon: FakeDaemon) -> None:
+    """``left`` is ``left_wheel``, as ``status`` calls it."""
+    result = control("wheels", "left=1", "right_wheel=-2.5", "--for", "0.1")
+    asked = next(given for _, name, given in daemon.calls if name == "set_wheel_velocities")
+    assert asked["name"] == ["left_wheel", "right_wheel"]
+    assert result.stdout == "Turned at the end: left_wheel +1.00 rad/s, right_wheel -2.00 rad/s\n"
+
+
+def test_a_wheel_that_is_named_by_both_its_names(control: Control, daemon: FakeDaemon) -> None:
+    """It is named twice, and nothing moves."""
+    twice = control("wheels", "left=1", "left_wheel=2", "--for", "0.1")
+    assert (twice.exit_code, "left_wheel is left_wheel too" in " ".join(twice.stderr.split())) == (
+        Exit.USAGE,
+        True,
+    )
+    assert "set_wheel_velocities" not in daemon.methods()
