@@ -216,3 +216,16 @@ def test_too_few_readings_tell_no_skew():
     """Before there is a line there is no skew and no jitter, and host time is a guess."""
     relation = ClockRelation()
     assert (relation.skew_ppm, relation.jitter_s, relation.host_s(3.0)) == (None, None, 3.0)
+
+
+def test_a_clock_that_warms_up_is_followed_and_its_past_forgotten():
+    """0 ppm for two minutes, then 20 ppm: after two time constants of it (4 min), what was before weighs e^-2.
+
+    With nothing forgotten the line would still be a third off, at 15 ppm.
+    """
+    relation, rng, host_s = ClockRelation(), random.Random(5), 1000.0
+    for number in range(3600):
+        host_s += 0.1 * (1.0 if number < 1200 else 1.0 + 20e-6)
+        relation.observe(50.0 + number * 0.1, host_s + rng.uniform(0.0, 0.002))
+    assert relation.left_out == 0
+    assert relation.skew_ppm == pytest.approx(20, abs=3)

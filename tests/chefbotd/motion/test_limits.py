@@ -167,3 +167,26 @@ def test_limits_out_of_range_are_refused(key: str, value: float) -> None:
     """The message names the key."""
     with pytest.raises(ValidationError, match=key):
         LinearLimits.model_validate({"max_forward_m_s": 0.5, "acceleration_m_s2": 1.0, key: value})
+
+
+@pytest.mark.parametrize(
+    ("gap_m_s", "acceleration_m_s2"), [(0.02, 0.4), (0.05, 0.5), (0.1, 0.5), (0.01, 0.2)]
+)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_an_axis_that_already_accelerates_lands_at_its_target(
+    gap_m_s: float, acceleration_m_s2: float, direction: int
+) -> None:
+    """The turn takes far longer, and still driving is not slowed so gently that it goes beyond what was asked for.
+
+    With 0.4 m/s2 now and 0.02 m/s to go, the jerk has to be 0.4^2 / (2 * 0.02) = 4 m/s3 at least.
+    """
+    params = limits(keep_curvature=True, jerk=10.0, max_reverse_m_s=0.5)
+    target = Twist2D(0.3 * direction, 2.0)
+    before = LimiterState(
+        Twist2D((0.3 - gap_m_s) * direction, 0.0), Twist2D(acceleration_m_s2 * direction, 0.0)
+    )
+    state = before
+    for _ in range(300):
+        state = limit(params, state, target, 0.01)
+        assert abs(state.twist.linear_m_s) <= 0.3 + 1e-9
+    assert (state.twist.linear_m_s, state.twist.angular_rad_s) == pytest.approx((0.3 * direction, 2.0))

@@ -62,13 +62,26 @@ ALL = (0.3, 0.3, 0.3, 0.3)
         ((0.0, 0.07, 0.0, 0.4), (-0.1, 0.1, -0.1, 0.1), ((3, 1),)),  # both move: the nearer to what it was asked for
         ((0.3, 0.0, 0.3, -0.2), ALL, ((1, 3),)),  # the direction has just changed: one rolls on, one is dead
         ((0.3, 0.0, 0.0, 0.0), (0.3, 0.0, 0.3, 0.0), ((2, 0),)),  # the other side is to stand, and tells nothing
+        ((-0.1, 0.0, -0.3, 0.0), (0.0,) * 4, ((0, 2),)),  # pushed back by hand, and both roll: the farther one
+        ((1.5, 1.5, 1.31, 1.5), (1.5,) * 4, ()),  # 3.8 mm apart of 30 mm, and 1 mm + 10 % are 4 mm
+        ((1.31, 1.31, 1.5, 1.31), (1.31,) * 4, ()),  # the same with the slower one believed
+        ((0.1, 0.096, 0.3, 0.096), (0.4,) * 4, ((0, 2),)),  # a side at 0.24 of its command sticks, and tells nothing
+        ((0.1, 0.108, 0.3, 0.108), (0.4,) * 4, ((2, 0),)),  # one at 0.27 is held back, and so is this one
+        ((0.22, 0.4, 0.31, 0.4), (0.2,) * 4, ((0, 2),)),  # one at twice its command: 1.5 times is expected here
+        ((0.26, 0.4, 0.39, 0.4), (0.2,) * 4, ((2, 0),)),  # and no more than that
+        ((0.04, 0.04, 0.5, 0.04), (0.04,) * 4, ((0, 2),)),  # a wheel stands at 0.08 of what its mate does
+        ((0.06, 0.06, 0.5, 0.06), (0.06,) * 4, ((2, 0),)),  # and at 0.12 it moves, as it was asked to
     ],
 )  # fmt: skip
+@pytest.mark.parametrize("direction", [1, -1])
 def test_of_two_mates_the_likelier_is_believed(
-    rims_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], led: tuple[tuple[int, int], ...]
+    rims_m_s: tuple[float, ...],
+    asked_m_s: tuple[float, ...],
+    led: tuple[tuple[int, int], ...],
+    direction: int,
 ):
-    """Each stray with the mate that is believed."""
-    state = after(mates(), rims_m_s, asked_m_s)
+    """Each stray with the mate that is believed; the same in reverse."""
+    state = after(mates(), tuple(direction * v for v in rims_m_s), tuple(direction * v for v in asked_m_s))
     assert state.led == led
     assert state.left_out == tuple(wheel for wheel, _ in led)
 
@@ -122,6 +135,46 @@ def test_counts_too_coarse_to_tell_are_allowed_for():
     count_rad = math.tau / 80
     state = judge.compare(judge.start, (3 * count_rad, 3 * count_rad, count_rad, 3 * count_rad), ALL, DT_S)
     assert state.left_out == ()
+
+
+def uneven(*sides: Side, radii_m: tuple[float, ...]) -> Kinematics:
+    """One wheel for each side that is named, with these radii."""
+    wheels = tuple(
+        WheelParameters(name=f"wheel{i}", side=side, radius_m=radius_m)
+        for i, (side, radius_m) in enumerate(zip(sides, radii_m, strict=True))
+    )
+    return Kinematics(ChassisParameters(track_width_m=0.3, wheels=wheels))
+
+
+def test_the_largest_wheels_counts_are_the_coarsest():
+    """80 counts a turn: 2 are 9.4 mm of a 60 mm wheel. So 11 mm between mates of 20 mm are 1 + 9.4 + 2 mm of tolerance.
+
+    By the counts of the 30 mm wheel it would be 1 + 4.7 + 2 mm, and they would disagree.
+    """
+    kinematics = uneven(Side.LEFT, Side.RIGHT, Side.LEFT, Side.RIGHT, radii_m=(0.06, 0.06, 0.03, 0.03))
+    judge = Mates(NO_MEMORY, kinematics, counts_per_turn=80)
+    travel_rad = (0.020 / 0.06, 0.020 / 0.06, 0.009 / 0.03, 0.020 / 0.03)
+    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).led == ()
+    travel_rad = (0.020 / 0.06, 0.020 / 0.06, 0.007 / 0.03, 0.020 / 0.03)
+    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).led == ((2, 0),)
+
+
+def test_a_side_of_two_is_compared_though_the_other_has_one_wheel():
+    """Three wheels, with the dead encoder on the side that has two."""
+    kinematics = uneven(Side.LEFT, Side.RIGHT, Side.LEFT, radii_m=(RADIUS_M,) * 3)
+    judge = Mates(NO_MEMORY, kinematics, counts_per_turn=1e9)
+    state = judge.compare(judge.start, (0.2, 0.2, 0.0), (0.3,) * 3, DT_S)
+    assert state.led == ((2, 0),)
+
+
+def test_what_a_wheel_does_just_now_fades_four_times_as_fast():
+    """After 0.05 s at rest, of a memory of 0.2 s: the travel has faded by exp(-1/4), who moves just now by exp(-1)."""
+    judge = mates(params=MatesParameters(memory_s=0.2))
+    before = MatesState((-0.01, 0.02, -0.01, 0.02), (0.01, 0.02, 0.01, 0.02), (0.03, 0.02, 0.03, 0.02))
+    state = judge.compare(before, (0.0,) * 4, (0.0,) * 4, 0.05)
+    assert state.rolled_m == pytest.approx([m * math.exp(-0.25) for m in before.rolled_m])
+    assert state.asked_m == pytest.approx([m * math.exp(-0.25) for m in before.asked_m])
+    assert state.latest_m == pytest.approx([m * math.exp(-1.0) for m in before.latest_m])
 
 
 def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():

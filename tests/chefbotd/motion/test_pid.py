@@ -366,3 +366,34 @@ def test_gains_out_of_range_are_refused(name: str, value: float) -> None:
     """Negative, non-finite and unknown gains never reach a motor."""
     with pytest.raises(ValidationError):
         parameters(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("setpoint_m_s", "dt_s", "fading_duty"),
+    [
+        (-0.2, 0.0, -50.0),
+        (-0.1, 0.0, -25.0),  # half the setpoint, half of it
+        (-0.4, 0.0, -50.0),  # twice the setpoint, no more of it
+        (0.0, 0.0, 0.0),
+        (0.1, 0.0, 0.0),  # the other way round
+        (-0.2, 0.5, -50.0 / math.e),
+        (-0.05, 0.25, -12.5 * math.exp(-0.5)),
+    ],
+)
+def test_what_fades_goes_with_time_and_with_the_setpoint(
+    setpoint_m_s: float, dt_s: float, fading_duty: float
+) -> None:
+    """50 duty of a wheel in reverse, left over by new gains: what a step makes of it, and puts out."""
+    params = parameters(kp=0, ki=0)
+    state = PidState(0.0, -0.2, 0.0, -0.2, -50.0)
+    stepped, output = pid.step(params, state, setpoint_m_s, 0.0, -0.2, dt_s)
+    assert stepped.fading_duty == pytest.approx(fading_duty)
+    assert output == pytest.approx(fading_duty)
+
+
+def test_what_the_integral_cannot_hold_fades_in_reverse() -> None:
+    """Kp 400 on an error of -0.2 m/s was -80 duty: -30 in the integral, -50 to fade, and -80 put out as before."""
+    old, new = parameters(), parameters(kp=0, ki=1e-9, integral_limit=30)
+    retuned = pid.retune(old, new, PidState(measured_m_s=-0.1, setpoint_m_s=-0.3), -0.3, 0.0)
+    assert (retuned.integral_duty, retuned.fading_duty) == pytest.approx((-30, -50))
+    assert pid.preview(new, retuned, -0.3, 0.0) == pytest.approx(-80)

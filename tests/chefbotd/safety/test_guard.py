@@ -167,3 +167,55 @@ def test_of_two_beams_the_nearer_decides_for_wheels():
     limited, sensor = restrain(PARAMETERS, beams, wheels(8.0, 12.0), 10.0)
     assert sensor == "high"
     assert limited.twist.linear_m_s == pytest.approx(closing_limit_m_s(PARAMETERS, 0.16, 0.0))
+
+
+SLANTED = {"nose": Pose2D(0.2, 0.05, math.atan2(3, 4))}
+"""Cosine 0.8, sine 0.6: 0.8 m shorter a metre driven, 0.2 * 0.6 - 0.05 * 0.8 = 0.08 m shorter a radian turned left."""
+
+
+@pytest.mark.parametrize(
+    ("wanted", "allowed"),
+    [
+        ((0.5, 1.5), ((0.2541381 - 0.12) / 0.8, 1.5)),  # 0.40 + 0.12 m/s: the turn stays, the driving has the rest
+        ((0.5, 4.0), (0.0, 0.2541381 / 0.08)),  # turning alone is 0.32 m/s: none is left for driving
+        ((-0.1, 5.0), (-0.1, (0.2541381 + 0.08) / 0.08)),  # backing off takes 0.08 m/s away, which turning may have
+        ((0.1, 2.0), (0.1, 2.0)),  # 0.24 m/s
+        ((0.7, -2.0), ((0.2541381 + 0.16) / 0.8, -2.0)),  # turning away takes 0.16 m/s off
+    ],
+)  # fmt: skip
+def test_a_slanted_beam_limits_driving_first_and_turning_then(
+    wanted: tuple[float, float], allowed: tuple[float, float]
+):
+    """At 0.24 m a beam may shorten at 0.2541381 m/s; what is left is a motion, and no standstill."""
+    twist, sensor = restrain(PARAMETERS, seeing(SLANTED, nose=0.24), Twist2D(*wanted), 10.0)
+    assert astuple(twist) == pytest.approx(allowed, abs=1e-6)
+    assert sensor == (None if wanted == allowed else "nose")
+
+
+@pytest.mark.parametrize(
+    ("now_s", "allowed_m_s"),
+    [
+        (10.0, 0.2541381),
+        (10.2, 0.1854102),  # 0.5 (sqrt(0.3^2 + 0.36) - 0.3) = 0.5 (0.6708204 - 0.3)
+        (9.9, 0.2541381),  # a reading that comes from the future is no older than now
+    ],
+)
+def test_an_older_reading_allows_less(now_s: float, allowed_m_s: float):
+    """Its age adds to the 0.1 s in which the robot rolls on towards what was seen at 0.24 m."""
+    twist, sensor = restrain(PARAMETERS, seeing(FRONT, front=0.24), Twist2D(0.3, -0.7), now_s)
+    assert (twist.linear_m_s, twist.angular_rad_s, sensor) == (
+        pytest.approx(allowed_m_s, abs=1e-6),
+        -0.7,
+        "front",
+    )
+
+
+def test_a_motion_that_any_beam_forbids_after_two_rounds_is_none():
+    """Two walls at the sensors, the robot backing and turning left: each limit gives the other beam less room.
+
+    ``front`` shortens by v + 0.2 w, ``rear`` by -0.6 v - 0.08 w. From (-0.5, 4): (-0.5, 2.5), (-1/3, 2.5), (-1/3, 5/3);
+    then ``front`` stays as it is, and ``rear`` still shortens at 0.2 - 0.1333 m/s.
+    """
+    mounts = {"rear": Pose2D(0.1, 0.0, math.atan2(-4, -3)), "front": Pose2D(0.2, -0.2, 0.0)}
+    beams = seeing(mounts, rear=0.1, front=0.1)
+    assert restrain(PARAMETERS, beams, Twist2D(-0.5, 4.0), 10.0) == (STANDING, "front")

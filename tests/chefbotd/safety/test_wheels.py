@@ -144,9 +144,10 @@ def test_an_encoder_may_dither_within_three_counts():
         assert state.pushes[0].pushed_s == pushed_s
 
 
-def test_a_wheel_that_is_shaken_under_a_steady_push_is_stalled():
-    """Forward by 0.06 rad and back again, far beyond its play: it gets nowhere."""
-    shaken = both(0.5, 0.06) + both(0.5, -0.06)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_wheel_that_is_shaken_under_a_steady_push_is_stalled(direction: int):
+    """Forward by 0.06 rad and back again, far beyond its play: it gets nowhere, pushed ahead or back."""
+    shaken = both(0.5 * direction, 0.06 * direction) + both(0.5 * direction, -0.06 * direction)
     at_s, fault = watched(*shaken * 40)
     assert at_s == pytest.approx(1.75)
     assert fault.kind is FaultKind.WHEEL_STALLED
