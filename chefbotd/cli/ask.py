@@ -24,7 +24,7 @@ def status(chat: Conversation) -> None:
 
     async def ask(robot: Client) -> dict[str, Any]:
         hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
-        return {**hello, **await robot.get_state(), "stats": await robot.get_stats()}
+        return {**hello, **await robot.call("get_state"), "stats": await robot.call("get_stats")}
 
     output.status(chat.as_json, chat.hold(ask))
 
@@ -46,7 +46,7 @@ def watch(
 
     async def follow(robot: Client) -> None:
         seen = 0
-        async with robot.subscribe(topics, max_rate_hz, policy) as events:
+        async with robot.subscribe(topics, max_rate_hz=max_rate_hz, policy=policy) as events:
             async for event in events:
                 output.event(chat.as_json, event)
                 seen += 1
@@ -63,4 +63,4 @@ def describe(chat: Conversation) -> None:
 
     With --json, their JSON Schemas.
     """
-    output.description(chat.as_json, chat.hold(lambda robot: robot.describe()))
+    output.description(chat.as_json, chat.hold(lambda robot: robot.call("describe")))

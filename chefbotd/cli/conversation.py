@@ -14,8 +14,9 @@ from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.client import (
     CallError,
     CallTimeout,
+    CannotConnect,
+    ChefbotError,
     Client,
-    ClientError,
     ConnectionLost,
     IncompatibleProtocol,
     NoGreeting,
@@ -104,13 +105,13 @@ class Conversation:
             return await stack.enter_async_context(meeting)
         except (CallError, IncompatibleProtocol):
             raise
-        except ClientError as error:
+        except CannotConnect as error:
+            told = f"cannot connect to {where} ({_why(error.__cause__)}); is chefbotd running there?"
+            raise ProgramError(Exit.CANNOT_CONNECT, told) from error
+        except ChefbotError as error:
             silent = isinstance(error, NoGreeting) and trust.tls is None
             advice = "; if it is a chefbotd that speaks TLS, --ca is needed" if silent else ""
             raise ProgramError(Exit.CANNOT_CONNECT, f"cannot connect to {where} ({error}){advice}") from error
-        except OSError as error:
-            told = f"cannot connect to {where} ({_why(error)}); is chefbotd running there?"
-            raise ProgramError(Exit.CANNOT_CONNECT, told) from error
 
 
 ADVICE = {
@@ -126,7 +127,9 @@ def refusal(error: CallError) -> ProgramError:
     return ProgramError(Exit.REFUSED, f"{error.kind}: {error.message}{advice}", kind=error.kind)
 
 
-def _why(error: OSError) -> str:
+def _why(error: BaseException | None) -> str:
+    if not isinstance(error, OSError):
+        return str(error)
     if isinstance(error, ssl.SSLError):  # its number is not the system's
         return f"TLS: {_why_tls(error)}"
     if error.errno is not None and error.errno > 0:  # asyncio's own text repeats the address

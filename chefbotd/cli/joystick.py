@@ -55,7 +55,7 @@ class JoystickPilot:
 
         Raises:
             ProgramError: there is no pad to begin with.
-            ClientError: the client's, but for refusals, which are told.
+            ChefbotError: the client's, but for refusals, which are told.
         """
         if self._device.read() is None:
             raise ProgramError(Exit.FAILED, NO_PAD)

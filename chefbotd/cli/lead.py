@@ -30,7 +30,7 @@ def lead(chat: Conversation, command: str, talk: Callable[[Client], Awaitable[T]
     """
 
     async def led(robot: Client) -> T:
-        await robot.call("introduce", client=f"chefbotctl {command} on {socket.gethostname()}"[:LONGEST_NAME])
+        await robot.introduce(f"chefbotctl {command} on {socket.gethostname()}"[:LONGEST_NAME])
         if takes_over:
             await robot.take_control()
         return await talk(robot)

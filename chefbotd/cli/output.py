@@ -54,14 +54,20 @@ def _status(answer: Data) -> "Table":
     return table
 
 
-def event(as_json: bool, event: Event) -> None:
+def event(as_json: bool, event: Event[Any]) -> None:
     """One event on one line."""
     if as_json:
         value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
-        echo(json.dumps({**value, "data": event.data}))
+        echo(json.dumps({**value, "data": _plain(event)}))
     else:
-        told = " ".join(f"{name}={_brief(value)}" for name, value in event.data.items())
+        told = " ".join(f"{name}={_brief(value)}" for name, value in _plain(event).items())
         echo(f"{event.stamp_s:.3f} {event.topic} {told}")
+
+
+def _plain(event: Event[Any]) -> dict[str, Any]:
+    """The data as on the wire: lists, plain strings, null for what is not finite."""
+    data: dict[str, Any] = json.loads(event.data.model_dump_json())
+    return data
 
 
 def _brief(value: Any) -> str:

@@ -33,7 +33,7 @@ def pid(ctx: click.Context) -> None:
 @click.pass_obj
 def get(chat: Conversation) -> None:
     """Show every wheel's gains."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.get_pid()))
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.call("get_pid"))["wheels"])
 
 
 @pid.command("set")
@@ -53,7 +53,7 @@ def set_(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]
 @click.pass_obj
 def undo(chat: Conversation) -> None:
     """Take the latest change of gains back, whoever made it."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.undo_pid()))
+    output.gains(chat.as_json, chat.hold(lambda robot: robot.call("undo_pid"))["wheels"])
 
 
 @pid.command("save")
@@ -66,11 +66,9 @@ def save(chat: Conversation, path: Path) -> None:
     """
     with extra("tune", "tomlkit"):
         from chefbotd.cli import gains_file
-    from chefbotd.motion.pid import PidParameters
     from chefbotd.settings import SettingsError
 
-    wheels = chat.hold(lambda robot: robot.get_pid())
-    gains = {wheel: PidParameters.model_validate(own) for wheel, own in wheels.items()}
+    gains = chat.hold(lambda robot: robot.get_pid())
     try:
         gains_file.save(path, gains)
     except SettingsError as error:

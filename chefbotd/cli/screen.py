@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from textual.app import App
 from textual.widgets import Static
 
-from chefbotd.client import CallError, Client, ClientError
+from chefbotd.client import CallError, ChefbotError, Client
 
 
 class RobotScreen(App[None]):
@@ -22,7 +22,7 @@ class RobotScreen(App[None]):
     def __init__(self, robot: Client, address: str) -> None:
         super().__init__()
         self.robot, self.heading = robot, f"{robot.hello.robot} at {address}"
-        self.failure: ClientError | None = None
+        self.failure: ChefbotError | None = None
         self._parts: list[asyncio.Task[None]] = []
 
     async def show(self) -> None:
@@ -38,7 +38,7 @@ class RobotScreen(App[None]):
     async def _guarded(self, part: Coroutine[Any, Any, None]) -> None:
         try:
             await part
-        except ClientError as failure:
+        except ChefbotError as failure:
             self._fail(failure)
 
     async def on_unmount(self) -> None:
@@ -57,7 +57,7 @@ class RobotScreen(App[None]):
             await request
         except CallError as error:
             done = f"{error.kind}: {error.message}"
-        except ClientError as failure:
+        except ChefbotError as failure:
             self._fail(failure)
         self.say(done)
 
@@ -75,7 +75,7 @@ class RobotScreen(App[None]):
 
         self.set_interval(1 / rate_hz, draw_if_there)
 
-    def _fail(self, failure: ClientError) -> None:
+    def _fail(self, failure: ChefbotError) -> None:
         self.failure = self.failure or failure
         self.exit()
 

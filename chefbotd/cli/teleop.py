@@ -54,7 +54,7 @@ class Teleop(RobotScreen):
     def __init__(self, robot: Client, address: str) -> None:
         super().__init__(robot, address)
         self._pilot = Pilot(robot, self.say)
-        self._latest: dict[str, Event] = {}
+        self._latest: dict[str, Event[Any]] = {}
         self._arrived_s: dict[str, float] = {}
         self._round_trip_s: float | None = None
 
@@ -122,7 +122,7 @@ class Teleop(RobotScreen):
 
     def _aged(self, topic: str) -> dict[str, Any]:
         event = self._latest[topic]
-        return {"data": event.data, "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
+        return {"data": event.data.model_dump(), "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
 
 
 async def teleop(robot: Client, address: str) -> None:

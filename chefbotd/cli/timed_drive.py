@@ -4,10 +4,12 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from chefbotd.client import Client
-from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
+from chefbotd.client.state import State
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.messages.answers import Driven, Limited, WheelsDriven
+from chefbotd.messages.telemetry import OdometryData, SimData, WheelsData
 
 PERIOD_S = 0.05
 """20 Hz, ten times within the daemon's dead-man of 0.5 s."""
@@ -108,7 +110,7 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
     The stop is sent on every way out: the end, an error, a cancellation. Raises the client's errors.
     """
     way = Way(pose(await odometry(robot)))
-    answer: dict[str, Any] = {}
+    answer: Driven | None = None
     told = Told()
 
     async def command() -> None:
@@ -116,14 +118,14 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
         answer = await robot.drive(twist.linear_m_s, twist.angular_rad_s)
         state = await robot.get_state()
         told = _told(answer, state)
-        way.look(pose(_latest(state, "odometry")))
+        way.look(pose(_odometry(state)))
 
     try:
         await _repeat(command, seconds, report)
     finally:
         await robot.stop()
     await _settle(robot, way)
-    allowed = Twist2D(answer["linear_m_s"], answer["angular_rad_s"])
+    allowed = STANDING if answer is None else Twist2D(answer.linear_m_s, answer.angular_rad_s)
     return Drive(allowed, told, seconds, way.moved, way.went_m, way.turned_rad)
 
 
@@ -134,7 +136,7 @@ async def turn_for(
 
     The stop is sent on every way out. Raises the client's errors.
     """
-    answer: dict[str, Any] = {}
+    answer = WheelsDriven(name=[], velocity_rad_s=[])
 
     async def command() -> None:
         nonlocal answer
@@ -145,15 +147,16 @@ async def turn_for(
         state = await robot.get_state()
     finally:
         await robot.stop()
-    return Turning(_by_name(answer), _told(answer, state), _by_name(_latest(state, "wheels")))
+    turned = _by_name(state.wheels) if "wheels" in state.topics else {}
+    return Turning(_by_name(answer), _told(answer, state), turned)
 
 
-def _told(answer: Mapping[str, Any], state: Mapping[str, Any]) -> Told:
-    return Told(answer["limited_by"], state["safety"]["limited_by"])
+def _told(answer: Limited, state: State) -> Told:
+    return Told(answer.limited_by, state.safety.limited_by)
 
 
-def _by_name(speeds: Mapping[str, Any]) -> dict[str, float]:
-    return dict(zip(speeds.get("name", ()), speeds.get("velocity_rad_s", ()), strict=True))
+def _by_name(speeds: WheelsDriven | WheelsData) -> dict[str, float]:
+    return dict(zip(speeds.name, speeds.velocity_rad_s, strict=True))
 
 
 async def _repeat(
@@ -179,22 +182,22 @@ async def _settle(robot: Client, way: Way) -> None:
             return
 
 
-async def odometry(robot: Client) -> dict[str, Any]:
-    """The latest reading of the topic ``odometry``; empty when there has been none yet."""
-    return _latest(await robot.get_state(), "odometry")
+async def odometry(robot: Client) -> OdometryData | None:
+    """The latest reading of the topic ``odometry``, if there has been one."""
+    return _odometry(await robot.get_state())
 
 
-def _latest(state: Mapping[str, Any], topic: str) -> dict[str, Any]:
-    reading: dict[str, Any] = state["topics"].get(topic, {}).get("data", {})
-    return reading
+def _odometry(state: State) -> OdometryData | None:
+    return state.odometry if "odometry" in state.topics else None
 
 
-def standing(reading: dict[str, Any]) -> bool:
+def standing(reading: OdometryData | None) -> bool:
     """Whether an odometry reading says that the robot stands."""
-    linear_m_s, angular_rad_s = reading.get("linear_m_s", 0.0), reading.get("angular_rad_s", 0.0)
-    return bool(abs(linear_m_s) < STILL_M_S and abs(angular_rad_s) < STILL_RAD_S)
+    return reading is None or (
+        abs(reading.linear_m_s) < STILL_M_S and abs(reading.angular_rad_s) < STILL_RAD_S
+    )
 
 
-def pose(reading: dict[str, Any]) -> Pose2D:
-    """The pose in a reading of ``odometry`` or ``sim``; the origin when there is none."""
-    return Pose2D(reading.get("x_m", 0.0), reading.get("y_m", 0.0), reading.get("heading_rad", 0.0))
+def pose(reading: OdometryData | SimData | None) -> Pose2D:
+    """The pose in a reading; the origin when there is none."""
+    return Pose2D() if reading is None else Pose2D(reading.x_m, reading.y_m, reading.heading_rad)

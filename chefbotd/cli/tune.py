@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 from rich.table import Table
 from rich.text import Text
@@ -22,6 +22,7 @@ from chefbotd.cli.plots import PANELS, SHOWN_S, WheelPlot, coloured
 from chefbotd.cli.screen import RobotScreen
 from chefbotd.cli.trace import Trace
 from chefbotd.client import Client
+from chefbotd.client.methods import Gains
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import SettingsError
 
@@ -147,7 +148,7 @@ class Tune(RobotScreen):
             await self.ask(self._change(value), f"{self._chosen} = {_shown(value)} on {self._wheel}")
 
     async def _change(self, value: Gain) -> None:
-        self._take(await self.robot.set_pid(self._wheel, **{self._chosen: value}))
+        self._take(await self.robot.set_pid(self._wheel, **cast(Gains, {self._chosen: value})))
 
     async def _undo(self) -> None:
         self._take(await self.robot.undo_pid())
@@ -158,8 +159,8 @@ class Tune(RobotScreen):
             self._saved = self._saved or self._gains
             await asyncio.sleep(GAINS_PERIOD_S)
 
-    def _take(self, wheels: dict[str, dict[str, Gain]]) -> None:
-        self._gains = {wheel: PidParameters.model_validate(gains) for wheel, gains in wheels.items()}
+    def _take(self, wheels: dict[str, PidParameters]) -> None:
+        self._gains = wheels
 
     async def _save(self) -> None:
         if self._config is None:
@@ -184,7 +185,7 @@ class Tune(RobotScreen):
     async def _listen(self) -> None:
         async with self.robot.subscribe("wheels", policy="ordered") as samples:
             async for sample in samples:
-                self._trace.add(sample.stamp_s, sample.data)
+                self._trace.add(sample.stamp_s, sample.data.model_dump())
 
     def _draw(self) -> None:
         wheels = [self._wheel] if self._wheel != ALL_WHEELS else list(self._trace.wheels)

@@ -4,6 +4,7 @@ import asyncio
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from chefbotd.cli.course import CourseParameters, GoTo, Leg, deviation, remaining, steer
 from chefbotd.cli.exits import Exit, ProgramError
@@ -11,6 +12,7 @@ from chefbotd.cli.latency import Latencies, Ping
 from chefbotd.cli.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
 from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.messages.telemetry import OdometryData
 
 PING_PERIOD_S = 0.1
 FIRST_PATIENCE_S = 10.0
@@ -81,9 +83,9 @@ class Walker:
 
         Raises:
             ProgramError: odometry stopped coming, or the course took longer than ``time_limit_s``.
-            ClientError: as the client raises them.
+            ChefbotError: as the client raises them.
         """
-        topics = [t for t in self._tracks if t in (await self._robot.describe())["topics"]]
+        topics = [t for t in self._tracks if t in (await self._robot.describe()).topics]
         loop = asyncio.get_running_loop()
         async with self._robot.subscribe(topics, policy="ordered") as events:
             await self._first_values(events, topics)
@@ -100,11 +102,11 @@ class Walker:
             await self._settle(events)
         return Walk((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)
 
-    async def _first_values(self, events: Subscription, topics: Sequence[str]) -> None:
+    async def _first_values(self, events: Subscription[Any], topics: Sequence[str]) -> None:
         while any(self._tracks[topic].start is None for topic in topics):
             await self._next(events, FIRST_PATIENCE_S)
 
-    async def _follow(self, events: Subscription, legs: Sequence[Leg], index: int) -> Mark:
+    async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> Mark:
         """Steer until the leg is done and the robot stands, so that no turn begins with speed left over."""
         leg, name = legs[index], _name(legs, index)
         odometry = self._tracks["odometry"]
@@ -118,7 +120,7 @@ class Walker:
             self._report(Progress(index, len(legs), name, share, odometry.latest))
         return self._mark(name, leg)
 
-    async def _settle(self, events: Subscription) -> None:
+    async def _settle(self, events: Subscription[Any]) -> None:
         """Wait until the robot has stood for a while, so that late readings are in."""
         loop = asyncio.get_running_loop()
         stood_since_s = loop.time()
@@ -126,7 +128,7 @@ class Walker:
             await self._next(events, PATIENCE_S)
             stood_since_s = stood_since_s if self._standing else loop.time()
 
-    async def _next(self, events: Subscription, patience_s: float) -> None:
+    async def _next(self, events: Subscription[Any], patience_s: float) -> None:
         """Take events up to and including one of odometry."""
         try:
             async with asyncio.timeout(patience_s):
@@ -136,7 +138,7 @@ class Walker:
             raise ProgramError(Exit.NOT_DONE, f"no odometry for {patience_s:g} s") from error
         self._take(event)
 
-    def _take(self, odometry: Event) -> None:
+    def _take(self, odometry: Event[OdometryData]) -> None:
         self._tracks["odometry"].update(pose(odometry.data))
         self._standing = standing(odometry.data)
         self._latencies.arrivals.append((asyncio.get_running_loop().time(), odometry.stamp_s))
@@ -145,7 +147,7 @@ class Walker:
         loop, pings = asyncio.get_running_loop(), self._latencies.pings
         sent_s = loop.time()
         if not pings or sent_s - pings[-1].sent_s >= PING_PERIOD_S:
-            stamp_s = (await self._robot.ping())["stamp_s"]
+            stamp_s = (await self._robot.ping()).stamp_s
             pings.append(Ping(sent_s, loop.time(), stamp_s))
 
     def _mark(self, name: str, leg: Leg) -> Mark:

@@ -1,25 +1,39 @@
-"""The client library: drive, watch and configure a running daemon over its command socket."""
+"""The client library: drive, watch and configure a running daemon over its command socket.
 
-from chefbotd.client.client import Client, Hello
+Every error is a ``ChefbotError``.
+"""
+
+from chefbotd.client.client import Client
 from chefbotd.client.errors import (
     CallError,
     CallTimeout,
-    ClientError,
+    CannotConnect,
+    ChefbotError,
     ConnectionLost,
     IncompatibleProtocol,
     NoGreeting,
+    NotReported,
+    ProtocolError,
+    SubscriptionConflict,
 )
-from chefbotd.client.subscription import Event, Subscription
+from chefbotd.client.event import Event, Gap
+from chefbotd.client.meeting import Hello
+from chefbotd.client.subscription import Subscription
 
 __all__ = [
     "CallError",
     "CallTimeout",
+    "CannotConnect",
+    "ChefbotError",
     "Client",
-    "ClientError",
     "ConnectionLost",
     "Event",
+    "Gap",
     "Hello",
     "IncompatibleProtocol",
     "NoGreeting",
+    "NotReported",
+    "ProtocolError",
     "Subscription",
+    "SubscriptionConflict",
 ]

@@ -1,55 +1,49 @@
 """The daemon, as seen from a program: one method per method of the socket.
 
     async with Client.connect() as robot:
-        await robot.arm()
-        await robot.drive(linear_m_s=0.2, angular_rad_s=0.0)
-        async for event in robot.subscribe("odometry", max_rate_hz=10):
-            print(event.data["x_m"])
+        await robot.wait_until_armed()
+        await robot.drive_for(2.0, linear_m_s=0.2)
+        print((await robot.get_state()).odometry.x_m)
 
-Every method raises ``CallError``, ``CallTimeout`` or ``ConnectionLost``.
+Every error is a ``ChefbotError``.
 """
 
 import asyncio
+import contextlib
 import ssl
+import weakref
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, fields
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Self, Unpack
 
-from chefbotd.client.errors import ConnectionLost, IncompatibleProtocol, NoGreeting
-from chefbotd.client.subscription import Event, Subscription
-from chefbotd.client.wire import Wire
+from chefbotd.client.errors import (
+    CallTimeout,
+    ChefbotError,
+    ConnectionLost,
+    ProtocolError,
+    SubscriptionConflict,
+)
+from chefbotd.client.event import Event, Gap
+from chefbotd.client.meeting import CLOSING_PATIENCE_S, PASSING, Door, Greeted, Hello, meet
+from chefbotd.client.methods import Methods
+from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
+from chefbotd.client.topics import Topics
 
-PROTOCOL_MAJOR = "1"
-CLOSING_PATIENCE_S = 1.0
-MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
-
-
-@dataclass(frozen=True, slots=True)
-class Hello:
-    """The daemon's greeting; ``session`` changes when the daemon restarts."""
-
-    protocol: str
-    robot: str
-    session: str
-    link: Literal["up", "down"]
-    auth: str
-    capabilities: tuple[str, ...]
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
 
 
-Message = TypeVar("Message", Hello, Event)
+class Client(Methods, Topics):
+    """A connected daemon; made by ``connect``. ``hello`` is its latest greeting."""
 
-
-class Client:
-    """A connected daemon; made by ``connect``."""
-
-    def __init__(self, timeout_s: float) -> None:
-        self._timeout_s = timeout_s
-        self._subscriptions: list[Subscription] = []
-        self._wire = Wire(self._notified, self._lost)
-        self._greeted = asyncio.Event()
-        self.hello: Hello
+    def __init__(self, door: Door, *, reconnect: bool) -> None:
+        self._door, self._reconnect = door, reconnect
+        self._subscriptions: weakref.WeakSet[Subscription[Any]] = weakref.WeakSet()
+        self._greeted: Greeted
+        self._returning: asyncio.Task[None] | None = None
+        self._back = asyncio.Event()
+        self._closing = False
+        self._loop = asyncio.get_running_loop()
         self.dropped: Counter[str] = Counter()
 
     @classmethod
@@ -63,196 +57,188 @@ class Client:
         tls: ssl.SSLContext | None = None,
         name: str | None = None,
         timeout_s: float = 5.0,
+        reconnect: bool = False,
     ) -> AsyncIterator[Self]:
         """Connect, wait for the greeting, show the token if one is asked for, and say our name if we have one.
 
         ``tls`` decides which certificates are trusted (``ssl.create_default_context(cafile=...)``); without it the
-        connection is not encrypted. ``timeout_s`` also bounds every later call.
+        connection is not encrypted. ``timeout_s`` also bounds every later call. When the block ends, the daemon
+        withdraws what this client drove with: the robot brakes, unless another source drives it.
+
+        With ``reconnect`` a lost connection is opened again, and subscriptions go on; the first event of each topic
+        has the ``gap``. Calls are never repeated: those under way, and those made meanwhile, raise ``ConnectionLost``.
 
         Raises:
-            OSError: nobody listens there, or (``ssl.SSLError``) it is not whom we trust.
+            CannotConnect: nobody listens there, or it is not whom we trust.
             CallError: the daemon wants another token (``kind`` is ``wrong_token``).
             NoGreeting: the connection was closed, or stayed silent, before the greeting.
             ConnectionLost: the same, and it was said why.
             IncompatibleProtocol: the daemon speaks another major version.
         """
-        client = cls(timeout_s)
-        async with asyncio.timeout(timeout_s):
-            await asyncio.get_running_loop().create_connection(lambda: client._wire, host, port, ssl=tls)
+        client = cls(Door(host, port, token, tls, name, timeout_s), reconnect=reconnect)
+        client._greeted = await meet(client._door, client._notified, client._lost)
+        client._back.set()
         try:
-            await client._await_greeting()
-            if token is not None and client.hello.auth == "token":
-                await client.call("authenticate", token=token)
-            if name is not None:
-                await client.call("introduce", client=name)
             yield client
         finally:
-            await client._wire.close(CLOSING_PATIENCE_S)
+            await client._close()
 
-    async def _await_greeting(self) -> None:
-        try:
-            async with asyncio.timeout(self._timeout_s):
-                await self._greeted.wait()
-        except TimeoutError:
-            raise NoGreeting(f"no greeting within {self._timeout_s:g} s") from None
-        if self._wire.lost is not None:
-            raise (ConnectionLost if self._wire.explained else NoGreeting)(str(self._wire.lost))
-        if self.hello.protocol.partition(".")[0] != PROTOCOL_MAJOR:
-            raise IncompatibleProtocol(f"the daemon speaks {self.hello.protocol}, we {PROTOCOL_MAJOR}.x")
+    async def _close(self) -> None:
+        self._closing = True
+        if self._returning is not None:
+            self._returning.cancel()
+            await asyncio.gather(self._returning, return_exceptions=True)
+        await self._greeted.wire.close(CLOSING_PATIENCE_S)
+        self._end_all(ConnectionLost("the client is closed"))
+
+    @property
+    def hello(self) -> Hello:
+        """The daemon's latest greeting; ``session`` changes when the daemon restarts."""
+        return self._greeted.hello
 
     @property
     def connected(self) -> bool:
-        """Whether the connection still stands."""
-        return self._wire.lost is None
+        """Whether the connection stands."""
+        return self._greeted.wire.lost is None
+
+    async def wait_until_connected(self, timeout_s: float = 10.0) -> None:
+        """Wait for the connection to stand again, with ``reconnect``.
+
+        Raises:
+            CallTimeout: it does not within ``timeout_s`` seconds.
+            ConnectionLost: it is lost for good.
+        """
+        if not self.connected and not self._reconnect:
+            raise ConnectionLost(str(self._greeted.wire.lost))
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._back.wait()
+        except TimeoutError:
+            raise CallTimeout(f"not connected again within {timeout_s:g} s") from None
+        if not self.connected:
+            raise ConnectionLost(str(self._greeted.wire.lost))
 
     async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
-        """Any method by its name: the answer's ``result``."""
-        return await self._wire.call(method, params, self._timeout_s)
+        """Any method by its name: the answer's ``result`` as it came."""
+        return await self._greeted.wire.call(method, params, self._door.timeout_s)
 
-    async def drive(
-        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
-    ) -> dict[str, Any]:
-        """Ask for a velocity; it holds for the daemon's dead-man time, so repeat it.
+    # telemetry
 
-        Without a source it is the robot's default one that asks. The answer has what the limits allow of it.
-        """
-        velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
-        return await self.call("drive", **velocity, **_named(source))
-
-    async def set_wheel_velocities(
-        self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> dict[str, Any]:
-        """Ask for a speed of each wheel by name; the others stand. It holds, and is answered, as a ``drive`` is."""
-        names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        return await self.call(
-            "set_wheel_velocities", name=names, velocity_rad_s=velocities, **_named(source)
-        )
-
-    async def take_control(self, source: str | None = None) -> str | None:
-        """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""
-        taken_from: str | None = (await self.call("take_control", **_named(source)))["taken_from"]
-        return taken_from
-
-    async def release_control(self) -> None:
-        """Give back every source that we have; our commands are withdrawn."""
-        await self.call("release_control")
-
-    async def stop(self) -> None:
-        """Come to rest within the deceleration limit; another ``drive`` moves again."""
-        await self.call("stop")
-
-    async def estop(self, reason: str | None = None) -> None:
-        """Stop the motors at once, and until ``arm``; of a long reason the beginning is told."""
-        await self.call("estop", **({} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}))
-
-    async def arm(self) -> None:
-        """Allow motion again after an emergency stop or a fault."""
-        await self.call("arm")
-
-    async def ping(self) -> dict[str, Any]:
-        """``pong`` and the daemon's ``stamp_s``."""
-        return await self.call("ping")
-
-    async def describe(self) -> dict[str, Any]:
-        """Methods, topics and error kinds with their JSON Schemas."""
-        return await self.call("describe")
-
-    async def get_state(self) -> dict[str, Any]:
-        """``link``, ``safety`` and the latest value of each topic with its age."""
-        return await self.call("get_state")
-
-    async def get_stats(self) -> dict[str, Any]:
-        """The daemon's counters, as in the topic ``stats``."""
-        return await self.call("get_stats")
-
-    async def get_pid(self) -> dict[str, dict[str, Any]]:
-        """The gains by wheel name."""
-        return _wheels(await self.call("get_pid"))
-
-    async def set_pid(self, wheel: str = "all", **changes: Any) -> dict[str, dict[str, Any]]:
-        """Change some gains of a wheel, or of all; what every wheel now has."""
-        return _wheels(await self.call("set_pid", wheel=wheel, **changes))
-
-    async def undo_pid(self) -> dict[str, dict[str, Any]]:
-        """Take the latest change of gains back, whoever made it; what every wheel now has."""
-        return _wheels(await self.call("undo_pid"))
-
-    async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
-        """Say where the robot stands in ``odom``."""
-        await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
-
-    async def reset_board(self) -> None:
-        """Restart the board."""
-        await self.call("reset_board")
-
-    def subscribe(
-        self,
-        topics: str | Iterable[str],
-        max_rate_hz: float | None = None,
-        policy: Literal["latest", "ordered"] = "latest",
-        queue_size: int = 256,
-    ) -> Subscription:
-        """Events of one or several topics, first the latest value of each; see ``Subscription``.
-
-        The daemon keeps one rate and policy per topic and connection: the last ones asked for.
-        """
+    def _subscription(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[Any]:
         wanted = (topics,) if isinstance(topics, str) else tuple(topics)
-        options = {} if max_rate_hz is None else {"max_rate_hz": max_rate_hz}
+        request = Request(wanted, options.get("max_rate_hz"), options.get("policy", "latest"))
+        subscription: Subscription[Any] = Subscription(
+            request, options.get("queue_size", 256), self._subscribe, self._unsubscribe
+        )
+        # one that nobody holds any more, after a break out of its loop, has been left
+        weakref.finalize(subscription, _call_on_loop, self._loop, weakref.WeakMethod(self._left), wanted)
+        return subscription
 
-        async def start(subscription: Subscription) -> None:
-            self._subscriptions.append(subscription)  # first: the snapshot follows the answer at once
-            try:
-                await self.call("subscribe", topics=wanted, policy=policy, **options)
-            except BaseException:
-                self._subscriptions.remove(subscription)
-                raise
+    async def _subscribe(self, subscription: Subscription[Any]) -> None:
+        import chefbotd.client.state  # noqa: F401 - the models, before there are events to read
 
-        return Subscription(wanted, queue_size, start, self._unsubscribe)
+        for other in list(self._subscriptions):
+            if problem := subscription.request.conflict(other.request):
+                raise SubscriptionConflict(problem)
+        self._subscriptions.add(subscription)  # first: the snapshot follows the answer at once
+        try:
+            await self.call("subscribe", **subscription.request.params())
+        except BaseException:
+            self._subscriptions.discard(subscription)
+            self._left(subscription.topics)
+            raise
 
-    async def _unsubscribe(self, subscription: Subscription) -> None:
-        self._subscriptions.remove(subscription)
-        still_wanted = {topic for other in self._subscriptions for topic in other.topics}
-        over = [topic for topic in subscription.topics if topic not in still_wanted]
-        if over:
-            await self.call("unsubscribe", topics=over)
+    async def _unsubscribe(self, subscription: Subscription[Any]) -> None:
+        self._subscriptions.discard(subscription)
+        if over := self._unwanted(subscription.topics):
+            with contextlib.suppress(ConnectionLost):  # then it is over all the same
+                await self.call("unsubscribe", topics=over)
+
+    def _left(self, topics: tuple[str, ...]) -> None:
+        """Somebody has gone without a word."""
+        if over := self._unwanted(topics):
+            self._greeted.wire.tell("unsubscribe", {"topics": over})
+
+    def _unwanted(self, topics: tuple[str, ...]) -> list[str]:
+        wanted = {topic for other in list(self._subscriptions) for topic in other.topics}
+        return [topic for topic in topics if topic not in wanted]
 
     def _notified(self, method: str, params: dict[str, Any]) -> None:
         if method == "event":
-            event = _known(Event, params)
-            for subscription in self._subscriptions:
-                if event.topic in subscription.topics:
-                    subscription.put(event)
+            self._take_event(params)
         elif method == "dropped":
-            self._count_drops(params["topics"])
-        elif method == "hello":
-            self.hello = _known(Hello, params)
-            self._greeted.set()
+            self._count_drops(params)
 
-    def _count_drops(self, topics: dict[str, int]) -> None:
+    def _take_event(self, params: dict[str, Any]) -> None:
+        topic = params.get("topic")
+        receivers = [s for s in list(self._subscriptions) if topic in s.topics]
+        if not receivers:
+            return
+        from chefbotd.client.state import read_event  # loaded when it was subscribed
+
+        event: Event[Any] | ProtocolError
+        try:
+            event = read_event(params)
+        except ProtocolError as problem:
+            event = problem
+        for subscription in receivers:
+            subscription.put(event)
+
+    def _count_drops(self, params: dict[str, Any]) -> None:
+        topics: dict[str, int] = params["topics"]
         self.dropped.update(topics)
-        for subscription in self._subscriptions:
+        for subscription in list(self._subscriptions):
             subscription.dropped.update({t: n for t, n in topics.items() if t in subscription.topics})
 
+    # losing the connection, and finding it again
+
     def _lost(self, loss: ConnectionLost) -> None:
-        self._greeted.set()
-        for subscription in self._subscriptions:
-            subscription.end(loss)
+        self._back.clear()
+        if self._closing or not self._reconnect:
+            self._end_all(loss)
+        elif self._returning is None:
+            self._returning = asyncio.create_task(self._return(loss))
+
+    def _end_all(self, failure: ChefbotError) -> None:
+        for subscription in list(self._subscriptions):
+            subscription.end(failure)
+        self._subscriptions.clear()
+        self._back.set()
+
+    async def _return(self, loss: ConnectionLost) -> None:
+        """Connect again until it stands, and have every open subscription go on."""
+        began_s, pause_s = self._loop.time(), FIRST_PAUSE_S
+        try:
+            while not await self._try_to_return(loss, began_s):
+                await asyncio.sleep(pause_s)
+                pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+            self._back.set()
+        except ChefbotError as failure:  # trying again would not help
+            self._end_all(failure)
+        finally:
+            self._returning = None
+
+    async def _try_to_return(self, loss: ConnectionLost, began_s: float) -> bool:
+        session = self._greeted.hello.session
+        try:
+            self._greeted = await meet(self._door, self._notified, self._lost)
+            restarted = self._greeted.hello.session != session
+            gap = Gap(str(loss), self._loop.time() - began_s, restarted)
+            for subscription in list(self._subscriptions):
+                subscription.resume(gap)
+                await self.call("subscribe", **subscription.request.params())
+        except PASSING:
+            return False
+        return self.connected
 
 
-def _known(kind: type[Message], params: Mapping[str, Any]) -> Message:
-    """A message of this kind; fields that a newer daemon has added are passed over."""
-    return kind(**{field.name: _frozen(params[field.name]) for field in fields(kind) if field.name in params})
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _wheels(answer: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    wheels: dict[str, dict[str, Any]] = answer["wheels"]
-    return wheels
-
-
-def _named(source: str | None) -> dict[str, str]:
-    """The parameter ``source``, if there is one to send."""
-    return {} if source is None else {"source": source}
+def _call_on_loop(
+    loop: asyncio.AbstractEventLoop, method: "weakref.WeakMethod[Any]", topics: tuple[str, ...]
+) -> None:
+    """From whatever thread the last reference went in."""
+    bound = method()
+    if bound is not None and not loop.is_closed():
+        with contextlib.suppress(RuntimeError):  # closed in this very moment
+            loop.call_soon_threadsafe(bound, topics)

@@ -1,15 +1,31 @@
-"""What can go wrong between a client and the daemon, each with a class of its own."""
+"""What can go wrong between a program and the robot: one family, each with a class of its own."""
 
 from collections.abc import Mapping
 from typing import Any
 
 
-class ClientError(Exception):
+class ChefbotError(Exception):
     """The base of everything that the client library raises of its own."""
 
 
-class CallError(ClientError):
-    """The daemon answered with an error: ``kind`` is stable, ``message`` is for people."""
+class CannotConnect(ChefbotError, ConnectionError):
+    """Nobody listens there, or it is not whom we trust; ``__cause__`` is the system's own error."""
+
+
+class ConnectionLost(ChefbotError, ConnectionError):
+    """The connection ended while something was still expected of it."""
+
+
+class NoGreeting(ConnectionLost):
+    """Whoever listens there said nothing that we understand: no daemon, or one that speaks TLS where we do not."""
+
+
+class CallTimeout(ChefbotError, TimeoutError):
+    """What was waited for did not come in time. A call may or may not have been carried out by the daemon."""
+
+
+class CallError(ChefbotError):
+    """The daemon refused: ``kind`` is stable (docs/api.md lists them), ``message`` is for people."""
 
     def __init__(self, code: int, kind: str, message: str, data: Mapping[str, Any] | None = None) -> None:
         super().__init__(message)
@@ -23,17 +39,17 @@ class CallError(ClientError):
         return cls(error["code"], data.get("kind", "unknown"), error["message"], data)
 
 
-class CallTimeout(ClientError, TimeoutError):
-    """No answer came in time; the daemon may or may not have carried out the call."""
+class ProtocolError(ChefbotError):
+    """The daemon sent something that does not fit the protocol as this client knows it."""
 
 
-class ConnectionLost(ClientError, ConnectionError):
-    """The connection ended while something was still expected of it."""
+class IncompatibleProtocol(ProtocolError):
+    """The daemon greeted with a major version that this client does not speak."""
 
 
-class NoGreeting(ConnectionLost):
-    """Whoever listens there said nothing that we understand: no daemon, or one that speaks TLS where we do not."""
+class NotReported(ChefbotError):
+    """The robot has not reported this topic yet."""
 
 
-class IncompatibleProtocol(ClientError):
-    """The daemon greeted with a protocol that this client does not speak."""
+class SubscriptionConflict(ChefbotError):
+    """A topic is subscribed on this client already, with another rate or policy; the daemon keeps one of each."""

@@ -119,9 +119,15 @@ class Wire(asyncio.Protocol):
         if self.lost is not None:
             raise ConnectionLost(str(self.lost))
         request = {"jsonrpc": "2.0", "id": request_id, "method": method, "params": params}
+        line = _line(request)  # may raise, and then nobody waits for an answer
         answer = self._answers[request_id] = asyncio.get_running_loop().create_future()
-        self._transport.write(json.dumps(request, allow_nan=False, separators=(",", ":")).encode() + b"\n")
+        self._transport.write(line)
         return answer
+
+    def tell(self, method: str, params: Mapping[str, Any]) -> None:
+        """Ask for something whose answer nobody waits for; never waits, and does nothing on a lost connection."""
+        if self.lost is None and self._writable.is_set():
+            self._transport.write(_line({"jsonrpc": "2.0", "method": method, "params": params}))
 
     async def close(self, patience_s: float) -> None:
         """Close the socket; a daemon that does not take our last bytes within ``patience_s`` is cut off."""
@@ -131,3 +137,7 @@ class Wire(asyncio.Protocol):
                 await self.closed.wait()
         except TimeoutError:
             self._transport.abort()
+
+
+def _line(message: Mapping[str, Any]) -> bytes:
+    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n"

@@ -1,7 +1,8 @@
 """The data of each topic: what a client reads, in SI units and REP-103 axes."""
 
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
@@ -122,12 +123,17 @@ class RawData(TopicData):
     line: str
 
 
-StatsData = create_model(
-    "StatsData",
-    __base__=TopicData,
-    __doc__="Counters since the daemon started, and the worst of the last second.",
-    **_fields_of(StatsSampled),
-)
+if TYPE_CHECKING:
+
+    class StatsData(TopicData, StatsSampled):
+        """For type checkers: the fields of the event, which they cannot see being copied."""
+else:
+    StatsData = create_model(
+        "StatsData",
+        __base__=TopicData,
+        __doc__="Counters since the daemon started, and the worst of the last second.",
+        **_fields_of(StatsSampled),
+    )
 
 
 class SimData(TopicData):
@@ -139,3 +145,29 @@ class SimData(TopicData):
     linear_m_s: float
     angular_rad_s: float
     in_contact: bool
+
+
+class UnknownData(TopicData):
+    """The data of a topic that this version has no model of: its members as attributes, as they came."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
+    "odometry": OdometryData,
+    "wheels": WheelsData,
+    "imu": ImuData,
+    "ranges": RangesData,
+    "battery": BatteryData,
+    "link": LinkData,
+    "safety": SafetyData,
+    "text": TextData,
+    "raw": RawData,
+    "stats": StatsData,
+    "sim": SimData,
+}
+"""What a client reads each topic as."""

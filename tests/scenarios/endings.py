@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from chefbotd.client import Client, ClientError
+from chefbotd.client import ChefbotError, Client
 from chefbotd.signals import name_of
 from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, latched
 from tests.scenarios.instruments import MOVING_M_S
@@ -78,8 +78,8 @@ async def _signalled(number: int, program: Program, client: Client) -> tuple[str
 async def _asked(program: Program, client: Client) -> tuple[str, ...]:
     """For its statistics, which is where the fault is."""
     del program
-    with contextlib.suppress(ClientError):
-        await client.get_stats()
+    with contextlib.suppress(ChefbotError):
+        await client.call("get_stats")
     return ()
 
 
@@ -185,7 +185,7 @@ async def _measured(ending: Ending, robot_name: str, folder: Path) -> Result:
 async def _command(client: Client) -> None:
     """Drive on, whatever is answered."""
     while client.connected:
-        with contextlib.suppress(ClientError):
+        with contextlib.suppress(ChefbotError):
             await client.drive(SPEED_M_S, 0.0)
         await asyncio.sleep(PERIOD_S)
 
@@ -215,8 +215,8 @@ def _wrong(ending: Ending, program: Program, zero_s: float) -> Iterator[str]:
 async def _misled(expected: Expected, client: Client) -> tuple[str, ...]:
     """What a client is told that is not so."""
     try:
-        safety = (await client.get_state())["safety"]
+        safety = (await client.call("get_state"))["safety"]
         told = (safety["mode"], safety["fault"] or safety["limited_by"])
-    except ClientError:
+    except ChefbotError:
         told = (ENDED, None)
     return () if told == (expected.mode, expected.kind) else (f"told as {told}",)

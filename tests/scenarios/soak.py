@@ -58,7 +58,7 @@ async def _drive(robot: SimulatedRobot, settings: Settings, report: Report, rng:
 
 
 async def _check_the_end(robot: SimulatedRobot, report: Report) -> None:
-    stats = await robot.client.get_stats()
+    stats = await robot.client.call("get_stats")
     assert stats["internal_errors"] == 0, f"{stats['internal_errors']} control steps failed"
     assert not stats["service_failures"], f"services failed: {stats['service_failures']}"
     assert report.resident_growth_mb < MOST_GROWTH_MB, f"memory grew by {report.resident_growth_mb} MB"

@@ -72,7 +72,7 @@ def listen(start: Silent, robot_name: str) -> Result:
                 device.feed(start.says)
                 await _drive(client)
                 await asyncio.sleep(0.1)
-            link = (await client.get_state())["topics"]["link"]["data"]
+            link = (await client.call("get_state"))["topics"]["link"]["data"]
             if (link["healthy"], link["condition"]) != (False, start.condition):
                 wrong.append(f"told as {link['condition']}")
 

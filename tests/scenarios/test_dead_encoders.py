@@ -46,7 +46,7 @@ async def watch(robot: SimulatedRobot, command: TWIST, is_known: bool, seen: See
         seen.linear_m_s = max(seen.linear_m_s, abs(twist.linear_m_s))
         seen.angular_rad_s = max(seen.angular_rad_s, abs(twist.angular_rad_s))
     if is_known:
-        seen.names.update((await robot.client.get_state())["topics"]["wheels"]["data"]["left_out"])
+        seen.names.update((await robot.client.call("get_state"))["topics"]["wheels"]["data"]["left_out"])
 
 
 def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> Seen:
@@ -64,7 +64,7 @@ def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> 
                 for number in range(80):
                     await watch(robot, after, number * 0.05 >= KNOWN_S, seen)
             except CallError:  # the stall was found
-                reason = (await robot.client.get_state())["topics"]["safety"]["data"]["reason"]
+                reason = (await robot.client.call("get_state"))["topics"]["safety"]["data"]["reason"]
                 seen.names.add(reason.split()[0])
 
     run_virtual(run())

@@ -91,7 +91,7 @@ def wiretap(robot: SimulatedRobot) -> bytearray:
 
 async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
     """A topic's latest data."""
-    state = await robot.client.get_state()
+    state = await robot.client.call("get_state")
     return state["topics"][name]["data"]
 
 
@@ -119,10 +119,10 @@ def test_a_command_is_answered_with_what_the_wheels_then_go_for(
     async def scenario(robot: SimulatedRobot) -> None:
         answer = await robot.client.drive(linear_m_s, angular_rad_s)
         await drive(robot, linear_m_s, angular_rad_s, 2.0)
-        allowed = Twist2D(answer["linear_m_s"], answer["angular_rad_s"])
+        allowed = Twist2D(answer.linear_m_s, answer.angular_rad_s)
         targets = (await topic(robot, "wheels"))["target_rad_s"]
         assert targets == pytest.approx(Kinematics(settings.chassis).wheel_speeds_rad_s(allowed), rel=1e-3)
-        assert (answer["limited_by"] is None) == (allowed == Twist2D(linear_m_s, angular_rad_s))
+        assert (answer.limited_by is None) == (allowed == Twist2D(linear_m_s, angular_rad_s))
 
     lifted = settings.sim.body.model_copy(update={"mass_kg": 0.0})
     sim = settings.sim.model_copy(update={"body": lifted})
@@ -302,7 +302,7 @@ def test_odometry_survives_a_board_reset(settings: Settings):
         await robot.client.reset_board()
         await asyncio.sleep(3.0)
         assert (await topic(robot, "odometry"))["x_m"] == before["x_m"]
-        assert (await robot.client.get_stats())["board_restarts"] == 1
+        assert (await robot.client.call("get_stats"))["board_restarts"] == 1
         await robot.client.arm()
         await drive(robot, 0.2, 0.0, 2.0)
         moved_m = (await topic(robot, "odometry"))["x_m"] - before["x_m"]

@@ -42,7 +42,7 @@ async def odometry_is_off_by_m(robot: SimulatedRobot) -> float:
     """Stop, and hold odometry's way against the true one."""
     await robot.client.stop()
     await asyncio.sleep(1.0)
-    odometry = (await robot.client.get_state())["topics"]["odometry"]["data"]
+    odometry = (await robot.client.call("get_state"))["topics"]["odometry"]["data"]
     return float(robot.board.truth(0.0).world_from_base.x_m - odometry["x_m"])
 
 
@@ -70,7 +70,7 @@ def test_edges_alone_drive_as_well_as_counts(counts_per_turn: float, linear_m_s:
         speeds = await drive(robot, linear_m_s, seconds)
         assert speeds[-1] == pytest.approx(linear_m_s, rel=0.02, abs=0.002)
         assert await odometry_is_off_by_m(robot) == pytest.approx(0.0, abs=0.005)
-        stats = await robot.client.get_stats()
+        stats = await robot.client.call("get_stats")
         assert {key: stats[key] for key in stats if key.startswith("encoder")} == {
             "encoder_readings_refused": 0,
             "encoder_transitions_illegal": 0,
@@ -98,7 +98,7 @@ def test_a_board_that_cannot_tell_every_edge_is_not_taken_for_a_slower_robot(sho
         limits = set()
         for _ in range(20):
             assert max(await drive(robot, 1.0, 0.1)) < 1.33
-            limits.add((await robot.client.get_state())["safety"]["limited_by"])
+            limits.add((await robot.client.call("get_state"))["safety"]["limited_by"])
         assert "encoders_stale" in limits
         while not any(robot.board.duty):
             await drive(robot, 1.0, 0.05)
@@ -107,7 +107,7 @@ def test_a_board_that_cannot_tell_every_edge_is_not_taken_for_a_slower_robot(sho
         assert not any(robot.board.duty)
         await robot.client.arm()
         assert await odometry_is_off_by_m(robot) > 0.05
-        assert (await robot.client.get_stats())["encoder_edges_lost"] > 100
+        assert (await robot.client.call("get_stats"))["encoder_edges_lost"] > 100
         speeds = await drive(robot, -0.1, 2.0)
         assert -0.15 < speeds[-1] < -0.05
 
@@ -130,7 +130,7 @@ def test_a_lost_line_costs_a_reading_and_is_counted():
         speeds = await drive(robot, 0.3, 1.0)
         robot.device.transport.feed = feed
         assert speeds == pytest.approx([0.3] * len(speeds), rel=0.1)
-        lost = (await robot.client.get_stats())["encoder_edges_lost"]
+        lost = (await robot.client.call("get_stats"))["encoder_edges_lost"]
         assert 20 <= lost <= 40  # 0.3 m/s are 1429 edges/s, 28 in 20 ms
 
     on_robot(scenario)
@@ -145,8 +145,8 @@ def test_one_byte_in_a_thousand_damaged_costs_way_and_no_speed(share: str):
         speeds = await drive(robot, 0.3, 2.5)
         assert max(speeds) < 0.4
         assert speeds[-1] == pytest.approx(0.3, rel=0.1)
-        assert (await robot.client.get_state())["safety"]["armed"]
-        assert (await robot.client.get_stats())["encoder_edges_lost"] > 0
+        assert (await robot.client.call("get_state"))["safety"]["armed"]
+        assert (await robot.client.call("get_stats"))["encoder_edges_lost"] > 0
         assert 0.0 < await odometry_is_off_by_m(robot) < 0.06
 
     on_robot(scenario)

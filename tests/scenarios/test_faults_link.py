@@ -47,7 +47,7 @@ async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, 
 
 async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
     """A topic's latest data."""
-    return (await robot.client.get_state())["topics"][name]["data"]
+    return (await robot.client.call("get_state"))["topics"][name]["data"]
 
 
 async def odometry_error_m(robot: SimulatedRobot) -> float:
@@ -71,7 +71,7 @@ def test_one_byte_in_a_hundred_damaged_moves_nothing_wrongly(fault: str):
         await asyncio.sleep(1.0)
         assert worst_m < 0.02
         assert await odometry_error_m(robot) < 0.005
-        stats = await robot.client.get_stats()
+        stats = await robot.client.call("get_stats")
         assert sum(stats["refused"].values()) > 100
         assert stats["board_restarts"] == 0
         assert (await topic(robot, "safety"))["mode"] == "armed"
@@ -84,14 +84,14 @@ def test_noise_at_a_megabyte_a_second_moves_nothing():
     """A second of it: no reading is made up, memory is bounded, the log has two lines and the link is told unhealthy."""
 
     async def scenario(robot: SimulatedRobot) -> None:
-        before = await robot.client.get_stats()
+        before = await robot.client.call("get_stats")
         noise, transport = random.Random(3), robot.device.transport
         feed, transport.feed = transport.feed, lambda data: None
         for _ in range(100):
             feed(noise.randbytes(10_000))
             await asyncio.sleep(0.01)
         await asyncio.sleep(1.5)
-        stats = await robot.client.get_stats()
+        stats = await robot.client.call("get_stats")
         assert stats["bytes_in"] - before["bytes_in"] == 1_000_000
         assert stats["frames"].get("EncoderCounts") == before["frames"]["EncoderCounts"]
         assert (await topic(robot, "link"))["condition"] == "wrong_baud"
@@ -119,7 +119,7 @@ def test_a_port_that_is_no_board_is_told_as_such(said: bytes, condition: str):
             for _ in range(30):
                 device.feed(said)
                 await asyncio.sleep(0.1)
-            link = (await client.get_state())["topics"]["link"]["data"]
+            link = (await client.call("get_state"))["topics"]["link"]["data"]
             assert (link["state"], link["healthy"], link["condition"]) == ("up", False, condition)
 
     with structlog.testing.capture_logs() as written:
@@ -178,12 +178,12 @@ def test_a_reset_in_the_middle_of_a_line_is_a_restart():
             for number in range(50):
                 board.cycle(number, number)
                 await asyncio.sleep(0.02)
-            before = (await client.get_state())["topics"]["odometry"]["data"]
+            before = (await client.call("get_state"))["topics"]["odometry"]["data"]
             board.say(b"e\t50\t4Initializing I2C devices...\r\n", b"Testing device connections...\r\n")
             for number in range(50):
                 board.cycle(number, number)
                 await asyncio.sleep(0.02)
-            state, stats = await client.get_state(), await client.get_stats()
+            state, stats = await client.call("get_state"), await client.call("get_stats")
             assert stats["board_restarts"] == 1
             assert state["safety"]["mode"] == "disarmed"
             moved_m = state["topics"]["odometry"]["data"]["x_m"] - before["x_m"]
@@ -204,7 +204,7 @@ def test_a_restart_is_heard_among_all_that_one_read_brings():
                 await asyncio.sleep(0.02)
             board.say(b"Initializing I2C devices...\r\n", *(b"e\t%d\t%d\n" % (n, n) for n in range(20_000)))
             await asyncio.sleep(0.1)
-            safety = (await client.get_state())["safety"]
+            safety = (await client.call("get_state"))["safety"]
             assert (safety["mode"], safety["fault"]) == ("disarmed", "board_restarted")
 
     run_virtual(run())
@@ -217,7 +217,7 @@ def test_the_boards_clock_wraps_in_mid_drive():
         await drive(robot, 0.1, 0.7, 4.0)
         assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.1, abs=0.005)
         assert await odometry_error_m(robot) < 0.005
-        stats = await robot.client.get_stats()
+        stats = await robot.client.call("get_stats")
         assert (stats["board_restarts"], stats["board_clock_suspects"]) == (0, 0)
 
     on_robot(scenario, boot_micros=2**32 - 2_000_000)

@@ -49,7 +49,7 @@ async def drive(
 
 async def safety(robot: SimulatedRobot) -> dict[str, object]:
     """The topic's latest data."""
-    return (await robot.client.get_state())["safety"]
+    return (await robot.client.call("get_state"))["safety"]
 
 
 def speed_m_s(robot: SimulatedRobot) -> float:
@@ -88,7 +88,7 @@ def test_a_broken_encoder_stops_the_robot(
     """While driving: disarmed within its time, at rest, the wheel named and what to check said; arming leaves it."""
 
     async def scenario(robot: SimulatedRobot) -> None:
-        names = (await robot.client.get_state())["topics"]["wheels"]["data"]["name"]
+        names = (await robot.client.call("get_state"))["topics"]["wheels"]["data"]["name"]
         feed = robot.device.transport.feed
         await drive(robot, 0.2, 0.0, 1.0)
         rewire(robot, b"e", broken(wheel))
@@ -185,7 +185,7 @@ def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: st
         truth = robot.board.truth(0.0)
         assert not truth.in_contact
         assert speed_m_s(robot) < STILL_M_S
-        beam = (await robot.client.get_state())["topics"]["ranges"]["data"]["ranges"][0]
+        beam = (await robot.client.call("get_state"))["topics"]["ranges"]["data"]["ranges"][0]
         assert beam["status"] in {"chefbot": ("ok",), "khan": ("ok", "too_near", "ambiguous")}[robot_name]
         assert 0.14 <= (beam["range_m"] or beam["min_range_m"]) <= 0.20
         assert (await safety(robot))["limited_by"] == "obstacle:front"
@@ -222,7 +222,7 @@ def test_a_service_that_raises_stops_the_robot_and_comes_back(robot_name: str):
         robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
         assert await drive(robot, 0.2, 0.0, 1.0) <= 0.05
         assert "TypeError" in await left_by_arm(robot, "service_failed")
-        assert (await robot.client.get_state())["topics"]["battery"]["age_s"] < 0.1
+        assert (await robot.client.call("get_state"))["topics"]["battery"]["age_s"] < 0.1
 
     on_robot(robot_name, scenario)
 

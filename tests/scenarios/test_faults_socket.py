@@ -53,7 +53,7 @@ def speed_m_s(robot: SimulatedRobot) -> float:
 
 async def safety(robot: SimulatedRobot) -> dict[str, object]:
     """The latest of the topic ``safety``."""
-    state: dict[str, object] = (await robot.client.get_state())["safety"]
+    state: dict[str, object] = (await robot.client.call("get_state"))["safety"]
     return state
 
 
@@ -187,16 +187,16 @@ def test_a_driver_is_not_disturbed_by_what_others_send(first: bytes, body: bytes
 
     async def scenario(robot: SimulatedRobot) -> None:
         abusers = await asyncio.gather(*(say(robot, first + body, repeat=4) for _ in range(10)))
-        before = await robot.client.get_stats()
+        before = await robot.client.call("get_stats")
         await drive(robot.client, 0.2, 1.5)
         assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
-        after = await robot.client.get_stats()
+        after = await robot.client.call("get_stats")
         frames = after["frames"]["EncoderCounts"] - before["frames"]["EncoderCounts"]
         assert after["control_steps"] - before["control_steps"] == frames > 50
         for writer in abusers:
             writer.transport.abort()
         await asyncio.sleep(0.3)
-        assert (await robot.client.get_stats())["clients"] == 1
+        assert (await robot.client.call("get_stats"))["clients"] == 1
 
     on_robot(scenario)
 

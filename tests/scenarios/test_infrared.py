@@ -63,7 +63,7 @@ def test_at_full_speed_it_stops_before_the_cupboard(wire: str):
         assert not any(each.in_contact for each in seen)
         assert 0.15 < seen[-1].distance_m < 0.25
         assert robot.board.truth(0.0).twist.linear_m_s == 0.0
-        assert (await robot.client.get_state())["safety"]["limited_by"] == "obstacle:front"
+        assert (await robot.client.call("get_state"))["safety"]["limited_by"] == "obstacle:front"
         await watch(robot, -0.2, 2.0)
         assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(-0.2, rel=0.05)
 

@@ -92,7 +92,7 @@ def test_who_lets_go_leaves_no_velocity_behind():
         pad.reading = Reading(1.0, 0.0)
         await asyncio.sleep(0.15)
         assert not any(robot.board.duty)
-        state = (await robot.client.get_state())["safety"]
+        state = (await robot.client.call("get_state"))["safety"]
         assert (state["source"], state["control"], state["mode"]) == (None, {}, "armed")
 
     with_a_pad(script)
@@ -105,6 +105,6 @@ def test_its_stop_is_for_everybody():
         await robot.client.drive(0.1, 0.0, "move_base")
         pad.reading = Reading(down=frozenset({Button.STOP}))
         await asyncio.sleep(0.02)
-        assert (await robot.client.get_state())["safety"]["source"] is None
+        assert (await robot.client.call("get_state"))["safety"]["source"] is None
 
     with_a_pad(script)

@@ -42,7 +42,7 @@ async def ended(program: Program, number: signal.Signals) -> None:
 async def refused_until_armed(program: Program, client: Client, kind: str) -> None:
     """Once the board is there, commands are refused as ``kind`` and nothing moves; after ``arm`` the robot does."""
     async with client.subscribe("link") as changes:
-        while (await anext(changes)).data["state"] != "up":
+        while (await anext(changes)).data.state != "up":
             pass
     while program.board.told_to_move:  # noqa: ASYNC110 - the first stop is on its way, and nobody tells us
         await asyncio.sleep(PERIOD_S)
@@ -74,7 +74,7 @@ def test_an_estop_outlives_the_program(
             await client.estop("smoke")
             await ended(program, end)
             async with second_daemon(program) as second, second.client() as again:
-                assert (await again.get_state())["safety"]["reason"] == "smoke"
+                assert (await again.call("get_state"))["safety"]["reason"] == "smoke"
                 await refused_until_armed(second, again, "estopped")
 
     asyncio.run(scenario())
@@ -88,7 +88,7 @@ def test_whoever_is_killed_in_mid_drive_leaves_a_robot_that_is_disarmed(tmp_path
             await ended(program, signal.SIGKILL)
             assert program.board.told_to_move
             async with second_daemon(program) as second, second.client() as again:
-                assert (await again.get_state())["safety"]["fault"] == "ended_badly"
+                assert (await again.call("get_state"))["safety"]["fault"] == "ended_badly"
                 await refused_until_armed(second, again, "disarmed")
 
     asyncio.run(scenario())
@@ -101,7 +101,7 @@ def test_a_failure_that_ends_the_program_is_not_in_order(tmp_path: Path):
         async with started(tmp_path, BROKEN_SERVICE, environment=configured(tmp_path)) as program:
             assert await program.ended() == 1
             async with second_daemon(program) as second, second.client() as again:
-                assert (await again.get_state())["safety"]["fault"] == "service_failed"
+                assert (await again.call("get_state"))["safety"]["fault"] == "service_failed"
                 await refused_until_armed(second, again, "disarmed")
 
     asyncio.run(scenario())
@@ -116,7 +116,7 @@ def test_whoever_ends_in_order_leaves_a_robot_that_is_armed(tmp_path: Path):
             await ended(program, signal.SIGTERM)
             assert list((tmp_path / "latch").iterdir()) == []
             async with second_daemon(program) as second, second.client() as again:
-                assert (await again.get_state())["safety"]["mode"] == "armed"
+                assert (await again.call("get_state"))["safety"]["mode"] == "armed"
                 await drive_until_told(second.board, again)
 
     asyncio.run(scenario())
@@ -131,6 +131,6 @@ def test_without_a_folder_there_is_no_memory_and_the_log_says_so(tmp_path: Path)
             await ended(program, signal.SIGKILL)
             assert program.log.read_text().count("does not outlive the daemon") == 1
             async with second_daemon(program) as second, second.client() as again:
-                assert (await again.get_state())["safety"]["mode"] == "armed"
+                assert (await again.call("get_state"))["safety"]["mode"] == "armed"
 
     asyncio.run(scenario())

@@ -32,7 +32,7 @@ async def rock(
 
 async def fault_of(robot: SimulatedRobot) -> tuple[str | None, str]:
     """What the safety topic says, and why."""
-    told = (await robot.client.get_state())["safety"]
+    told = (await robot.client.call("get_state"))["safety"]
     return told["fault"], told["reason"]
 
 

@@ -85,7 +85,7 @@ async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, 
 
 async def topic(robot: SimulatedRobot, name: str) -> Any:
     """A topic's latest data."""
-    return (await robot.client.get_state())["topics"][name]["data"]
+    return (await robot.client.call("get_state"))["topics"][name]["data"]
 
 
 def test_it_drives_and_turns_and_knows_where_it_is(crawler: Path) -> None:

@@ -19,7 +19,7 @@ async def steady_drive(robot: SimulatedRobot, seconds: float) -> list[list[int]]
     ends_s = loop.time() + seconds
     async with robot.client.subscribe("wheels", policy="ordered") as samples:
         async for sample in samples:
-            duty.append(sample.data["duty"])
+            duty.append(sample.data.duty)
             await robot.client.drive(0.1, 0.0)
             if loop.time() > ends_s:
                 break
@@ -79,7 +79,7 @@ def test_undo_is_shared_by_all_clients() -> None:
             before = await robot.client.get_pid()
             await robot.client.set_pid("left_wheel", kp=1.0, back_calculation_s=None)
             await robot.client.set_pid("all", kd=2.0)
-            assert (await robot.client.undo_pid())["left_wheel"]["kp"] == 1.0
+            assert (await robot.client.undo_pid())["left_wheel"].kp == 1.0
             assert await robot.client.undo_pid() == before
 
     run_virtual(scenario())

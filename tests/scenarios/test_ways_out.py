@@ -67,7 +67,7 @@ def test_out_of_memory_in_a_request_stops_nothing(tmp_path: Path):
     async def scenario() -> None:
         async with driving(tmp_path, OUT_OF_MEMORY) as (program, client):
             with pytest.raises(CallError) as refusal:
-                await client.get_stats()
+                await client.call("get_stats")
             assert refusal.value.kind == "internal"
             await client.drive(SPEED_M_S, 0.0)
             await asyncio.sleep(PERIOD_S)
@@ -86,13 +86,13 @@ def test_a_blocked_loop_is_stopped_by_the_watchdog(tmp_path: Path):
         async with driving(tmp_path, BLOCKED) as (program, client):
             heard, is_stop = program.board.heard, program.board.is_stop
             asked_s = time.monotonic()
-            asking = asyncio.create_task(client.get_stats())
+            asking = asyncio.create_task(client.call("get_stats"))
             await asyncio.sleep(0.5)
             first_stop_s = next(at_s for at_s, line in heard if at_s > asked_s and is_stop(line))
             assert 0.2 < first_stop_s - asked_s < 0.4
             await asyncio.gather(asking, return_exceptions=True)
             await asyncio.sleep(2 * PERIOD_S)
-            told = (await client.get_state())["safety"]
+            told = (await client.call("get_state"))["safety"]
             assert (told["armed"], told["fault"]) == (False, "loop_blocked")
             assert all(is_stop(line) for at_s, line in heard if at_s > first_stop_s)
         assert "loop_blocked" in program.log.read_text()

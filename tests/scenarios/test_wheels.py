@@ -53,7 +53,7 @@ async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, 
 
 async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
     """A topic's latest data."""
-    state = await robot.client.get_state()
+    state = await robot.client.call("get_state")
     return state["topics"][name]["data"]
 
 
@@ -122,9 +122,9 @@ def test_too_fast_wheels_keep_their_ratio():
 
     async def scenario(robot: SimulatedRobot) -> None:
         answer = await robot.client.set_wheel_velocities({"right_wheel": 10.0, "left_wheel": 20.0})
-        assert answer["limited_by"] == "drive.max_rim_speed_m_s"
-        assert answer["name"] == ["right_wheel", "left_wheel"]
-        assert answer["velocity_rad_s"] == pytest.approx([0.17 / 0.045, 0.34 / 0.045])
+        assert answer.limited_by == "drive.max_rim_speed_m_s"
+        assert answer.name == ["right_wheel", "left_wheel"]
+        assert answer.velocity_rad_s == pytest.approx([0.17 / 0.045, 0.34 / 0.045])
         await turn(robot, {"left_wheel": 20.0, "right_wheel": 10.0}, 2.0)
         target = dict(zip(LEFT_AND_RIGHT, (await topic(robot, "wheels"))["target_rad_s"], strict=True))
         assert target == pytest.approx({"left_wheel": 0.34 / 0.045, "right_wheel": 0.17 / 0.045})

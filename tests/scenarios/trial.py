@@ -13,7 +13,7 @@ from typing import Any
 
 from structlog.testing import capture_logs
 
-from chefbotd.client import CallError, Client, ClientError
+from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -86,14 +86,14 @@ class Trial:
     async def told(self) -> tuple[str, str | None]:
         """The mode, and the fault that latched or what limits the motion."""
         try:
-            safety = (await self.robot.client.get_state())["safety"]
-        except ClientError:
+            safety = (await self.robot.client.call("get_state"))["safety"]
+        except ChefbotError:
             return ENDED, None
         return safety["mode"], safety["fault"] or safety["limited_by"]
 
     async def topic(self, name: str) -> dict[str, Any]:
         """A topic's latest data."""
-        data: dict[str, Any] = (await self.robot.client.get_state())["topics"][name]["data"]
+        data: dict[str, Any] = (await self.robot.client.call("get_state"))["topics"][name]["data"]
         return data
 
     async def odometry_error_m(self) -> float:

@@ -15,7 +15,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.api import Guard
 from chefbotd.api.access import Keyring
-from chefbotd.client import CallError, Client, ConnectionLost
+from chefbotd.client import CallError, CannotConnect, Client, ConnectionLost
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
 from tests.fakes.api import line_client, serving
@@ -104,8 +104,8 @@ def test_no_method_is_left_out() -> None:
             serving(guard=GUARD) as served,
             Client.connect(served.host, served.port, token=TOKENS["admin"]) as robot,
         ):
-            described = (await robot.describe())["methods"]
-            roles = {name: method["role"] for name, method in described.items()}
+            described = (await robot.describe()).methods
+            roles = {name: method.role for name, method in described.items()}
             assert roles.pop("authenticate") is None
             assert {name for name, role in roles.items() if role == "observe"} == OBSERVING
             assert {name for name, role in roles.items() if role == "drive"} == DRIVING - OBSERVING
@@ -278,11 +278,12 @@ def test_an_untrusted_certificate_is_refused_by_the_client(run: Run) -> None:
 
     async def main() -> None:
         async with serving(guard=tls_guard()) as served:
-            with pytest.raises(ssl.SSLCertVerificationError):
+            with pytest.raises(CannotConnect, match="certificate verify failed") as refused:
                 async with Client.connect(
                     served.host, served.port, token=TOKENS["admin"], tls=ssl.create_default_context()
                 ):
                     pytest.fail("trusted a stranger")
+            assert isinstance(refused.value.__cause__, ssl.SSLCertVerificationError)
             await asyncio.sleep(0.05)
             assert served.server.clients == 0
             async with Client.connect(

@@ -110,12 +110,18 @@ class FakeDaemon:
             "odometry": {**_pose(self.pose), **speed, "covariance": [0.0] * 9},
             "wheels": {
                 "name": list(WHEELS),
+                "position_rad": [3.5, -7.0],
                 "velocity_rad_s": [1.0, -2.0],
                 "target_rad_s": [1.5, -2.0],
                 "duty": [1, 0],
             },
-            "imu": {"heading_rad": 0.5, "angular_velocity_rad_s": None},
-            "ranges": {"ranges": [{"sensor": "front", "status": "ok", "range_m": 1.5}]},
+            "imu": {
+                "orientation": None,
+                "heading_rad": 0.5,
+                "angular_velocity_rad_s": None,
+                "linear_acceleration_m_s2": None,
+            },
+            "ranges": {"ranges": [BEAM]},
             "battery": {"voltage_v": 12.34, "percentage": 78.0, "status": "ok"},
             "safety": {
                 "mode": "armed",
@@ -123,6 +129,7 @@ class FakeDaemon:
                 "limited_by": self.held_by,
                 "source": None,
                 "armed": True,
+                "control": {},
             },
             "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
         }
@@ -201,6 +208,16 @@ def description(*, simulated: bool) -> dict[str, Any]:
     table = Methods(FakeRobot(), fanout, clock, Control(1.0, lambda _: None, lambda _: None)).table
     return describe(table, known).model_dump(mode="json")
 
+
+BEAM = {
+    "sensor": "front",
+    "status": "ok",
+    "range_m": 1.5,
+    "min_range_m": 0.02,
+    "max_range_m": 4.0,
+    "field_of_view_rad": 0.26,
+    "stamp_s": 3.0,
+}
 
 STATS: dict[str, Any] = {
     "uptime_s": 12.0,

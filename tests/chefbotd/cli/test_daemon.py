@@ -167,7 +167,7 @@ def test_a_daemon_of_its_own() -> None:
 
     async def talk() -> str:
         async with simulated_daemon() as address, Client.connect(address.host, address.port) as robot:
-            assert "sim" in (await robot.describe())["topics"]
+            assert "sim" in (await robot.describe()).topics
             return robot.hello.robot
 
     assert asyncio.run(talk()) == "chefbot"

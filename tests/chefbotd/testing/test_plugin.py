@@ -38,7 +38,7 @@ def test_a_script_is_played_at_its_times(serial_device: FakeSerialDevice, script
             )
             await asyncio.sleep(0)
             assert asyncio.get_running_loop().time() - start_s == pytest.approx(1.5)
-            state = await robot.get_state()
+            state = await robot.call("get_state")
             assert state["topics"]["ranges"]["data"]["ranges"][0]["range_m"] == 2.0
             assert state["topics"]["battery"]["seq"] == 1
 

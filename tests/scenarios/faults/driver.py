@@ -121,7 +121,7 @@ async def gains(trial: Trial) -> AsyncIterator[None]:
     client = trial.robot.client
     before = await client.get_pid()
     wheel, gain = next(iter(before.items()))
-    await client.set_pid(wheel, kp=1.2 * gain["kp"])
+    await client.set_pid(wheel, kp=1.2 * gain.kp)
     try:
         await client.set_pid(wheel, kp=-1.0)
     except CallError as refusal:

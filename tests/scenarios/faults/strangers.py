@@ -105,7 +105,7 @@ async def unread(trial: Trial) -> AsyncIterator[None]:
             writer.transport.pause_reading()
             writer.write(LISTEN_TO_ALL + DESCRIBE * 200)
         yield
-        left = (await trial.robot.client.get_stats())["clients"] - 2
+        left = (await trial.robot.client.call("get_stats"))["clients"] - 2
         trial.check(not left, f"{left} of them are still there")
 
 

@@ -80,7 +80,7 @@ async def left_out(index: int, trial: Trial) -> AsyncIterator[None]:
 
     async def listen() -> None:
         async for event in trial.robot.client.subscribe("wheels", policy="ordered"):
-            said.update(event.data["left_out"])
+            said.update(event.data.left_out)
 
     listening = asyncio.create_task(listen())
     async with rewired(b"e", slipping(index), trial):

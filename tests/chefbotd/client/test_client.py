@@ -10,6 +10,7 @@ import uvloop
 from chefbotd.client import (
     CallError,
     CallTimeout,
+    CannotConnect,
     Client,
     ConnectionLost,
     Event,
@@ -19,6 +20,7 @@ from chefbotd.client.wire import Wire
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import LineSeen, LinkOpened, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.messages.telemetry import TextData
 from tests.fakes.api import Served, serving
 from tests.fakes.daemon import HELLO, Daemon, scripted
 from tests.fakes.transport import FakeTransport
@@ -105,12 +107,12 @@ def test_every_method_has_its_own(run: Callable[[Any], None]) -> None:
             ("reset_board",),
             *(("release", source) for source in ("teleop", "navigation", "safety")),
         ]
-        assert (await robot.ping())["pong"] is True
-        assert (await robot.get_state())["link"]["state"] == "down"
-        assert (await robot.get_stats())["lines_out"] == 50
-        assert set((await robot.describe())["methods"]) == set(robot_methods(robot))
-        assert (await robot.set_pid("left", kp=3))["left"]["kp"] == 3.0
-        assert (await robot.get_pid())["left"]["kp"] == 3.0
+        assert (await robot.ping()).pong
+        assert (await robot.get_state()).link.state == "down"
+        assert (await robot.get_stats()).lines_out == 50
+        assert set((await robot.describe()).methods) == set(robot_methods(robot))
+        assert (await robot.set_pid("left", kp=3))["left"].kp == 3.0
+        assert (await robot.get_pid())["left"].kp == 3.0
 
     with_robot(scenario, run=run)
 
@@ -146,7 +148,7 @@ def test_calls_may_overlap() -> None:
 
     async def scenario(_: Served, robot: Client) -> None:
         answers = await asyncio.gather(*(robot.ping() for _ in range(50)))
-        assert all(a["pong"] for a in answers)
+        assert all(a.pong for a in answers)
 
     with_robot(scenario)
 
@@ -158,9 +160,9 @@ def test_a_subscription_iterates_from_the_snapshot_on() -> None:
         served.bus.publish(TextReceived(999.0, "before"))
         async with robot.subscribe(["text", "raw"]) as events:
             assert served.bus.wanted(LineSeen)
-            assert await anext(events) == Event("text", 1, 999.0, 1.0, {"text": "before"})
+            assert await anext(events) == Event("text", 1, 999.0, 1.0, TextData(text="before"))
             served.bus.publish(TextReceived(1000.0, "after"))
-            assert (await anext(events)).data == {"text": "after"}
+            assert (await anext(events)).data.text == "after"
         assert not served.bus.wanted(LineSeen)
         await events.close()
         with pytest.raises(StopAsyncIteration):
@@ -175,7 +177,7 @@ def test_a_plain_loop_subscribes_by_itself() -> None:
     async def scenario(served: Served, robot: Client) -> None:
         served.bus.publish(TextReceived(999.0, "hi"))
         async for event in robot.subscribe("text", max_rate_hz=5, policy="ordered"):
-            assert event.data == {"text": "hi"}
+            assert event.data.text == "hi"
             break
 
     with_robot(scenario)
@@ -189,10 +191,10 @@ def test_two_subscriptions_to_a_topic_share_it() -> None:
             async with robot.subscribe(["text"]) as leaves, robot.subscribe(["link"]) as other:
                 served.bus.publish(TextReceived(1.0, "a"))
                 served.bus.publish(LinkOpened(1.0, "/dev/ttyACM0"))
-                assert (await anext(stays)).data == (await anext(leaves)).data == {"text": "a"}
+                assert (await anext(stays)).data.text == (await anext(leaves)).data.text == "a"
                 assert (await anext(other)).topic == "link"
             served.bus.publish(TextReceived(2.0, "b"))
-            assert (await anext(stays)).data == {"text": "b"}
+            assert (await anext(stays)).data.text == "b"
 
     with_robot(scenario)
 
@@ -206,7 +208,7 @@ def test_a_subscription_that_is_refused_can_be_closed() -> None:
             await anext(events)
         assert caught.value.kind == "unknown_topic"
         await events.close()
-        assert (await robot.ping())["pong"]
+        assert (await robot.ping()).pong
 
     with_robot(scenario)
 
@@ -219,7 +221,7 @@ def test_a_slow_reader_loses_the_oldest_and_sees_it() -> None:
             for i in range(5):
                 served.bus.publish(TextReceived(0.0, str(i)))
             await asyncio.sleep(0.1)
-            assert [(await anext(events)).data["text"] for _ in range(2)] == ["3", "4"]
+            assert [(await anext(events)).data.text for _ in range(2)] == ["3", "4"]
             assert events.dropped == {"text": 3}
 
     with_robot(scenario)
@@ -244,7 +246,7 @@ def test_what_the_daemon_dropped_is_counted() -> None:
         params = {"topics": {"text": 3, "imu": 1}, "total": 4}
         daemon.say({"jsonrpc": "2.0", "method": "dropped", "params": params})
         daemon.say({"jsonrpc": "2.0", "method": "something_newer", "params": {}})
-        await daemon.answer()
+        await daemon.answer(stamp_s=1.0)
 
     async def scenario(host: str, port: int) -> None:
         async with Client.connect(host, port) as robot:
@@ -263,15 +265,15 @@ def test_no_answer_in_time() -> None:
         daemon.say(HELLO)
         late = await daemon.hear()
         request = await daemon.hear()
-        daemon.say({"jsonrpc": "2.0", "id": late["id"], "result": {"late": True}})
-        daemon.say({"jsonrpc": "2.0", "id": request["id"], "result": {"late": False}})
+        daemon.say({"jsonrpc": "2.0", "id": late["id"], "result": {"pong": True, "stamp_s": 1.0}})
+        daemon.say({"jsonrpc": "2.0", "id": request["id"], "result": {"pong": True, "stamp_s": 2.0}})
         await asyncio.sleep(1.0)
 
     async def scenario(host: str, port: int) -> None:
         async with Client.connect(host, port, timeout_s=0.5) as robot:
             with pytest.raises(CallTimeout, match=r"ping within 0\.5 s"):
                 await robot.ping()
-            assert await robot.ping() == {"late": False}
+            assert (await robot.ping()).stamp_s == 2.0
 
     with_script(script, scenario)
 
@@ -349,7 +351,7 @@ def test_nobody_listens() -> None:
     async def scenario() -> None:
         async with serving() as served:
             pass
-        with pytest.raises(ConnectionRefusedError):
+        with pytest.raises(CannotConnect, match="is chefbotd running there"):
             async with Client.connect(served.host, served.port):
                 raise AssertionError("connected")
 
@@ -446,6 +448,6 @@ def test_an_event_of_a_newer_daemon_is_understood() -> None:
 
     async def scenario(host: str, port: int) -> None:
         async with Client.connect(host, port) as robot, robot.subscribe("text") as texts:
-            assert await anext(texts) == Event("text", 1, 2.0, 0.5, {"text": "hi"})
+            assert await anext(texts) == Event("text", 1, 2.0, 0.5, TextData(text="hi"))
 
     with_script(newer, scenario)

@@ -1,0 +1,250 @@
+"""One method per method of the socket, over any way of calling it.
+
+A method that answers with a model loads the models before it asks: building them takes some 0.3 s, which ``stop`` and
+``estop`` of a program that has just started must not wait for, nor a robot that already drives.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
+from chefbotd.client.reading import read
+
+if TYPE_CHECKING:
+    from chefbotd.client.state import State
+    from chefbotd.messages import answers
+    from chefbotd.messages.telemetry import StatsData
+    from chefbotd.motion.pid import PidParameters
+
+MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
+DRIVE_PERIOD_S = 0.05
+"""Several times within any dead-man: KHAN's is 0.25 s."""
+
+POLL_PERIOD_S = 0.05
+STANDING_M_S, STANDING_RAD_S = 0.002, 0.01
+SETTLING_PATIENCE_S = 3.0
+
+
+class Gains(TypedDict, total=False):
+    """The gains that ``set_pid`` can change; see ``PidParameters`` for what each does and its unit."""
+
+    kp: float
+    ki: float
+    kd: float
+    ks: float
+    kv: float
+    ka: float
+    output_limit: float
+    integral_limit: float | None
+    deadband: float
+    derivative_filter_s: float
+    back_calculation_s: float | None
+    conditional_integration: bool
+
+
+class Methods(ABC):
+    """What can be asked of the robot, over some way of calling it. Every error is a ``ChefbotError``.
+
+    Most often it is ``CallError`` (refused; ``kind`` says why), ``CallTimeout`` or ``ConnectionLost``.
+    """
+
+    @abstractmethod
+    async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
+        """Any method by its name: the answer's ``result`` as it came."""
+
+    # motion
+
+    async def drive(
+        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
+    ) -> answers.Driven:
+        """Ask for a velocity: forward in m/s, turning in rad/s (CCW positive). The answer is what the limits allow.
+
+        It holds for the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``. Without a
+        source it is the robot's default one that asks.
+        """
+        from chefbotd.messages import answers
+
+        velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
+        return read(answers.Driven, await self.call("drive", **velocity, **_named(source)))
+
+    async def drive_for(
+        self,
+        seconds: float,
+        linear_m_s: float = 0.0,
+        angular_rad_s: float = 0.0,
+        source: str | None = None,
+    ) -> answers.Driven:
+        """Drive for some seconds by repeating ``drive`` within the dead-man time, then brake until the robot stands.
+
+        The robot brakes on every way out: the end, an error, a cancellation.
+        """
+        loop = asyncio.get_running_loop()
+        ends_s = loop.time() + seconds
+        try:
+            allowed = await self.drive(linear_m_s, angular_rad_s, source)
+            while (left_s := ends_s - loop.time()) > 0:
+                await asyncio.sleep(min(DRIVE_PERIOD_S, left_s))
+                allowed = await self.drive(linear_m_s, angular_rad_s, source)
+        finally:
+            await self._brake(source)
+        await self._until_standing()
+        return allowed
+
+    async def _brake(self, source: str | None) -> None:
+        """Zero for our own source: others that drive are not stopped with it. Lost or refused, we do not drive."""
+        with contextlib.suppress(CallError, ConnectionLost):
+            await self.drive(0.0, 0.0, source)
+
+    async def _until_standing(self) -> None:
+        loop = asyncio.get_running_loop()
+        ends_s = loop.time() + SETTLING_PATIENCE_S
+        while loop.time() < ends_s:
+            await asyncio.sleep(POLL_PERIOD_S)
+            odometry = (await self.get_state()).odometry
+            if abs(odometry.linear_m_s) < STANDING_M_S and abs(odometry.angular_rad_s) < STANDING_RAD_S:
+                return
+
+    async def set_wheel_velocities(
+        self, velocity_rad_s: Mapping[str, float], source: str | None = None
+    ) -> answers.WheelsDriven:
+        """Ask for a speed of each wheel by name, in rad/s; the others stand. It holds as long as a ``drive`` does."""
+        from chefbotd.messages import answers
+
+        names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
+        asked = {"name": names, "velocity_rad_s": velocities}
+        return read(answers.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
+
+    async def stop(self) -> None:
+        """Bring the robot to rest within the deceleration limit, whoever drives it."""
+        await self.call("stop")
+
+    async def estop(self, reason: str | None = None) -> None:
+        """Stop the motors at once, and until ``arm``; of a long reason the beginning is told."""
+        told = {} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}
+        await self.call("estop", **told)
+
+    async def arm(self) -> None:
+        """Allow motion again after an emergency stop or a fault."""
+        await self.call("arm")
+
+    # who drives
+
+    async def introduce(self, client: str) -> None:
+        """Say what this client is called where others see who drives: 1 to 64 characters."""
+        await self.call("introduce", client=client)
+
+    async def authenticate(self, token: str) -> answers.Known:
+        """Show a token; ``connect(token=...)`` does so by itself."""
+        from chefbotd.messages import answers
+
+        return read(answers.Known, await self.call("authenticate", token=token))
+
+    async def take_control(self, source: str | None = None) -> str | None:
+        """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""
+        from chefbotd.messages import answers
+
+        return read(answers.Taken, await self.call("take_control", **_named(source))).taken_from
+
+    async def release_control(self) -> list[str]:
+        """Give back every source that we have, and name them; our commands are withdrawn."""
+        from chefbotd.messages import answers
+
+        return read(answers.Released, await self.call("release_control")).sources
+
+    # state
+
+    async def get_state(self) -> State:
+        """The link, the safety, and the latest value of each topic with its age."""
+        from chefbotd.client.state import read_state
+
+        return read_state(await self.call("get_state"))
+
+    async def wait_until_armed(self, timeout_s: float = 10.0) -> State:
+        """Wait until the robot may move: its board is connected, it has reported odometry, and it is armed.
+
+        It does not arm the robot: after an emergency stop somebody has to look, and to say ``arm``.
+
+        Raises:
+            CallTimeout: not within ``timeout_s`` seconds; the message says what is missing.
+        """
+        missing = "nothing heard"
+        try:
+            async with asyncio.timeout(timeout_s):
+                while missing:
+                    state = await self.get_state()
+                    missing = _missing_to_move(state)
+                    if missing:
+                        await asyncio.sleep(POLL_PERIOD_S)
+        except TimeoutError:
+            raise CallTimeout(f"the robot was not ready to move within {timeout_s:g} s: {missing}") from None
+        return state
+
+    async def get_stats(self) -> StatsData:
+        """The daemon's counters, as in the topic ``stats``."""
+        from chefbotd.messages.telemetry import StatsData
+
+        return read(StatsData, await self.call("get_stats"))
+
+    async def get_description(self) -> str | None:
+        """The robot's links and joints as a URDF document; None where the configuration names none."""
+        from chefbotd.messages import answers
+
+        return read(answers.RobotDescription, await self.call("get_description")).urdf
+
+    async def describe(self) -> answers.Description:
+        """Methods, topics and error kinds with their JSON Schemas."""
+        from chefbotd.messages import answers
+
+        return read(answers.Description, await self.call("describe"))
+
+    async def ping(self) -> answers.Pong:
+        """Whether the daemon answers; ``stamp_s`` is its monotonic clock."""
+        from chefbotd.messages import answers
+
+        return read(answers.Pong, await self.call("ping"))
+
+    # tuning and resets
+
+    async def get_pid(self) -> dict[str, PidParameters]:
+        """The gains by wheel name."""
+        return _gains(await self.call("get_pid"))
+
+    async def set_pid(self, wheel: str = "all", **changes: Unpack[Gains]) -> dict[str, PidParameters]:
+        """Change some gains of a wheel, or of all; what every wheel now has."""
+        return _gains(await self.call("set_pid", wheel=wheel, **changes))
+
+    async def undo_pid(self) -> dict[str, PidParameters]:
+        """Take the latest change of gains back, whoever made it; what every wheel now has."""
+        return _gains(await self.call("undo_pid"))
+
+    async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
+        """Say where the robot stands in ``odom``."""
+        await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+    async def reset_board(self) -> None:
+        """Restart the board."""
+        await self.call("reset_board")
+
+
+def _missing_to_move(state: State) -> str:
+    if state.link.state != "up":
+        return f"the link is down: {state.link.reason}"
+    if not state.safety.armed:
+        return f"it is {state.safety.mode}: {state.safety.reason}"
+    return "" if "odometry" in state.topics else "no odometry yet"
+
+
+def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
+    from chefbotd.messages import answers
+
+    return read(answers.Wheels, answer).wheels
+
+
+def _named(source: str | None) -> dict[str, str]:
+    """The parameter ``source``, if there is one to send."""
+    return {} if source is None else {"source": source}

@@ -1,0 +1,111 @@
+"""The robot's state, and events: read from what the daemon sent."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from chefbotd.client.errors import NotReported
+from chefbotd.client.event import Event
+from chefbotd.client.reading import read
+from chefbotd.messages.answers import Result
+from chefbotd.messages.telemetry import (
+    DATA_BY_TOPIC,
+    BatteryData,
+    ImuData,
+    LinkData,
+    OdometryData,
+    RangesData,
+    SafetyData,
+    SimData,
+    TopicData,
+    UnknownData,
+    WheelsData,
+)
+
+D = TypeVar("D", bound=TopicData)
+
+
+class _Envelope(Result):
+    seq: int
+    stamp_s: float
+    age_s: float
+    data: dict[str, Any]
+
+
+class _NamedEnvelope(_Envelope):
+    topic: str
+
+
+class _WireState(Result):
+    stamp_s: float
+    link: LinkData
+    safety: SafetyData
+    topics: dict[str, _Envelope]
+
+
+def read_event(params: object) -> Event[Any]:
+    """The parameters of an ``event`` notification; raises ``ProtocolError``."""
+    envelope = read(_NamedEnvelope, params)
+    return _opened(envelope.topic, envelope)
+
+
+def _opened(topic: str, envelope: _Envelope) -> Event[Any]:
+    data = read(DATA_BY_TOPIC.get(topic, UnknownData), envelope.data)
+    return Event(topic, envelope.seq, envelope.stamp_s, envelope.age_s, data)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The robot at one moment: its link, its safety, and the latest event of every topic that has had one.
+
+    ``odometry``, ``wheels`` and so on are the data of that topic; they raise ``NotReported`` where there is none yet.
+    """
+
+    stamp_s: float
+    link: LinkData
+    safety: SafetyData
+    topics: Mapping[str, Event[Any]]
+
+    @property
+    def odometry(self) -> OdometryData:
+        """Pose in ``odom`` (m, rad CCW positive) and twist (m/s, rad/s)."""
+        return self._latest("odometry", OdometryData)
+
+    @property
+    def wheels(self) -> WheelsData:
+        """Positions (rad), speeds (rad/s) and duties by wheel, in the order of ``name``."""
+        return self._latest("wheels", WheelsData)
+
+    @property
+    def imu(self) -> ImuData:
+        """Orientation, turning rates (rad/s) and accelerations (m/s2)."""
+        return self._latest("imu", ImuData)
+
+    @property
+    def ranges(self) -> RangesData:
+        """The latest beam of each range sensor (m)."""
+        return self._latest("ranges", RangesData)
+
+    @property
+    def battery(self) -> BatteryData:
+        """Volts and percent."""
+        return self._latest("battery", BatteryData)
+
+    @property
+    def sim(self) -> SimData:
+        """Where a simulated robot really is (m, rad)."""
+        return self._latest("sim", SimData)
+
+    def _latest(self, topic: str, model: type[D]) -> D:
+        event = self.topics.get(topic)
+        if event is None or not isinstance(event.data, model):
+            link = "" if self.link.state == "up" else f"; the link is down: {self.link.reason}"
+            raise NotReported(f"the robot has not reported {topic} yet{link}")
+        return event.data
+
+
+def read_state(result: object) -> State:
+    """The result of ``get_state``; raises ``ProtocolError``."""
+    told = read(_WireState, result)
+    topics = {topic: _opened(topic, envelope) for topic, envelope in told.topics.items()}
+    return State(told.stamp_s, told.link, told.safety, topics)

@@ -1,0 +1,82 @@
+"""What a subscription to each topic yields, for type checkers and editors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+from chefbotd.client.subscription import SubscribeOptions, Subscription
+
+if TYPE_CHECKING:
+    from chefbotd.messages import telemetry as t
+
+
+class Topics(ABC):
+    """``subscribe``, typed by the name of the topic."""
+
+    @overload
+    def subscribe(
+        self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.OdometryData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["wheels"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.WheelsData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["imu"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.ImuData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["ranges"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.RangesData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["battery"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.BatteryData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["link"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.LinkData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["safety"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.SafetyData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["text"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.TextData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["raw"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.RawData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["stats"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.StatsData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["sim"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.SimData]: ...
+    @overload
+    def subscribe(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[Any]: ...
+
+    def subscribe(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[Any]:
+        """Events of one or several topics, first the latest value of each; see ``Subscription``.
+
+        Subscriptions of one client to the same topic share it, and have the same rate and policy.
+
+        Raises:
+            SubscriptionConflict: on starting, when the topic is subscribed with another rate or policy.
+        """
+        return self._subscription(topics, **options)
+
+    @abstractmethod
+    def _subscription(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[Any]: ...
