@@ -1,6 +1,6 @@
 """The client library: drive, watch and configure a running daemon over its command socket.
 
-Every error is a ``ChefbotError``.
+``Client`` is for asyncio, ``SyncClient`` for scripts and notebooks. Every error is a ``ChefbotError``.
 """
 
 from chefbotd.client.client import Client
@@ -19,6 +19,8 @@ from chefbotd.client.errors import (
 from chefbotd.client.event import Event, Gap
 from chefbotd.client.meeting import Hello
 from chefbotd.client.subscription import Subscription
+from chefbotd.client.sync import SyncClient
+from chefbotd.client.sync_subscription import SyncSubscription
 
 __all__ = [
     "CallError",
@@ -36,4 +38,6 @@ __all__ = [
     "ProtocolError",
     "Subscription",
     "SubscriptionConflict",
+    "SyncClient",
+    "SyncSubscription",
 ]

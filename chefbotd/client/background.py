@@ -1,0 +1,83 @@
+"""An event loop in a thread of its own, for programs that have none."""
+
+import asyncio
+import concurrent.futures
+import contextlib
+import threading
+from collections.abc import Coroutine
+from typing import Any, TypeVar
+
+from chefbotd.client.errors import ConnectionLost
+
+T = TypeVar("T")
+LAST_WORDS_S = 2.0
+"""For work that is interrupted, such as driving, which brakes first."""
+
+CLOSED = "the client is closed"
+
+
+class BackgroundLoop:
+    """Runs coroutines for other threads. Its own thread does not keep the interpreter alive."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="chefbotd-client", daemon=True)
+        self._thread.start()
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing runs here any more."""
+        return self._loop.is_closed()
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        """The coroutine's result. When the waiting is interrupted (Ctrl-C), the work is cancelled, and its end awaited.
+
+        Raises:
+            ConnectionLost: the loop is closed.
+        """
+        if self.closed:
+            work.close()
+            raise ConnectionLost(CLOSED)
+        done: concurrent.futures.Future[T] = concurrent.futures.Future()
+        tasks: list[asyncio.Task[T]] = []
+
+        def begin() -> None:
+            tasks.append(self._loop.create_task(work))
+            tasks[0].add_done_callback(lambda task: _settle(done, task))
+
+        self._loop.call_soon_threadsafe(begin)
+        try:
+            return done.result()
+        except asyncio.CancelledError:
+            raise ConnectionLost(CLOSED) from None
+        except BaseException:
+            if not done.done():
+                self._loop.call_soon_threadsafe(lambda: tasks[0].cancel())
+                concurrent.futures.wait([done], timeout=LAST_WORDS_S)
+            raise
+
+    def close(self) -> None:
+        """Cancel what still runs, and end the thread; doing it twice is harmless."""
+        if self.closed:
+            return
+        with contextlib.suppress(ConnectionLost):
+            self.run(_cancel_others())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
+async def _cancel_others() -> None:
+    others = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in others:
+        task.cancel()
+    await asyncio.gather(*others, return_exceptions=True)
+
+
+def _settle(done: "concurrent.futures.Future[T]", task: "asyncio.Task[T]") -> None:
+    if task.cancelled():
+        done.set_exception(asyncio.CancelledError())
+    elif (error := task.exception()) is not None:
+        done.set_exception(error)
+    else:
+        done.set_result(task.result())

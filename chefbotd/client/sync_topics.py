@@ -1,0 +1,83 @@
+"""What a subscription of the synchronous client to each topic yields; ``topics.py`` without asyncio."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+from chefbotd.client.subscription import SubscribeOptions
+from chefbotd.client.sync_subscription import SyncSubscription
+
+if TYPE_CHECKING:
+    from chefbotd.messages import telemetry as t
+
+
+class SyncTopics(ABC):
+    """``subscribe``, typed by the name of the topic."""
+
+    @overload
+    def subscribe(
+        self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.OdometryData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["wheels"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.WheelsData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["imu"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.ImuData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["ranges"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.RangesData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["battery"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.BatteryData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["link"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.LinkData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["safety"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.SafetyData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["text"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.TextData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["raw"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.RawData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["stats"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.StatsData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["sim"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.SimData]: ...
+    @overload
+    def subscribe(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[Any]: ...
+
+    def subscribe(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[Any]:
+        """Events of one or several topics, first the latest value of each; see ``SyncSubscription``.
+
+        Subscriptions of one client to the same topic share it, and have the same rate and policy.
+
+        Raises:
+            SubscriptionConflict: on starting, when the topic is subscribed with another rate or policy.
+        """
+        return self._subscription(topics, **options)
+
+    @abstractmethod
+    def _subscription(
+        self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[Any]: ...
