@@ -23,6 +23,7 @@ class Decoder:
             raise ValueError(f"max_line must be at least 1 byte, got {max_line}")
         self._partial = b""
         self._skipping = False
+        self._may_be_cut = False
         self._classes: dict[type[Any], int] = {}
         self.malformed: Counter[Reason] = Counter()
 
@@ -45,8 +46,12 @@ class Decoder:
         return self._decode(lines)
 
     def reset(self) -> None:
-        """Forget the line in progress: what comes next belongs to another connection."""
-        self._partial, self._skipping = b"", False
+        """Forget the line in progress: what comes next belongs to another connection.
+
+        That one usually begins in the middle of a line. So its first line is left out, and counted nowhere, if it means
+        nothing; a whole one is taken, since a board that has just started begins with its banner.
+        """
+        self._partial, self._skipping, self._may_be_cut = b"", False, True
 
     def _after_line_end(self, data: bytes) -> bytes:
         _, end, rest = data.partition(self._codec.framing.end)
@@ -61,6 +66,9 @@ class Decoder:
                 continue
             meaning = decode(line) if len(line) <= limit else self._overlong(line)
             meant = type(meaning)
+            first, self._may_be_cut = self._may_be_cut, False
+            if first and meant is Malformed:
+                continue
             classes[meant] = classes.get(meant, 0) + 1
             if type(meaning) is Malformed:  # isinstance would cost every good line three times as much
                 self.malformed[meaning.reason] += 1

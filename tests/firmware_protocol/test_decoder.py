@@ -197,3 +197,31 @@ def test_a_decoder_without_room_for_a_line_cannot_be_made() -> None:
     """The limit must hold at least a byte."""
     with pytest.raises(ValueError, match="max_line must be at least 1 byte, got 0"):
         Decoder(BOARD, max_line=0)
+
+
+CUT_BEGINNINGS = [b"41\t-839\n", b"\t0\t1\n", b"e\t12\n", b"\xff0.02\r\n", b"1" * 300 + b"\n"]
+
+
+@pytest.mark.parametrize("cut", CUT_BEGINNINGS)
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_the_first_line_of_a_connection_may_be_cut(cut: bytes, chunk: int):
+    """Whatever is left of the line at the opening is no malformed line; the next that means nothing is one."""
+    decoder = Decoder(from_board(CLASSIC))
+    decoder.reset()
+    data = cut + b"u\t57\ne\t12\n"
+    meanings = [
+        meaning
+        for start in range(0, len(data), chunk)
+        for _, meaning in decoder.feed(data[start : start + chunk])
+    ]
+    assert meanings[0] == UltrasonicDistance(57)
+    assert [type(meaning) for meaning in meanings[1:]] == [Malformed]
+    assert dict(decoder.malformed) == {Reason.FIELD_COUNT: 1}
+
+
+def test_a_whole_first_line_is_taken():
+    """A board that restarts as it is opened begins with its banner, which must not be missed."""
+    decoder = Decoder(from_board(CLASSIC))
+    decoder.reset()
+    ((_, meaning),) = decoder.feed(b"Initializing I2C devices...\r\n")
+    assert meaning == Banner("Initializing I2C devices...")
