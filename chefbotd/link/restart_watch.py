@@ -1,0 +1,96 @@
+"""Restarts that neither a banner nor the board's clock tells of: by `Reset Done`, and by counters that are near zero again.
+
+Of the published sketches one has no clock and no banner, and one says `Reset Done` and goes on as if nothing were.
+"""
+
+from typing import NamedTuple
+
+NEAR_ZERO_COUNTS = 100
+"""What wheels that roll out may count until a board that has just started prints its first line."""
+
+FAR_COUNTS = 500
+"""Counters that were not farther from zero than this may have come there by driving; believing them costs 3 cm."""
+
+AT_ZERO_COUNTS = 2
+"""So near to zero on every wheel at once, counters do not come by driving."""
+
+SILENCE_S = 0.1
+"""A sketch that starts prints nothing for longer than between two of its lines; the published ones wait a second."""
+
+GONE_ON_LINES = 3
+"""So many lines after `Reset Done`, and the board has not restarted."""
+
+
+class _Counted(NamedTuple):
+    stamp_s: float
+    counts: tuple[int, ...]
+
+
+class RestartWatch:
+    """Sees every encoder line of one board, over reconnections too."""
+
+    def __init__(self) -> None:
+        self._before: _Counted | None = None
+        self._rates: tuple[float, ...] = ()
+        self._said_s: float | None = None
+        self._lines_since = 0
+        self.has_gone_on = False  # since its last `Reset Done`, which was no restart then
+
+    def reset_done(self, now_s: float) -> None:
+        """The board says that it is about to restart."""
+        self._said_s, self._lines_since, self.has_gone_on = now_s, 0, False
+
+    def restarted(self) -> None:
+        """A restart was noticed, by whatever: what was counted before is of another run."""
+        self._before, self._rates, self._said_s, self.has_gone_on = None, (), None, False
+
+    def observe(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> str | None:
+        """How this line shows that the board restarted; None if it does not.
+
+        A board that has a clock shows it by that, so its counts prove nothing more.
+        """
+        before = self._before
+        silent_s = 0.0 if before is None else now_s - before.stamp_s
+        cause = None if has_clock else self._cause(counts, silent_s)
+        if cause is not None:
+            self.restarted()
+        elif self._said_s is not None:
+            self._lines_since += 1
+            if self._lines_since >= GONE_ON_LINES:
+                self._said_s, self.has_gone_on = None, True
+        if before is not None and cause is None and 0 < silent_s < SILENCE_S:
+            moved = zip(before.counts, counts, strict=True)
+            self._rates = tuple([(new - old) / silent_s for old, new in moved])
+        if before is None or silent_s > 0 or cause is not None:
+            self._before = _Counted(now_s, counts)
+        return cause
+
+    def _cause(self, counts: tuple[int, ...], silent_s: float) -> str | None:
+        if silent_s < SILENCE_S:
+            return None
+        if self._said_s is not None and not self._lines_since:
+            return "it said 'Reset Done' and fell silent"
+        if self._is_back_at_zero(counts, silent_s):
+            return f"its counters were near zero, {counts}, after {silent_s:.1f} s of silence"
+        return None
+
+    def _is_back_at_zero(self, counts: tuple[int, ...], silent_s: float) -> bool:
+        """Whether the counters are near zero all at once, and the wheels cannot have rolled there from where they were."""
+        before = self._before
+        if before is None or max(map(abs, counts)) > NEAR_ZERO_COUNTS:
+            return False
+        if max(map(abs, before.counts)) < FAR_COUNTS:
+            return False
+        if max(map(abs, counts)) <= AT_ZERO_COUNTS:
+            return True
+        rates = self._rates or (0.0,) * len(counts)
+        return not all(
+            _rolled(old, new, rate * silent_s)
+            for old, new, rate in zip(before.counts, counts, rates, strict=True)
+        )
+
+
+def _rolled(before: int, after: int, farthest: float) -> bool:
+    """Whether a wheel that went on as it turned, or came to rest on the way, may be there."""
+    low, high = sorted((0.0, farthest))
+    return low - NEAR_ZERO_COUNTS <= after - before <= high + NEAR_ZERO_COUNTS

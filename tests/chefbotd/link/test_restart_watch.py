@@ -1,0 +1,89 @@
+"""Restarts that only the counters and `Reset Done` tell of."""
+
+import pytest
+
+from chefbotd.link.restart_watch import RestartWatch
+
+STEP_S = 0.0035
+
+
+def driven(watch: RestartWatch, start: tuple[int, int], per_line: tuple[int, int], lines: int) -> float:
+    """Lines of a board without a clock that drives evenly; when the last of them came."""
+    for number in range(lines):
+        counts = (start[0] + per_line[0] * number, start[1] + per_line[1] * number)
+        assert watch.observe(number * STEP_S, counts, has_clock=False) is None
+    return (lines - 1) * STEP_S
+
+
+def test_counters_near_zero_after_a_silence_are_a_restart():
+    """0.65 m on (9,656 counts), a second of silence, and both counters near zero: it restarted, and told nobody."""
+    watch = RestartWatch()
+    last_s = driven(watch, (9656, 9141), (0, 0), 50)
+    cause = watch.observe(last_s + 1.2, (7, -3), has_clock=False)
+    assert cause == "its counters were near zero, (7, -3), after 1.2 s of silence"
+    assert watch.observe(last_s + 1.21, (8, -3), has_clock=False) is None
+
+
+@pytest.mark.parametrize("before", [(0, 0), (480, -310), (-7, 3)])
+@pytest.mark.parametrize("after", [(0, 0), (55, -90), (2, 1)])
+def test_a_robot_that_is_near_zero_counts_has_not_restarted(before: tuple[int, int], after: tuple[int, int]):
+    """It stood within 3 cm of where its counters began, and after a silence is there still: that is its own doing."""
+    watch = RestartWatch()
+    last_s = driven(watch, before, (0, 0), 50)
+    assert watch.observe(last_s + 1.0, after, has_clock=False) is None
+
+
+def test_a_robot_that_drives_back_through_zero_has_not_restarted():
+    """Backwards at 1,000 and 1,400 counts a second, silent for 0.6 s short of zero: it rolled there."""
+    watch = RestartWatch()
+    last_s = driven(watch, (745, 1030), (-4, -5), 50)  # ends at 549 and 785, at -1143 and -1429 counts/s
+    assert watch.observe(last_s + 0.6, (-40, 60), has_clock=False) is None
+
+
+def test_a_robot_that_drives_away_from_zero_has_restarted():
+    """The same counters, driven forwards before the silence: no wheel rolled back to zero by itself."""
+    watch = RestartWatch()
+    last_s = driven(watch, (353, 540), (4, 5), 50)
+    assert watch.observe(last_s + 0.6, (-40, 60), has_clock=False) is not None
+
+
+def test_one_wheel_near_zero_is_no_restart():
+    """A turn about the left wheel: its counter stays near zero, the right one's does not."""
+    watch = RestartWatch()
+    last_s = driven(watch, (3, 5000), (0, 0), 50)
+    assert watch.observe(last_s + 1.0, (3, 5100), has_clock=False) is None
+
+
+def test_counters_that_go_on_after_a_silence_have_not_restarted():
+    """A second without lines and 210 counts farther on: travel."""
+    watch = RestartWatch()
+    last_s = driven(watch, (9000, 9000), (4, 4), 50)
+    assert watch.observe(last_s + 1.0, (9406, 9390), has_clock=False) is None
+
+
+def test_reset_done_and_silence_are_a_restart_wherever_the_counters_stand():
+    """The sketch without a banner: `Reset Done`, a second of silence, counters at zero as they were nearly before."""
+    watch = RestartWatch()
+    last_s = driven(watch, (12, -9), (0, 0), 50)
+    watch.reset_done(last_s)
+    assert watch.observe(last_s + 1.1, (0, 0), has_clock=False) == "it said 'Reset Done' and fell silent"
+    assert not watch.has_gone_on
+
+
+@pytest.mark.parametrize("has_clock", [False, True])
+def test_reset_done_without_a_restart_is_told(has_clock: bool):
+    """The Arduino sketch says `Reset Done` and goes on: after three more lines it has not restarted."""
+    watch = RestartWatch()
+    last_s = driven(watch, (4000, 3000), (1, 2), 50)
+    watch.reset_done(last_s)
+    for number in range(1, 4):
+        assert not watch.has_gone_on
+        assert watch.observe(last_s + 0.02 * number, (4050, 3100), has_clock=has_clock) is None
+    assert watch.has_gone_on
+
+
+def test_a_board_with_a_clock_restarts_by_its_clock():
+    """Its counters near zero after a silence are for the clock to judge, which is surer."""
+    watch = RestartWatch()
+    last_s = driven(watch, (9656, 9141), (0, 0), 50)
+    assert watch.observe(last_s + 1.2, (0, 0), has_clock=True) is None
