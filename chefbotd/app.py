@@ -65,11 +65,12 @@ class Daemon:
             device=settings.link.device,
             setpoints_per_s=settings.link.setpoints_per_s,
             judged_after_s=settings.link.judged_after_s,
+            board_buffer_bytes=settings.link.board_buffer_bytes,
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
         self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
         self._latch = LatchFile(path_of(settings.latch, settings.robot.name, simulated=simulated))
-        self.driving = _drive_service(settings, self.bus, clock, self.session.send_duty, self._latch)
+        self.driving = _drive_service(settings, self.bus, clock, self.session, self._latch)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
         self._quadrature = QuadratureService(self.bus, settings.quadrature, names)
         self._sensors = SensorService(
@@ -192,7 +193,7 @@ def _drive_service(
     settings: Settings,
     bus: Bus,
     clock: Clock,
-    send_duty: Callable[[tuple[int, ...]], None],
+    session: BoardSession,
     latch: LatchFile,
 ) -> DriveService:
     names = tuple(wheel.name for wheel in settings.chassis.wheels)
@@ -209,10 +210,11 @@ def _drive_service(
     return DriveService(
         bus,
         clock,
-        send_duty,
+        session.send_duty,
         drive,
         keeper,
         reader=WheelReader(settings.chassis, settings.encoders, settings.mates),
         wheel_names=names,
         control=settings.control,
+        duty_ceiling=lambda: session.duty_ceiling,
     )

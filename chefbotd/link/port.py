@@ -40,6 +40,9 @@ class LinkParameters(Parameters):
     ``reconnect_longest_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
     which no board was heard for ``judged_after_s`` is said to be unhealthy; the ultrasonic alone may silence one for a
     second. At most ``setpoints_per_s`` motor commands are written.
+
+    ``board_buffer_bytes`` is what the board keeps of what it has not read yet; what it may have no room for is not sent.
+    63 is the least of the published boards (the Arduino's; the core of the Tiva has 1024, assumed).
     """
 
     device: str = Field(default="/dev/ttyACM0", min_length=1)
@@ -53,6 +56,7 @@ class LinkParameters(Parameters):
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
     judged_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
+    board_buffer_bytes: int = Field(default=63, ge=32, le=1_000_000)
 
     @field_validator("device")
     @classmethod

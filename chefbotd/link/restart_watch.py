@@ -1,4 +1,4 @@
-"""Restarts that neither a banner nor the board's clock tells of: by `Reset Done`, and by counters that are near zero again.
+"""Restarts without a banner or a clock: told by `Reset Done`, or by counters that are near zero again.
 
 Of the published sketches one has no clock and no banner, and one says `Reset Done` and goes on as if nothing were.
 """
@@ -75,7 +75,7 @@ class RestartWatch:
         return None
 
     def _is_back_at_zero(self, counts: tuple[int, ...], silent_s: float) -> bool:
-        """Whether the counters are near zero all at once, and the wheels cannot have rolled there from where they were."""
+        """Whether the counters are near zero all at once, and the wheels cannot have rolled there."""
         before = self._before
         if before is None or max(map(abs, counts)) > NEAR_ZERO_COUNTS:
             return False

@@ -1,63 +1,141 @@
-"""The motor commands that the board may not have read yet.
+"""Which motor commands may follow those already written: what the board's buffer holds, and what its echo shows.
 
-A pseudo-terminal takes some 20 KB for a board that has stopped reading, a USB bridge whatever it is sent, and nothing
-tells how much of it is unread (see docs/safety.md). The board itself does: its `s` lines echo the command in force, so
-an echo that moves to a command proves that this one, and all before it, were read.
+A board that does not read loses what its receive buffer cannot hold, and the published sketch obeys the pieces that are
+left. So what it may not have read is counted in bytes. It has read what was written before its last whole cycle, and
+what its `s` line says is in force. And a board whose echo no longer follows is told nothing that makes a wheel faster.
 """
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 
 Duty = tuple[int, ...]
 
-MOST_UNREAD = 10
-"""More than a healthy board leaves unread in two cycles of 20 ms at 200 commands a second."""
+STUCK_CYCLES = 3
+STUCK_S = 0.2
+"""An echo that shows nothing of a command for so many cycles and so long is lost or stuck."""
 
 LINE_LOST_S = 1.0
-"""An echo that has not moved for so long may mean that the lines were lost on the wire: one more goes out."""
+"""Meanwhile the last command is repeated so often, as it may have been lost on the wire."""
+
+STOP_AGAIN_S = 0.1
+
+MOST_UNCONFIRMED = 64
 
 
-class UnreadCommands:
-    """Decides which commands may follow those already written.
+def slows(duty: Duty, before: Duty) -> bool:
+    """Whether no wheel is pushed harder by this than before, nor the other way."""
+    return all(new * old >= 0 and abs(new) <= abs(old) for new, old in zip(duty, before, strict=True))
 
-    A stop always may. Motion may while fewer than ``MOST_UNREAD`` commands are unread; beyond them only while the echo
-    shows the newest in force, and one line every ``LINE_LOST_S``. So a steady command that the board confirms is
-    repeated freely: whether repetitions are read cannot be told. Of a board whose echo has not followed any motion since
-    the port was opened (it sends none, or one that means something else), whatever it says counts as proof.
+
+@dataclass(slots=True)
+class _Line:
+    duty: Duty
+    size: int
+    written_s: float
+
+
+class SendWindow:
+    """``room_bytes`` is the board's receive buffer, ``size_of`` a command's length on the wire with its end.
+
+    A stop may always go: whatever pieces of it are left say zero. It keeps the room of two, and a command that slows the
+    room of one more. One that repeats the last waits until there is room for a change beside it; a stop that does
+    goes as soon as the buffer is nearly empty, and every ``STOP_AGAIN_S``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, room_bytes: int, wheels: int, size_of: Callable[[Duty], int]) -> None:
+        self._size_of, self._room_bytes = size_of, room_bytes
+        self._still = (0,) * wheels
+        self._stop_room = 2 * size_of(self._still)
         self.forget()
 
     def forget(self) -> None:
         """The port is gone, and what it held with it."""
-        self._unread: deque[Duty] = deque()
-        self._newest: Duty | None = None
-        self._echo: tuple[float, ...] | None = None
         self._echo_follows = False
-        self._written_s = float("-inf")
+        self._echo: tuple[float, ...] | None = None
+        self.restarted()
+
+    def restarted(self) -> None:
+        """The board began anew: its buffer is empty, and its motors stand."""
+        self._unread: deque[_Line] = deque()
+        self._unread_bytes = 0
+        self._unconfirmed: deque[tuple[Duty, int, float]] = deque()
+        self._newest = self._still
+        self._cycles, self._cycle_s, self._written_s = 0, float("-inf"), float("-inf")
+
+    @property
+    def unread_bytes(self) -> int:
+        """How much of the board's buffer may be in use."""
+        return self._unread_bytes
+
+    @property
+    def newest(self) -> Duty:
+        """The last command that was written; a stop before the first."""
+        return self._newest
 
     def admit(self, duty: Duty, now_s: float) -> bool:
         """Whether ``duty`` may be written now."""
-        if len(self._unread) < MOST_UNREAD or not any(duty):
-            return True
-        return self._echo == self._newest or now_s - self._written_s >= LINE_LOST_S
+        if not any(duty):
+            crowded = 4 * (self._unread_bytes + self._size_of(duty)) > self._room_bytes
+            return duty != self._newest or not crowded or now_s - self._written_s >= STOP_AGAIN_S
+        if self.echo_is_stuck(now_s):
+            if not slows(duty, self._newest):
+                return False
+            if duty == self._newest:
+                return now_s - self._written_s >= LINE_LOST_S
+        size = self._size_of(duty)
+        spare = size if duty == self._newest else 0
+        if not slows(duty, self._newest) or spare:
+            spare += size
+        needed = self._unread_bytes + size + spare + self._stop_room
+        return needed <= self._room_bytes or not self._unread_bytes
 
-    def note(self, duty: Duty, now_s: float) -> None:
-        """``duty`` was written; stops in a row count once, and what is kept is bounded."""
-        if duty != self._newest or (any(duty) and len(self._unread) < MOST_UNREAD):
-            self._unread.append(duty)
+    def echo_is_stuck(self, now_s: float) -> bool:
+        """Whether the board goes on and its echo, which has followed before, does not show what was written."""
+        if not (self._echo_follows and self._unconfirmed):
+            return False
+        _, cycles, written_s = self._unconfirmed[0]
+        return self._cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
+
+    def note(self, duty: Duty, now_s: float, times: int = 1) -> None:
+        """``duty`` was written so many times; what is kept is bounded by the buffer."""
+        size = times * self._size_of(duty)
+        if self._unread_bytes + size > self._room_bytes and self._unread:
+            self._unread[
+                -1
+            ].written_s = now_s  # a stop that may not fit; the buffer holds no more than it can
+        else:
+            self._unread.append(_Line(duty, size, now_s))
+            self._unread_bytes += size
+        if duty != self._newest and len(self._unconfirmed) < MOST_UNCONFIRMED:
+            self._unconfirmed.append((duty, self._cycles, now_s))
         self._newest, self._written_s = duty, now_s
 
-    def heard(self) -> None:
-        """The board said something."""
-        if not self._echo_follows:
-            self._unread.clear()
+    def cycle(self, now_s: float) -> None:
+        """A line came that the board prints once in every cycle: what was written before the last one has been read."""
+        if now_s == self._cycle_s:  # in the same read, nobody knows when it was printed
+            return
+        while self._unread and self._unread[0].written_s <= self._cycle_s:
+            self._unread_bytes -= self._unread.popleft().size
+        self._cycles, self._cycle_s = self._cycles + 1, now_s
 
     def echoed(self, duty: tuple[float, ...]) -> None:
-        """The board says which command is in force: if that is another one than before, it has been reading."""
+        """The board says which command is in force: if that is another one than before, it has read up to that."""
         moved, self._echo = duty != self._echo, duty
-        if any(duty) and (duty == self._newest or duty in self._unread):
+        waiting = [each for each, _, _ in self._unconfirmed]
+        if any(duty) and (duty == self._newest or duty in waiting):
             self._echo_follows = True
-        while moved and self._unread:
-            if self._unread.popleft() == duty:
+        if duty == self._newest or (moved and duty not in waiting):
+            self._unconfirmed.clear()
+        elif duty in waiting:
+            for _ in range(waiting.index(duty) + 1):  # type: ignore[arg-type]
+                self._unconfirmed.popleft()
+        if moved and any(line.duty == duty for line in self._unread):
+            self._drop_through(duty)
+
+    def _drop_through(self, duty: tuple[float, ...]) -> None:
+        while self._unread:
+            line = self._unread.popleft()
+            self._unread_bytes -= line.size
+            if line.duty == duty:
                 return

@@ -9,9 +9,9 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
-    BoardRestarted,
     Direction,
     DutyEchoed,
+    DutyWritten,
     EdgesSeen,
     EncodersCounted,
     LineSeen,
@@ -22,13 +22,16 @@ from chefbotd.core.events import (
     TextReceived,
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
+from chefbotd.link.cycle_clock import CycleClock
 from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import Condition, show
 from chefbotd.link.hearing import Hearing
 from chefbotd.link.readings import READINGS, refusal
+from chefbotd.link.restarts import Restarts
 from chefbotd.link.ring import LineRing
+from chefbotd.link.send_window import SendWindow
 from chefbotd.link.setpoint import SetpointWriter
-from chefbotd.link.speech import Port, Speech
+from chefbotd.link.speech import FIRST_STOPS, Port, Speech
 from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
@@ -53,27 +56,32 @@ class BoardSession(asyncio.Protocol):
         device: str,
         setpoints_per_s: float,
         judged_after_s: float = 2.0,
+        board_buffer_bytes: int = 63,
     ) -> None:
         self._bus, self._clock, self._device = bus, clock, device
         self._decoder = Decoder(from_board(variant))
         self._encoder = to_board(variant)
-        self.board_clock = BoardClock()
+        self.board_clock, self._cycle_clock = BoardClock(), CycleClock()
         self._cycle_has_time = False
         self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._still = (0,) * variant.wheels
         self.lines = LineRing()
         self._speech = Speech(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
+        self._restarts = Restarts(bus, clock, self._speech, self._encoder.encode(wire.ResetBoard()))
+        self._window = SendWindow(board_buffer_bytes, variant.wheels, lambda duty: len(self._line(duty)))
         self._setpoints = SetpointWriter(
-            self._write_duty, lambda: self._speech.has_drained, clock.now_s, interval_s=1.0 / setpoints_per_s
+            self._write_duty,
+            lambda: self._speech.has_drained,
+            clock.now_s,
+            interval_s=1.0 / setpoints_per_s,
+            window=self._window,
         )
-        self._reset_waits = False
         self._closed = asyncio.Event()
         self._closed.set()
         self._log = RateLimitedLog(log)
         self.hearing = Hearing(self._decoder, judged_after_s=judged_after_s)
         self.is_open = False  # whether a port is connected
         self.opens = 0
-        self.board_restarts = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
             **{frame: self._passing_on(event_of) for frame, event_of in READINGS.items()},
             wire.BoardTime: self._on_time,
@@ -82,6 +90,7 @@ class BoardSession(asyncio.Protocol):
             wire.QuadratureEdges: self._on_edges,
             wire.QuadratureStill: self._on_edges,
             wire.Banner: self._on_banner,
+            wire.ResetDone: self._on_reset_done,
             wire.Malformed: self._on_malformed,
         }
 
@@ -98,13 +107,15 @@ class BoardSession(asyncio.Protocol):
         self.hearing.begin(now_s)
         self._bus.publish(LinkOpened(now_s, self._device))
         self._speech.stop_first()
+        self._wrote(self._still, FIRST_STOPS)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
         self._speech.end()
         self.is_open = False
         self._setpoints.forget()
-        self._reset_waits = False
+        self._window.forget()
+        self._restarts.link_lost()
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
         self._closed.set()
 
@@ -154,7 +165,14 @@ class BoardSession(asyncio.Protocol):
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
-            self._setpoints.offer(self._still if self._reset_waits else duty)
+            self._setpoints.offer(self._still if self._restarts.holds_motion else duty)
+
+    @property
+    def duty_ceiling(self) -> tuple[int, ...] | None:
+        """How hard each wheel may be pushed while the board takes nothing that is faster; None: no such limit."""
+        if not self.is_open:
+            return None
+        return self._still if self._restarts.holds_motion else self._setpoints.ceiling
 
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
@@ -169,14 +187,13 @@ class BoardSession(asyncio.Protocol):
         return self._speech.stop_from_thread()
 
     def reset_board(self) -> None:
-        """Stop, then ask the board to restart; its counters and clock begin anew.
+        """Stop, see that the stop is in force, then ask the board to restart; nothing moves until it is back.
 
-        It keeps its motors on until it restarts, so the request follows the stop, however long that has to wait.
+        Returns at once: ``BoardResetProgressed`` tells how it goes on.
         """
-        self._reset_waits = self.is_open
-        self.stop_motors()
-        if self._reset_waits:  # the stop is unsent itself: the next one brings the reset
+        if self.is_open:
             self.stop_motors()
+            self._restarts.begin()
 
     def close(self) -> None:
         """Stop the motors and give the port up: nothing that waits, or is said later, comes after this stop."""
@@ -185,12 +202,19 @@ class BoardSession(asyncio.Protocol):
 
     def _write_duty(self, duty: tuple[int, ...]) -> None:
         if self._speech.has_drained:
-            self._speech.say(self._encoder.encode(wire.SetDuty(duty)))
-        else:  # only a stop is written all the same
-            self._speech.stop_first()
-        if self._reset_waits and self._speech.has_drained:
-            self._reset_waits = False
-            self._speech.say(self._encoder.encode(wire.ResetBoard()))
+            self._speech.say(self._line(duty))
+            self._wrote(duty, 1)
+        else:  # only what slows is written all the same
+            self._speech.say_first(self._line(duty))
+            self._wrote(duty, FIRST_STOPS)
+
+    def _line(self, duty: tuple[int, ...]) -> bytes:
+        return self._encoder.encode(wire.SetDuty(duty))
+
+    def _wrote(self, duty: tuple[int, ...], times: int) -> None:
+        now_s = self._clock.now_s()
+        self._window.note(duty, now_s, times)
+        self._bus.publish(DutyWritten(now_s, duty))
 
     # What the board says
 
@@ -200,10 +224,12 @@ class BoardSession(asyncio.Protocol):
         if verdict is Verdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is not None and not self.board_clock.in_doubt:
+            self._window.cycle(now_s)
             self._bus.publish(EdgesSeen(now_s, self.board_clock.board_s(now_s), self._edges.empty()))
 
     def _on_echo(self, message: wire.DutyEcho, now_s: float) -> None:
-        self._setpoints.echoed(message.duty)
+        self._window.echoed(message.duty)
+        self._restarts.echoed(message.duty, now_s)
         self._bus.publish(DutyEchoed(now_s, message.duty))
 
     def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
@@ -213,13 +239,25 @@ class BoardSession(asyncio.Protocol):
 
     def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> None:
         """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
+        self._window.cycle(now_s)
         if self.board_clock.in_doubt:
             return
-        board_s = self.board_clock.latest_s if self._cycle_has_time else None
-        self._cycle_has_time = False
-        if board_s is None:
-            board_s = self.board_clock.board_s(now_s)
+        board_s = self._printed_s(now_s)
+        if self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None):
+            self._window.restarted()
         self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
+
+    def _printed_s(self, now_s: float) -> float:
+        """By the cycle's own time; where that was lost by the host's; by even cycles where the board never tells it."""
+        clock_s = self.board_clock.latest_s
+        if clock_s is None:
+            return self._cycle_clock.observe(now_s)
+        has_time, self._cycle_has_time = self._cycle_has_time, False
+        return clock_s if has_time else self.board_clock.board_s(now_s)
+
+    def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> None:
+        self._restarts.reset_done(now_s)
+        self._bus.publish(READINGS[wire.ResetDone](message, now_s))
 
     def _on_banner(self, message: wire.Banner, now_s: float) -> None:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
@@ -241,12 +279,17 @@ class BoardSession(asyncio.Protocol):
         return pass_on
 
     def _restarted(self, now_s: float, cause: str) -> None:
-        self.board_restarts += 1
+        self._window.restarted()
         if self._edges is not None:
             self._edges.forget()
-        self._bus.publish(BoardRestarted(now_s, cause))
+        self._restarts.noticed(now_s, cause)
 
     # What is counted
+
+    @property
+    def board_restarts(self) -> int:
+        """How often the board restarted."""
+        return self._restarts.count
 
     @property
     def lines_out(self) -> int:

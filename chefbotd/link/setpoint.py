@@ -6,7 +6,7 @@ The firmware has no watchdog, so a queue of velocities behind a slow reader woul
 import asyncio
 from collections.abc import Callable
 
-from chefbotd.link.unread import Duty, UnreadCommands
+from chefbotd.link.send_window import Duty, SendWindow, slows
 
 
 class SetpointWriter:
@@ -14,10 +14,9 @@ class SetpointWriter:
 
     Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
 
-    ``write`` puts one command on the wire: motion only while the transport has nothing left to send, which ``idle``
-    tells; a stop that ends a motion overtakes what is unsent. Call ``resume`` when the transport has drained. What the
-    board says (``heard``, ``echoed``) bounds what a board that has stopped reading can be given, however much the kernel
-    would take for it.
+    ``write`` puts one command on the wire. ``idle`` tells whether the transport has nothing left to send: a command that
+    makes a wheel faster waits for that, one that slows goes instead of what is unsent. ``window`` says what the board
+    can take. Call ``resume`` when the transport has drained, or the board has spoken.
     """
 
     def __init__(
@@ -26,14 +25,23 @@ class SetpointWriter:
         idle: Callable[[], bool],
         now_s: Callable[[], float],
         interval_s: float,
+        window: SendWindow,
     ) -> None:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
         self._written: Duty | None = None
         self._paid_s = float("-inf")  # the lines written so far use up the time until then
         self._timer: asyncio.TimerHandle | None = None
-        self._unread = UnreadCommands()
+        self._window = window
         self.replaced = 0
+
+    @property
+    def ceiling(self) -> Duty | None:
+        """What was last written, while something waits that is faster, or would; None while nothing is held back."""
+        waits = self._pending is not None and self._timer is None
+        if waits or self._window.echo_is_stuck(self._now_s()):
+            return self._window.newest
+        return None
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
@@ -47,27 +55,23 @@ class SetpointWriter:
             self.resume()
 
     def resume(self) -> None:
-        """Send what waits, if it is a stop, or if the transport has drained and the board reads."""
+        """Send what waits, if nothing holds it back."""
         self._cancel_timer()
         duty, now_s = self._pending, self._now_s()  # another thread may withdraw what waits at any moment
-        if duty is None or not (self._idle() or self._ends_motion(duty)):
+        if duty is None or not (self._idle() or self._overtakes(duty)):
             return
-        if not self._unread.admit(duty, now_s):
+        if not self._window.admit(duty, now_s):
+            if duty == self._window.newest:  # it was said already
+                self._pending = None
             return
         self._pending, self._written = None, duty
         self._paid_s = max(self._paid_s, now_s) + self._interval_s
-        self._unread.note(duty, now_s)
         self._write(duty)
 
     def heard(self) -> None:
         """The board said something: what it had to wait for may go."""
-        self._unread.heard()
         if self._pending is not None and self._timer is None:
             self.resume()
-
-    def echoed(self, duty: tuple[float, ...]) -> None:
-        """The board said which command is in force."""
-        self._unread.echoed(duty)
 
     def withdraw(self) -> None:
         """Drop what waits; may be called from any thread."""
@@ -77,7 +81,12 @@ class SetpointWriter:
         """Drop what waits: the link it was meant for is gone."""
         self._cancel_timer()
         self._pending = self._written = None
-        self._unread.forget()
+
+    def _overtakes(self, duty: Duty) -> bool:
+        """Whether this slows what was written last, so that it must not wait behind that."""
+        if not any(duty):
+            return self._ends_motion(duty)
+        return self._written is not None and duty != self._written and slows(duty, self._written)
 
     def _ends_motion(self, duty: Duty) -> bool:
         """Whether this is a stop, and the last that was written none: it waits for nothing."""

@@ -73,8 +73,12 @@ class Speech:
 
     def stop_first(self) -> None:
         """Write a stop before all that is unsent, which is dropped."""
+        self.say_first(self._stop)
+
+    def say_first(self, line: bytes) -> None:
+        """Write a line before all that is unsent, which is dropped; twice, as what it cuts short takes the first."""
         if self._port is not None:
-            self._pass(self._port.overtake, self._stop, FIRST_STOPS)
+            self._pass(self._port.overtake, line, FIRST_STOPS)
 
     def stop_last(self) -> None:
         """The last words on this port, which is closed then: stops, instead of all that is unsent."""

@@ -21,6 +21,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters
+from chefbotd.motion import ceiling
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
@@ -42,7 +43,8 @@ class ControlParameters(Parameters):
 class DriveService:
     """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
-    ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels.
+    ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels. ``duty_ceiling`` is
+    the hardest that each wheel may be pushed while commands that are faster are held back on the way to the board.
     """
 
     def __init__(
@@ -56,10 +58,12 @@ class DriveService:
         reader: WheelReader,
         wheel_names: tuple[str, ...],
         control: ControlParameters,
+        duty_ceiling: Callable[[], tuple[int, ...] | None] = lambda: None,
     ) -> None:
         self._bus, self._clock, self._send_duty = bus, clock, send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
+        self._duty_ceiling = duty_ceiling
         self._watch_period_s = control.watch_period_s
         link = (LinkOpened, LinkClosed, BoardRestarted)  # safety hangs on these, counts accumulate
         self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, *link, kept=link)
@@ -188,8 +192,9 @@ class DriveService:
             self._state = self._drive.halt(self._state)
             return
         apart = decision.limited_by is not None
-        self._state = self._drive.regulate(
-            self._state,
+        before = self._state
+        after = self._drive.regulate(
+            before,
             decision.motion,
             now_s,
             seen.reading.velocity_rad_s,
@@ -198,6 +203,7 @@ class DriveService:
             apart=apart,
             led=seen.mates.led,
         )
+        self._state = ceiling.under(self._duty_ceiling(), before, after)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, left_out = event.stamp_s, seen.mates.left_out
@@ -217,13 +223,14 @@ class DriveService:
 
         One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
         """
-        decision, before = self._decide(now_s), self._state.duty
+        decision, before = self._decide(now_s), self._state
         if decision.halted:
             self._state = self._drive.halt(self._state)
         else:
             apart = decision.limited_by is not None
-            self._state = self._drive.retarget(self._state, decision.motion, now_s, apart=apart)
-        if repeat or self._state.duty != before or not any(self._state.duty):
+            after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
+            self._state = ceiling.under(self._duty_ceiling(), before, after)
+        if repeat or self._state.duty != before.duty or not any(self._state.duty):
             self._send_duty(self._state.duty)
         self._keeper.announce(now_s)
 

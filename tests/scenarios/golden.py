@@ -28,7 +28,7 @@ from chefbotd.testing.transport import FakeSerialDevice
 
 FOLDER = Path(__file__).parent.parent / "vectors" / "golden"
 ADDRESS = re.compile(r"127\.0\.0\.1:\d+")
-UNRECORDED = (events.StatsSampled, events.TruthSimulated, events.LineSeen)
+UNRECORDED = (events.StatsSampled, events.TruthSimulated, events.LineSeen, events.DutyWritten)
 EVENTS = tuple(
     each
     for _, each in inspect.getmembers(events, dataclasses.is_dataclass)

@@ -49,6 +49,23 @@ class BoardRestarted:
     cause: str
 
 
+@dataclass(frozen=True, slots=True)
+class BoardResetProgressed:
+    """How far a restart that was asked for has come; ``stage`` is its stable name, ``reason`` for people."""
+
+    stamp_s: float
+    stage: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class DutyWritten:
+    """A motor command went to the port; whether the board reads it is told by ``DutyEchoed``."""
+
+    stamp_s: float
+    duty: tuple[int, ...]
+
+
 class Direction(StrEnum):
     """Which way a line went."""
 

@@ -1,112 +1,266 @@
-"""What a board that has stopped reading may be given."""
+"""Which commands may follow those that the board may not have read, or does not confirm."""
 
+from itertools import pairwise
+
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.link.unread import LINE_LOST_S, MOST_UNREAD, UnreadCommands
+from chefbotd.link.send_window import STOP_AGAIN_S, STUCK_CYCLES, STUCK_S, Duty, SendWindow, slows
 
 STILL = (0, 0)
+AVR_BYTES = 63
 
 
-def filled(unread: UnreadCommands, now_s: float = 0.0) -> None:
-    """Write as many different commands as may be unread: (1, 1) to (10, 10)."""
-    for number in range(1, MOST_UNREAD + 1):
-        assert unread.admit((number, number), now_s)
-        unread.note((number, number), now_s)
+def size_of(duty: Duty) -> int:
+    """A command on the classic wire: ``s``, each number after a space, and CR."""
+    return 2 + sum(1 + len(str(number)) for number in duty)
 
 
-def test_motion_that_nobody_reads_is_bounded_and_a_stop_is_not():
-    """Ten commands go, the eleventh does not, a stop does at any time; a second later one more goes."""
-    unread = UnreadCommands()
-    filled(unread)
-    assert not unread.admit((11, 11), 0.1)
-    assert unread.admit(STILL, 0.1)
-    assert not unread.admit((11, 11), LINE_LOST_S - 0.001)
-    assert unread.admit((11, 11), LINE_LOST_S)
+def window(room_bytes: int = AVR_BYTES) -> SendWindow:
+    """The window of a two-wheeled robot."""
+    return SendWindow(room_bytes, 2, size_of)
+
+
+def write(into: SendWindow, duty: Duty, now_s: float) -> bool:
+    """Write what may be written."""
+    admitted = into.admit(duty, now_s)
+    if admitted:
+        into.note(duty, now_s)
+    return admitted
+
+
+def test_what_is_unread_is_counted_in_bytes():
+    """``s 103 -199`` is 11 bytes. 12 are kept for stops, and a line for one that slows: three go, or two longer ones."""
+    into = window()
+    assert [write(into, (number, -199), 0.0) for number in range(103, 107)] == [True, True, True, False]
+    assert into.unread_bytes == 33
+    longer = window()
+    assert [write(longer, (n, -1000), 0.0) for n in range(1003, 1007)] == [True, True, False, False]
+
+
+def test_a_larger_buffer_takes_more():
+    """1,024 bytes less 12 for stops and 11 for one that slows: 91 lines of 11 bytes."""
+    into = window(1024)
+    assert sum(write(into, (number, -199), 0.0) for number in range(103, 300)) == 91
+
+
+def test_a_slowing_command_has_room_of_its_own_and_a_stop_always_goes():
+    """Behind a full buffer: slower goes once, then only a stop, on any number of occasions."""
+    into = window()
+    for number in (103, 104, 105):
+        assert write(into, (number, -199), 0.0)
+    assert not into.admit((105, -200), 0.0)
+    assert write(into, (105, -198), 0.0)
+    assert not into.admit((104, -197), 0.0)
+    assert write(into, STILL, 0.0)
+
+
+def test_an_empty_buffer_takes_any_command():
+    """Four wheels at full duty need more than is left beside the stops: one at a time goes all the same."""
+    into = SendWindow(63, 4, size_of)
+    assert write(into, (-1023, 1000, -1001, 1023), 0.0)
+    assert not into.admit((-1023, 1001, -1001, 1023), 0.0)
+
+
+def test_a_whole_cycle_proves_what_was_read():
+    """Written between two cycles' lines it is read when the one after the next comes; sharing a read proves nothing."""
+    into = window()
+    into.cycle(0.0)
+    into.note((103, -199), 0.01)
+    into.cycle(0.02)
+    assert into.unread_bytes == 11
+    into.cycle(0.02)
+    into.cycle(0.02)
+    assert into.unread_bytes == 11
+    into.cycle(0.04)
+    assert into.unread_bytes == 0
 
 
 def test_an_echo_that_moves_proves_what_was_read():
-    """The echo comes to the fourth of ten: six are unread, so four more may go, then none."""
-    unread = UnreadCommands()
-    unread.echoed((0.0, 0.0))
-    filled(unread)
-    unread.echoed((4.0, 4.0))
-    for number in range(11, 15):
-        assert unread.admit((number, number), 0.1)
-        unread.note((number, number), 0.1)
-    assert not unread.admit((15, 15), 0.1)
+    """It comes to the second of three: one is unread."""
+    into = window()
+    into.echoed((0.0, 0.0))
+    for number in (103, 104, 105):
+        into.note((number, -199), 0.0)
+    into.echoed((104.0, -199.0))
+    assert into.unread_bytes == 11
+
+
+def test_an_echo_of_something_else_proves_no_byte_read():
+    """A piece that was obeyed says that something was lost, not that there is room."""
+    into = window()
+    into.echoed((0.0, 0.0))
+    into.note((103, -199), 0.0)
+    into.echoed((6637.0, 0.0))
+    assert into.unread_bytes == 11
 
 
 def test_an_echo_that_stands_still_proves_nothing():
-    """The board talks on, and its echo, which has followed a command before, does not move: motion is held."""
-    unread = UnreadCommands()
-    unread.note((-5, 5), 0.0)
-    unread.echoed((-5.0, 5.0))
-    filled(unread)
-    unread.heard()
-    unread.echoed((-5.0, 5.0))
-    assert not unread.admit((11, 11), 0.1)
+    """The echo goes on saying the first of three: neither of the others was read by that."""
+    into = window()
+    into.note((103, -199), 0.0)
+    into.echoed((103.0, -199.0))
+    into.note((104, -199), 0.0)
+    into.note((105, -199), 0.0)
+    into.echoed((103.0, -199.0))
+    assert into.unread_bytes == 22
+
+
+def test_a_steady_command_does_not_fill_the_buffer():
+    """Said again a thousand times to a board that reads nothing: room for a change is left, and nothing grows."""
+    into = window()
+    said = sum(write(into, (103, -199), 0.001 * number) for number in range(1000))
+    assert said == 2
+    assert write(into, (104, -199), 1.0)
+
+
+def test_repeated_stops_do_not_fill_the_buffer():
+    """A stop said again at 100 Hz to a board that is silent for 2 s: once, then ten a second, and nothing grows."""
+    into = window()
+    assert write(into, (103, -199), 0.0)
+    times = [0.01 * number for number in range(1, 201)]
+    said = [at_s for at_s in times if write(into, STILL, at_s)]
+    assert said[0] == 0.01
+    assert all(after - before >= STOP_AGAIN_S - 1e-9 for before, after in pairwise(said[1:]))
+    assert 19 <= len(said) <= 21
+    assert into.unread_bytes <= AVR_BYTES
+
+
+def stuck() -> tuple[SendWindow, float]:
+    """A board that has obeyed (50, -40), has been told (60, -45), and goes on for a while saying the former."""
+    into = window()
+    into.note((50, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    into.note((60, -45), 0.0)
+    for number in range(1, 21):
+        into.cycle(number * 0.02)
+        into.echoed((50.0, -40.0))
+    return into, 0.4
+
+
+@pytest.mark.parametrize(
+    ("duty", "goes"),
+    [
+        ((61, -45), False),
+        ((60, -46), False),
+        ((-1, -45), False),
+        ((60, 1), False),
+        ((59, -45), True),
+        ((60, -44), True),
+        ((12, 0), True),
+        (STILL, True),
+    ],
+)
+def test_a_stuck_echo_holds_what_is_faster_and_nothing_that_slows(duty: Duty, goes: bool):
+    """Held is what pushes any wheel harder than was said last, or the other way; all else goes at once."""
+    into, now_s = stuck()
+    assert into.echo_is_stuck(now_s)
+    assert into.admit(duty, now_s) is goes
+
+
+def test_a_stuck_echo_has_the_last_command_repeated_each_second():
+    """It may have been lost on the wire: said again a second after it was said, not before."""
+    into, _ = stuck()
+    assert not into.admit((60, -45), 0.99)
+    assert into.admit((60, -45), 1.0)
+
+
+def test_a_lost_echo_is_a_stuck_one():
+    """No ``s`` line comes any more, while the cycles go on: the same."""
+    into = window()
+    into.note((50, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    into.note((60, -45), 0.0)
+    for number in range(1, 21):
+        into.cycle(number * 0.02)
+    assert into.echo_is_stuck(0.4)
+
+
+def test_an_echo_that_comes_late_is_not_stuck():
+    """It takes three cycles and 0.2 s: a board that is silent meanwhile, or quick, is not suspected."""
+    into = window()
+    into.note((50, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    into.note((60, -45), 0.0)
+    for number in range(STUCK_CYCLES - 1):
+        into.cycle(0.001 + number * 0.001)
+    assert not into.echo_is_stuck(10.0)
+    into.cycle(0.01)
+    assert not into.echo_is_stuck(STUCK_S - 0.001)
+    assert into.echo_is_stuck(STUCK_S)
+    into.echoed((60.0, -45.0))
+    assert not into.echo_is_stuck(10.0)
+
+
+def test_an_echo_that_moves_along_is_not_stuck():
+    """It is two commands behind and follows each: the board reads."""
+    into = window(1024)
+    into.note((50, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    for number in range(1, 50):
+        into.note((50 + number, -40), number * 0.1)
+        into.cycle(number * 0.1)
+        if number > 2:
+            into.echoed((48.0 + number, -40.0))
+        assert not into.echo_is_stuck(number * 0.1)
 
 
 def test_an_echo_that_never_follows_is_no_echo():
-    """Another firmware says `s 0 0` whatever it does: nothing can be learned from that, so talking counts."""
-    unread = UnreadCommands()
-    for _ in range(5):
-        unread.heard()
-        unread.echoed((0.0, 0.0))
-        filled(unread)
+    """Another firmware says metres a second: nothing is held for that."""
+    into = window(1024)
+    for number in range(1, 50):
+        into.note((number, -40), number * 0.1)
+        into.cycle(number * 0.1)
+        into.echoed((0.25, -0.2))
+    assert not into.echo_is_stuck(10.0)
 
 
-def test_an_echo_of_something_else_proves_all():
-    """A board that clamps says what nobody sent; it has been reading all the same."""
-    unread = UnreadCommands()
-    unread.echoed((0.0, 0.0))
-    filled(unread)
-    unread.echoed((255.0, 255.0))
-    filled(unread)
+def test_an_echo_of_stops_alone_has_not_followed():
+    """A board that says ``s 0 0`` for ever was right about the stops: that is no proof that it echoes."""
+    into = window(1024)
+    into.note(STILL, 0.0)
+    into.echoed((0.0, 0.0))
+    for number in range(1, 50):
+        into.note((number, -40), number * 0.1)
+        into.cycle(number * 0.1)
+        into.echoed((0.0, 0.0))
+    assert not into.echo_is_stuck(10.0)
 
 
-def test_a_board_without_echoes_proves_by_talking():
-    """A lean board only sends `t` and `e`: whatever it says counts."""
-    unread = UnreadCommands()
-    filled(unread)
-    unread.heard()
-    assert unread.admit((11, 11), 0.1)
+@pytest.mark.parametrize("end", ["forget", "restarted"])
+def test_another_port_and_another_run_of_the_board_begin_anew(end: str):
+    """Nothing of what was written before is waited for."""
+    into, now_s = stuck()
+    getattr(into, end)()
+    assert into.unread_bytes == 0
+    assert not into.echo_is_stuck(now_s)
+    assert [write(into, (n, -199), now_s) for n in range(103, 107)] == [True, True, True, False]
 
 
-def test_after_a_steady_command_a_change_goes_at_once():
-    """Whether repetitions were read cannot be told; the echo says they are in force, so they and another go."""
-    unread = UnreadCommands()
-    for _ in range(MOST_UNREAD):
-        unread.note((5, 5), 0.0)
-        unread.echoed((5.0, 5.0))
-    unread.note((5, 5), 0.0)
-    assert unread.admit((5, 5), 0.1)
-    assert unread.admit((6, 6), 0.1)
-    unread.note((6, 6), 0.1)
-    assert not unread.admit((7, 7), 0.1)
-    unread.echoed((6.0, 6.0))
-    assert unread.admit((7, 7), 0.1)
-
-
-def test_another_port_begins_anew():
-    """What the old port was given is of no concern to the next."""
-    unread = UnreadCommands()
-    filled(unread)
-    unread.forget()
-    filled(unread)
+@pytest.mark.parametrize(
+    ("duty", "before", "expected"),
+    [
+        ((50, -40), (50, -40), True),
+        ((0, -40), (50, -40), True),
+        ((50, -41), (50, -40), False),
+        ((-50, -40), (50, -40), False),
+        ((0, 1), (50, 0), False),
+    ],
+)
+def test_what_slows(duty: Duty, before: Duty, expected: bool):
+    """Every wheel is pushed no harder than before, and none the other way."""
+    assert slows(duty, before) is expected
 
 
 @settings(max_examples=100)
-@given(st.lists(st.integers(-2, 2), max_size=400))
-def test_a_board_that_never_reads_gets_eleven_motions_whatever_is_asked(asked: list[int]):
-    """Its echo stands still for a second: ten motions other than the one in force, and one more after that."""
-    unread, motions = UnreadCommands(), 0
-    unread.echoed((1.0, 1.0))
-    for number in asked:
-        duty = (number, number)
-        if unread.admit(duty, 0.0):
-            unread.note(duty, 0.0)
-            motions += number not in (0, 1)
-        unread.echoed((1.0, 1.0))
-    assert motions <= MOST_UNREAD + 1
+@given(st.lists(st.tuples(st.integers(-1023, 1023), st.integers(-1023, 1023)), max_size=300))
+def test_motion_never_overflows_the_buffer_of_a_board_that_does_not_read(asked: list[Duty]):
+    """Whatever is asked, every motion fits whole into what is left of 63 bytes; only stops may not."""
+    into, held = window(), 0
+    for number, duty in enumerate(asked):
+        if into.admit(duty, 0.001 * number):
+            into.note(duty, 0.001 * number)
+            held += size_of(duty)
+            assert held <= AVR_BYTES or not any(duty)
+        held = min(held, AVR_BYTES)

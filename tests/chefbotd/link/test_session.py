@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from itertools import pairwise
 
 import pytest
 
@@ -18,6 +19,7 @@ from firmware_protocol.codec import CLASSIC
 EVERYTHING = (
     events.LinkOpened,
     events.LinkClosed,
+    events.BoardResetProgressed,
     events.BoardRestarted,
     events.LineRefused,
     events.TextReceived,
@@ -216,35 +218,163 @@ def test_raw_lines_are_seen_in_both_directions_while_someone_listens():
     on_bench(scenario)
 
 
-def test_reset_stops_first():
-    """A board that restarts must not do so with the motors on: the stop goes before the reset."""
+def told(bench: Bench) -> list[str]:
+    """The stages of a restart that were published since the last call."""
+    return [event.stage for event in bench.heard() if isinstance(event, events.BoardResetProgressed)]
+
+
+def test_a_reset_waits_until_the_stop_is_in_force():
+    """``r`` goes when the echo has said zero twice, and no motion from the request on until the board is back."""
 
     async def scenario(bench: Bench) -> None:
         await asyncio.sleep(1.0)
-        bench.session.send_duty((100, 100))
-        await asyncio.sleep(1.0)
+        bench.session.send_duty((100, -80))
         bench.session.reset_board()
-        assert bytes(bench.device.written) == OPENING + b"s 100 100\rs 0 0\rr\r"
+        for echo in ((100.0, -80.0), (100.0, -80.0), (0.0, 0.0), (0.0, 0.0)):
+            await asyncio.sleep(0.02)
+            bench.session.send_duty((70, 60))
+            assert b"r" not in bytes(bench.device.written)
+            bench.board.say(wire.DutyEcho(echo))
+        assert bytes(bench.device.written).endswith(b"\rr\r")
+        assert told(bench) == ["stopping", "asked"]
+        await asyncio.sleep(1.0)
+        bench.session.send_duty((70, 60))
+        assert bench.session.duty_ceiling == (0, 0)
+        assert {duty for _, duty in bench.board.duties} == {(100, -80), (0, 0)}
 
     on_bench(scenario)
 
 
-def test_a_reset_waits_for_its_stop():
-    """Behind a board that does not read: the stop instead of the line under way, the reset, no later motion."""
+def test_a_reset_ends_when_the_board_is_back():
+    """Its banner comes: restarted, and the next command goes to the board."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(500, 400)
+        bench.session.reset_board()
+        for _ in range(3):
+            await asyncio.sleep(0.02)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        bench.board.say(wire.ResetDone())
+        await asyncio.sleep(1.2)
+        bench.board.say(wire.Banner("Initializing I2C devices..."))
+        assert told(bench) == ["stopping", "asked", "restarted"]
+        assert bench.session.board_restarts == 1
+        bench.session.send_duty((70, 60))
+        assert bench.board.duty == (70, 60)
+        assert bench.session.duty_ceiling is None
+
+    on_bench(scenario)
+
+
+def test_a_reset_of_a_board_that_does_not_echo_goes_all_the_same():
+    """Without an echo the stop has 1.5 s; without an answer the board has 5 s to be back. Then it may be driven."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.session.reset_board()
+        await asyncio.sleep(1.4)
+        assert b"r" not in bytes(bench.device.written)
+        await asyncio.sleep(0.2)
+        assert bytes(bench.device.written).endswith(b"r\r")
+        await asyncio.sleep(4.8)
+        assert told(bench) == ["stopping", "asked"]
+        await asyncio.sleep(0.3)
+        assert told(bench) == ["no_answer"]
+        bench.session.send_duty((70, 60))
+        assert bench.board.duty == (70, 60)
+
+    on_bench(scenario)
+
+
+def test_a_board_that_says_reset_done_and_goes_on_is_told_as_such():
+    """The sketch for the Arduino: three more cycles after `Reset Done`, and the restart has not happened."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(500, 400)
+        bench.session.reset_board()
+        for _ in range(3):
+            await asyncio.sleep(0.02)
+            bench.board.cycle(500, 400)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        bench.board.say(wire.ResetDone())
+        assert told(bench) == ["stopping", "asked"]
+        for _ in range(3):
+            await asyncio.sleep(0.02)
+            bench.board.cycle(500, 400)
+        assert told(bench) == ["not_restarted"]
+        assert bench.session.board_restarts == 0
+        bench.session.send_duty((70, 60))
+        assert bench.board.duty == (70, 60)
+
+    on_bench(scenario)
+
+
+def test_a_reset_behind_a_port_that_takes_nothing_waits_for_it():
+    """The stop instead of the line under way, no ``r`` before the port has drained, and no later motion."""
 
     async def scenario(bench: Bench) -> None:
         await asyncio.sleep(1.0)
         bench.device.transport.stall()
-        bench.session.send_duty((1, 1))
+        bench.session.send_duty((1, 2))
         bench.session.reset_board()
-        bench.session.send_duty((2, 2))
+        bench.session.send_duty((2, 3))
+        await asyncio.sleep(2.0)
+        assert bytes(bench.device.written) == OPENING
         bench.device.transport.drain()
-        assert bytes(bench.device.written) == OPENING + 2 * STOP + b"s 0 0\rr\r"
         await asyncio.sleep(0.1)
-        bench.session.send_duty((3, 3))
-        assert bytes(bench.device.written).endswith(b"r\rs 3 3\r")
+        written = bytes(bench.device.written)
+        assert set(written.removesuffix(b"r\r").split(b"\r")) == {b"s 0 0", b""}
+        assert written.endswith(b"r\r")
 
     on_bench(scenario)
+
+
+def test_reset_done_of_a_board_without_clock_and_banner_is_a_restart():
+    """It says `Reset Done`, is silent for a second and begins at zero: told before its counts, and once."""
+
+    async def scenario(bench: Bench) -> None:
+        for number in range(20):
+            bench.board.say(wire.EncoderCounts((9656 + number, -47 * number)))
+            await asyncio.sleep(0.004)
+        bench.board.say(wire.ResetDone())
+        bench.heard()
+        await asyncio.sleep(1.1)
+        bench.board.say(wire.EncoderCounts((0, 0)), wire.EncoderCounts((0, 1)))
+        kinds = [type(event) for event in bench.heard()]
+        assert kinds == [events.BoardRestarted, events.EncodersCounted, events.EncodersCounted]
+        assert bench.session.board_restarts == 1
+
+    on_bench(scenario)
+
+
+def times_of_lines(chunk: int) -> list[float]:
+    """Five ``e`` lines every 17 ms from a board without ``t``, in chunks of so many bytes: when each was printed."""
+    found: list[float] = []
+
+    async def scenario(bench: Bench) -> None:
+        start_s, number = LoopClock().now_s(), 0
+        for _ in range(90):
+            data = b""
+            for _ in range(5):
+                number += 1
+                data += b"e\t%d\t%d\ns\t0.00\t0.00\n" % (10 * number, 9 * number)
+            for start in range(0, len(data), chunk):
+                bench.device.feed(data[start : start + chunk])
+            await asyncio.sleep(0.017)
+            counted = [event for event in bench.heard() if isinstance(event, events.EncodersCounted)]
+            found.extend(event.board_s - start_s for event in counted)
+
+    on_bench(scenario)
+    return found
+
+
+def test_lines_of_one_read_are_spread_whatever_their_chunks():
+    """From the first second on they are 3.4 ms apart, and byte by byte the very same times come out."""
+    whole = times_of_lines(10_000)
+    steps = [after - before for before, after in pairwise(whole[300:])]
+    assert len(whole) == 450
+    assert steps == pytest.approx([0.0034] * len(steps), rel=0.15)
+    assert times_of_lines(1) == pytest.approx(whole, abs=1e-9)
+    assert times_of_lines(7) == pytest.approx(whole, abs=1e-9)
 
 
 def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
@@ -267,21 +397,25 @@ def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
     on_bench(scenario)
 
 
-def test_a_board_whose_echo_stands_still_is_given_ten_motions():
-    """It talks and the kernel takes all, but its echo stands still: ten lines; when it moves, the newest goes."""
+def test_a_board_whose_echo_stands_still_is_told_nothing_faster():
+    """It talks and the kernel takes all, but its echo stands still for 0.2 s: only slower goes, until it moves."""
 
     async def scenario(bench: Bench) -> None:
         bench.session.send_duty((-5, 5))
         bench.board.say(wire.DutyEcho((-5.0, 5.0)))
-        for number in range(1, 41):
-            bench.session.send_duty((number, number))
+        for number in range(6, 46):
+            bench.session.send_duty((-number, 2 * number))
             bench.board.cycle(0, 0)
             bench.board.say(wire.DutyEcho((-5.0, 5.0)))
             await asyncio.sleep(0.02)
-        assert bench.board.duty == (10, 10)
-        bench.board.say(wire.DutyEcho((10.0, 10.0)))
-        assert bench.board.duty == (40, 40)
-        assert len(bench.board.duties) == 2 + 1 + 10 + 1
+        held = bench.board.duty
+        assert held == bench.session.duty_ceiling
+        assert -18 <= held[0] <= -15
+        bench.session.send_duty((held[0] + 2, held[1] - 3))
+        assert bench.board.duty == (held[0] + 2, held[1] - 3)
+        bench.session.send_duty((-45, 90))
+        bench.board.say(wire.DutyEcho((float(held[0] + 2), float(held[1] - 3))))
+        assert bench.board.duty == (-45, 90)
 
     on_bench(scenario)
 
@@ -330,7 +464,7 @@ def test_a_stop_overtakes_what_is_unsent():
         bench.session.stop_motors()
         bench.device.transport.drain()
         await asyncio.sleep(1.0)
-        assert bytes(bench.device.written) == OPENING + 2 * STOP + STOP
+        assert bytes(bench.device.written) == OPENING + 2 * STOP
 
     on_bench(scenario)
 

@@ -3,6 +3,7 @@
 import asyncio
 
 from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.link.send_window import SendWindow
 from chefbotd.link.setpoint import SetpointWriter
 
 
@@ -13,9 +14,13 @@ class Wire:
         self.busy = False
         self.written: list[tuple[float, tuple[int, ...]]] = []
         self.start_s = LoopClock().now_s()
-        self.writer = SetpointWriter(self._take, lambda: not self.busy, LoopClock().now_s, interval_s=0.005)
+        self.window = SendWindow(100_000, 2, lambda duty: 10)
+        self.writer = SetpointWriter(
+            self._take, lambda: not self.busy, LoopClock().now_s, interval_s=0.005, window=self.window
+        )
 
     def _take(self, duty: tuple[int, ...]) -> None:
+        self.window.note(duty, LoopClock().now_s())
         self.written.append((round(LoopClock().now_s() - self.start_s, 6), duty))
 
 
@@ -106,19 +111,119 @@ def test_a_second_of_setpoints_is_two_hundred_lines():
     assert run_virtual(scenario()) == 201
 
 
-def test_behind_a_full_kernel_the_newest_waits_for_a_sign():
-    """The kernel takes everything and the board says nothing: ten lines, then the newest as soon as the board speaks."""
+def test_behind_a_full_board_the_newest_waits_for_a_sign():
+    """A board of 63 bytes that says nothing: four lines of ten, then the newest as soon as two cycles have come."""
 
     async def scenario() -> list[tuple[int, ...]]:
         wire = Wire()
+        wire.window = wire.writer._window = SendWindow(63, 2, lambda duty: 10)
         for number in range(1, 31):
-            wire.writer.offer((number, number))
+            wire.writer.offer((number, -number))
             await asyncio.sleep(0.01)
-        assert len(wire.written) == 10
-        wire.writer.heard()
-        return [duty for _, duty in wire.written[9:]]
+        first = [duty for _, duty in wire.written]
+        assert wire.writer.ceiling == first[-1]
+        for _ in range(3):
+            wire.window.cycle(LoopClock().now_s())
+            wire.writer.heard()
+            await asyncio.sleep(0.02)
+        assert wire.writer.ceiling is None
+        return [duty for _, duty in wire.written]
 
-    assert run_virtual(scenario()) == [(10, 10), (30, 30)]
+    assert run_virtual(scenario()) == [(1, -1), (2, -2), (3, -3), (30, -30)]
+
+
+def test_a_stop_of_one_wheel_that_turned_does_not_wait():
+    """Of (0, 50), where one wheel stands already, the stop is written at once, also behind a busy wire."""
+
+    async def scenario() -> list[tuple[float, tuple[int, ...]]]:
+        wire = Wire()
+        wire.writer.offer((0, 50))
+        wire.busy = True
+        await asyncio.sleep(0.001)
+        wire.writer.offer((0, 0))
+        return wire.written
+
+    assert run_virtual(scenario()) == [(0.0, (0, 50)), (0.001, (0, 0))]
+
+
+def test_two_bursts_keep_their_distance():
+    """The timer of the first burst is spent with it: the second one's newest has to wait its own 5 ms."""
+
+    async def scenario() -> list[tuple[float, tuple[int, ...]]]:
+        wire = Wire()
+        for start in (10, 20):
+            for number in range(3):
+                wire.writer.offer((start + number, -start))
+            await asyncio.sleep(0.0202)
+        return wire.written
+
+    expected = [
+        (0.0, (10, -10)),
+        (0.0, (11, -10)),
+        (0.005, (12, -10)),
+        (0.0202, (20, -20)),
+        (0.0202, (21, -20)),
+        (0.0252, (22, -20)),
+    ]
+    assert run_virtual(scenario()) == expected
+
+
+def test_what_drained_in_time_is_not_sent_again_by_its_timer():
+    """A resume before the timer sends what waits; the timer is off then, and hurries nothing that comes after it."""
+
+    async def scenario() -> list[tuple[float, tuple[int, ...]]]:
+        wire = Wire()
+        for number in (1, 2, 3):
+            wire.writer.offer((number, -9))
+        await asyncio.sleep(0.004)
+        wire.writer.resume()
+        wire.writer.offer((4, -9))
+        await asyncio.sleep(0.1)
+        return wire.written
+
+    assert run_virtual(scenario())[2:] == [(0.004, (3, -9)), (0.01, (4, -9))]
+
+
+def test_after_a_lost_link_no_timer_sends_the_next_links_command_early():
+    """Forgotten with a timer under way: what is offered then to a busy wire waits for the wire, not for the timer."""
+
+    async def scenario() -> list[tuple[float, tuple[int, ...]]]:
+        wire = Wire()
+        for number in (1, 2, 3):
+            wire.writer.offer((number, -9))
+        wire.writer.forget()
+        wire.busy = True
+        await asyncio.sleep(0.006)
+        wire.writer.offer((4, -9))
+        await asyncio.sleep(0.1)
+        assert len(wire.written) == 2
+        wire.busy = False
+        wire.writer.heard()
+        return wire.written
+
+    assert run_virtual(scenario())[2:] == [(0.106, (4, -9))]
+
+
+def test_behind_a_busy_wire_what_slows_goes_at_once_and_what_is_faster_waits():
+    """Unsent bytes hold (60, -45), not (50, -30) nor (0, -30); and while the former waits, there is a ceiling."""
+
+    async def scenario() -> list[tuple[int, ...]]:
+        wire = Wire()
+        wire.writer.offer((55, -40))
+        assert wire.writer.ceiling is None
+        wire.busy = True
+        await asyncio.sleep(0.01)
+        wire.writer.offer((60, -45))
+        assert wire.writer.ceiling == (55, -40)
+        await asyncio.sleep(0.01)
+        wire.writer.offer((50, -30))
+        await asyncio.sleep(0.01)
+        wire.writer.offer((50, -30))
+        await asyncio.sleep(0.01)
+        wire.writer.offer((0, -30))
+        return [duty for _, duty in wire.written]
+
+    assert run_virtual(scenario()) == [(55, -40), (50, -30), (0, -30)]
 
 
 def test_a_sign_does_not_hurry_what_waits_for_its_turn():

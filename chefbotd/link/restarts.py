@@ -1,0 +1,119 @@
+"""The board's restarts: those that are asked for, from the stop until it is back, and those that it shows itself."""
+
+import asyncio
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events import BoardResetProgressed, BoardRestarted
+from chefbotd.link.reset import ResetRequest, ResetStage
+from chefbotd.link.restart_watch import RestartWatch
+from chefbotd.link.speech import Speech
+
+log = structlog.get_logger(component="link")
+
+REASONS = {
+    ResetStage.STOPPING: "waiting until the board says that its motors are told to stop",
+    ResetStage.ASKED: "the board was asked to restart",
+    ResetStage.RESTARTED: "the board has restarted; 'arm' allows motion again",
+    ResetStage.NOT_RESTARTED: (
+        "the board answered 'Reset Done' and went on without a restart, as the sketch for the Arduino does: "
+        "nothing was lost and the robot may be driven; to restart it, press its button or pull its cable"
+    ),
+    ResetStage.NO_ANSWER: (
+        "the board has not restarted: the robot may be driven if the board still talks; else press its button "
+        "or pull its cable"
+    ),
+    ResetStage.LINK_LOST: "the link was lost before the board was back",
+}
+LOOK_AGAIN_S = 0.05
+"""A port that does not take the request yet is tried again so soon."""
+
+ENDS_WELL = (ResetStage.STOPPING, ResetStage.ASKED, ResetStage.RESTARTED)
+
+
+class Restarts:
+    """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
+
+    def __init__(self, bus: Bus, clock: Clock, speech: Speech, request: bytes) -> None:
+        self._bus, self._clock, self._speech, self._request_line = bus, clock, speech, request
+        self._watch, self._reset = RestartWatch(), ResetRequest()
+        self._timer: asyncio.TimerHandle | None = None
+        self.count = 0
+
+    @property
+    def holds_motion(self) -> bool:
+        """Whether a restart is under way, so that nothing but a stop may be sent."""
+        return self._reset.stage is not None
+
+    def begin(self) -> None:
+        """A restart is asked for, and the stop before it was sent. One that is under way already goes on."""
+        if self._reset.stage is None:
+            self._reset.begin(self._clock.now_s())
+            self._tell(ResetStage.STOPPING)
+            self._look()
+
+    def link_lost(self) -> None:
+        """The board that was to restart is gone."""
+        self._end(ResetStage.LINK_LOST)
+
+    def echoed(self, duty: tuple[float, ...], now_s: float) -> None:
+        """The board said which command is in force."""
+        if self._reset.stage is ResetStage.STOPPING:
+            self._reset.echoed(duty, now_s)
+            self._look()
+
+    def reset_done(self, now_s: float) -> None:
+        """The board said that it is about to restart."""
+        self._watch.reset_done(now_s)
+
+    def counted(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> bool:
+        """An encoder line came: whether it shows that the board has restarted."""
+        cause = self._watch.observe(now_s, counts, has_clock=has_clock)
+        if cause is not None:
+            self.noticed(now_s, cause)
+        elif self._watch.has_gone_on:
+            self._watch.has_gone_on = False
+            if self._reset.stage is ResetStage.ASKED:
+                self._end(ResetStage.NOT_RESTARTED)
+            else:
+                log.warning("the board said 'Reset Done' unasked, and went on")
+        return cause is not None
+
+    def noticed(self, now_s: float, cause: str) -> None:
+        """The board has restarted."""
+        self.count += 1
+        self._watch.restarted()
+        self._bus.publish(BoardRestarted(now_s, cause))
+        self._end(ResetStage.RESTARTED)
+
+    def _look(self) -> None:
+        """Ask as soon as the stop is in force and the port takes it; give the board up when it is not back in time."""
+        self._cancel_timer()
+        now_s = self._clock.now_s()
+        if self._reset.is_overdue(now_s):
+            self._end(ResetStage.NO_ANSWER)
+            return
+        if self._reset.may_ask(now_s) and self._speech.has_drained:
+            self._speech.say(self._request_line)
+            self._reset.asked(now_s)
+            self._tell(ResetStage.ASKED)
+        wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)
+        self._timer = asyncio.get_running_loop().call_later(wait_s, self._look)
+
+    def _end(self, stage: ResetStage) -> None:
+        self._cancel_timer()
+        if self._reset.stage is not None:
+            self._reset.end()
+            self._tell(stage)
+
+    def _tell(self, stage: ResetStage) -> None:
+        self._bus.publish(BoardResetProgressed(self._clock.now_s(), str(stage), REASONS[stage]))
+        logged = log.info if stage in ENDS_WELL else log.warning
+        logged("restart of the board", stage=str(stage), reason=REASONS[stage])
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

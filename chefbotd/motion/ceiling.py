@@ -1,0 +1,43 @@
+"""What a step of the wheels' controller may do while the board takes nothing that is faster.
+
+Commands that are held back must not be gone on from: the setpoints stand still with them, and no integral grows.
+What slows goes on as ever.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from chefbotd.motion.drive_state import DriveState
+from chefbotd.motion.limits import LimiterState
+
+Duty = tuple[int, ...]
+
+
+def under(ceiling: Duty | None, before: DriveState, after: DriveState) -> DriveState:
+    """The step ``after``, with no wheel pushed harder than ``ceiling`` or the other way (None: no such limit)."""
+    if ceiling is None:
+        return after
+    duty = tuple([_cut(wanted, most) for wanted, most in zip(after.duty, ceiling, strict=True)])
+    if _rises(before.setpoint_m_s, after.setpoint_m_s):
+        after = replace(
+            after,
+            limiter=LimiterState(before.limiter.twist),
+            setpoint_m_s=before.setpoint_m_s,
+            acceleration_m_s2=(0.0,) * len(duty),
+        )
+    pids = [
+        new if given == wanted else old
+        for new, old, given, wanted in zip(after.pids, before.pids, duty, after.duty, strict=True)
+    ]
+    return replace(after, duty=duty, pids=tuple(pids))
+
+
+def _cut(wanted: int, most: int) -> int:
+    if wanted * most <= 0:
+        return 0
+    return wanted if abs(wanted) <= abs(most) else most
+
+
+def _rises(before: Sequence[float], after: Sequence[float]) -> bool:
+    """Whether a wheel is asked to turn faster, or the other way."""
+    return any(new * old < 0 or abs(new) > abs(old) for old, new in zip(before, after, strict=True))
