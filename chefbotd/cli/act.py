@@ -53,8 +53,14 @@ def reset_odometry(chat: Conversation, x_m: float, y_m: float, heading_deg: floa
     _do(chat, lambda robot: robot.reset_odometry(x_m, y_m, heading_rad), said)
 
 
+RESET_BEGUN = (
+    "The board is asked to restart as soon as its motors stand; 'chefbotctl watch reset' tells how that goes, "
+    "'chefbotctl arm' allows motion again."
+)
+
+
 @click.command()
 @click.pass_obj
 def reset_board(chat: Conversation) -> None:
     """Restart the robot's board; 'arm' comes after it."""
-    _do(chat, lambda robot: robot.reset_board(), "The board restarts; 'chefbotctl arm' allows motion again.")
+    _do(chat, lambda robot: robot.reset_board(), RESET_BEGUN)

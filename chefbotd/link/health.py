@@ -20,6 +20,7 @@ class Condition(StrEnum):
     SILENT = "silent"
     WRONG_BAUD = "wrong_baud"
     WRONG_DEVICE = "wrong_device"
+    ECHO_STUCK = "echo_stuck"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +52,8 @@ class HealthWatch:
         self._from_s, self._before = now_s, heard
         self._told: Condition | None = None
 
-    def look(self, now_s: float, heard: Heard, sample: bytes) -> Health | None:
-        """The health if it has changed; ``sample`` are the newest bytes.
+    def look(self, now_s: float, heard: Heard, sample: bytes, complaint: str = "") -> Health | None:
+        """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what is wrong with the echo.
 
         It is judged as soon as there are lines enough, or after ``judged_after_s`` by what there is.
         """
@@ -61,6 +62,8 @@ class HealthWatch:
             return None
         self._from_s, self._before = now_s, heard
         health = _judge(new, waited_s, sample)
+        if complaint and health.condition is Condition.HEALTHY:
+            health = Health(Condition.ECHO_STUCK, complaint)
         if health.condition is self._told:
             return None
         self._told = health.condition

@@ -31,9 +31,9 @@ class Hearing:
         """Whether a frame has come in since the port was opened."""
         return self._heard().since(self._before).frames > 0
 
-    def judge(self, now_s: float) -> Health | None:
-        """What the port sounds like, if that has changed."""
-        return self._watch.look(now_s, self._heard(), self._sample)
+    def judge(self, now_s: float, complaint: str = "") -> Health | None:
+        """What the port sounds like, if that has changed; ``complaint``: what is wrong with the echo."""
+        return self._watch.look(now_s, self._heard(), self._sample, complaint)
 
     def _heard(self) -> Heard:
         frames, refused = self._decoder.accepted, self._decoder.malformed.total()

@@ -97,6 +97,15 @@ class SendWindow:
         _, cycles, written_s = self._unconfirmed[0]
         return self._cycles - cycles >= STUCK_CYCLES and now_s - written_s >= STUCK_S
 
+    def complaint(self, now_s: float) -> str:
+        """What is wrong with the echo, for people; nothing while it follows."""
+        if not self.echo_is_stuck(now_s):
+            return ""
+        return (
+            f"the board says that {self._echo} is in force, {self._newest} was sent: what makes a wheel faster is "
+            "held back until its 's' lines follow; does it read what it is sent?"
+        )
+
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:
         """``duty`` was written so many times; what is kept is bounded by the buffer."""
         size = times * self._size_of(duty)

@@ -138,7 +138,7 @@ class BoardSession(asyncio.Protocol):
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
-        health = self.hearing.judge(now_s)
+        health = self.hearing.judge(now_s, self._window.complaint(now_s))
         if health is None or not self.is_open:
             return
         healthy = health.condition is Condition.HEALTHY

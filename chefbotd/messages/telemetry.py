@@ -92,8 +92,18 @@ class LinkData(TopicData):
         default=False, description="whether a board talks; null until it can be told"
     )
     condition: str = Field(
-        default="down", description="healthy, silent, wrong_baud, wrong_device, judging or down"
+        default="down",
+        description="healthy, silent, wrong_baud, wrong_device, echo_stuck, judging or down",
     )
+
+
+class ResetData(TopicData):
+    """How far a restart of the board that was asked for has come; ``reason`` says what to do, if anything is."""
+
+    stage: str = Field(
+        description="stopping, asked; at the end restarted, not_restarted, no_answer or link_lost"
+    )
+    reason: str
 
 
 class SafetyData(TopicData):

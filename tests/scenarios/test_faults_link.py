@@ -147,7 +147,7 @@ def test_a_board_that_does_not_read_gets_the_newest_when_it_does():
 
 
 def test_behind_a_deaf_board_the_kernel_holds_a_handful_of_motions():
-    """It talks for 10 s and reads nothing, while all that is written is taken: 10 new motions, then one a second."""
+    """It talks for 10 s and reads nothing, while all is taken: motions for 0.2 s, then one a second and what slows."""
 
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.1, 0.3, 1.0)
@@ -157,7 +157,7 @@ def test_behind_a_deaf_board_the_kernel_holds_a_handful_of_motions():
         for _ in range(10):
             await drive(robot, 0.1, 0.3, 0.5)
             await drive(robot, 0.05, -0.3, 0.5)
-        assert 1 <= sum(line not in known for line in kernel) <= 20
+        assert 1 <= sum(line not in known for line in kernel) <= 40
         await robot.client.estop("test")
         assert kernel[-1] == b"s 0 0\r"
         robot.device.on_write = read

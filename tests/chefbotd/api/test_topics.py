@@ -34,7 +34,19 @@ def data_of(name: str, *seen: Any) -> dict[str, Any]:
 
 def test_topics_are_those_of_the_contract() -> None:
     """The names, in their order; the truth only where it is simulated."""
-    contract = ["odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "text", "raw", "stats"]
+    contract = [
+        "odometry",
+        "wheels",
+        "imu",
+        "ranges",
+        "battery",
+        "link",
+        "safety",
+        "reset",
+        "text",
+        "raw",
+        "stats",
+    ]
     assert list(topics(("a",), simulated=False)) == contract
     assert list(TABLE) == [*contract, "sim"]
 
