@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import structlog
-from structlog.typing import FilteringBoundLogger, Processor
+from structlog.typing import EventDict, FilteringBoundLogger, Processor
 
 from chefbotd.log_writer import LogWriter
 
@@ -48,9 +48,24 @@ class _Forwarder(logging.Handler):
         log.log(record.levelno, record.getMessage(), exc_info=record.exc_info)
 
 
+LINES_SHOWN = 12
+"""Of a list of lines, on a terminal; whoever needs them all sends the log to a file."""
+
+
+def _shorten_lists(_logger: object, _method: str, event: EventDict) -> EventDict:
+    """For a terminal: the newest of a list of lines below the message, each on its own, and how many there are more."""
+    lines = event.get("lines")
+    if not isinstance(lines, list):
+        return event
+    earlier = len(lines) - LINES_SHOWN
+    more = [f"({earlier} earlier lines: only where the log is a file)"] if earlier > 0 else []
+    told = [f"    {line}" for line in (*more, *lines[-LINES_SHOWN:])]
+    return {**event, "lines": len(lines), "stack": "\n".join(told)}  # what is printed below the line
+
+
 def _renderers(*, on_terminal: bool) -> list[Processor]:
     if on_terminal:
-        return [structlog.dev.ConsoleRenderer()]
+        return [_shorten_lists, structlog.dev.ConsoleRenderer()]
     return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer(default=str)]
 
 

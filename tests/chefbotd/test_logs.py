@@ -130,3 +130,24 @@ def test_each_event_has_a_count_of_its_own():
         log.warning("jump")
 
     assert [line["event"] for line in limited(story)] == ["jump", "line refused", "jump"]
+
+
+def test_on_a_terminal_a_list_of_lines_is_shortened(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    """Of 400 lines the newest 12 are below the message, a row each, and the rest is a number; a file gets them all."""
+    lines = [f"{number:.3f} < e\\t0" for number in range(400)]
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    writer = logs.configure("info")
+    structlog.get_logger().warning("lines around a fault", lines=lines)
+    writer.close()
+    first, more, *newest = capfd.readouterr().err.splitlines()
+    assert "lines around a fault" in first
+    assert more.strip() == "(388 earlier lines: only where the log is a file)"
+    assert [line.strip() for line in newest] == lines[-12:]
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    structlog.reset_defaults()
+    writer = logs.configure("info")
+    structlog.get_logger().warning("lines around a fault", lines=lines)
+    writer.close()
+    assert json.loads(capfd.readouterr().err)["lines"] == lines
