@@ -1,8 +1,6 @@
-# make run    drive the simulated robot through a 2 m square          make test   run the tests
-#             (ROBOT=name: another packaged robot than ChefBot)
-# make check  format, lint, types, import rules, tests, wheel, audit make bench  measure (see docs/benchmarks.md)
-# make faults every fault of docs/safety.md, on both robots          make soak, make fuzz: long runs of chance
-# Each sets up all it needs in .venv: Python 3.11 or newer and make are enough.
+# 'make help' lists what there is. Each target sets up all it needs in .venv: Python 3.11 or newer and make are enough.
+
+.DEFAULT_GOAL := help
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
@@ -18,47 +16,50 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= logical
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: run test test-all coverage check audit lint format wheel wheel-test bench fuzz soak faults clean
+.PHONY: run test test-all coverage check audit lint format wheel wheel-test bench fuzz soak faults clean help
 
-run: $(VENV)/ready
+help:  ## List the targets
+	@echo "make TARGET, one of:"
+	@sed -n 's/^\([a-z-]*\):.*  ## \(.*\)/  \1|\2/p' $(MAKEFILE_LIST) | awk -F '|' '{ printf "%-13s %s\n", $$1, $$2 }'
+
+run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=khan: the other one)
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
 
 # For every change: no long scenario, few examples, each scenario on one robot.
-test: $(VENV)/ready
+test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
 	@echo "About 3000 tests; one to two minutes on two cores."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
 # Everything, as `make check` and .ci/run try it.
-test-all: $(VENV)/ready
+test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
 	@echo "Every test, with all examples and long scenarios; about five minutes on two cores."
 	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL)
 
-coverage: $(VENV)/ready
+coverage: $(VENV)/ready  ## The same with branch coverage
 	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
-check: lint coverage wheel-test audit
-
-lint: $(VENV)/ready
+check: lint coverage wheel-test audit  ## All that has to hold: lint, coverage, wheel-test, audit
+lint: $(VENV)/ready  ## Check format, style, strict types and import rules
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
 # Whether the dependencies fit together, and whether any has a known vulnerability (see docs/dependencies.md).
-audit: $(VENV)/ready
+audit: $(VENV)/ready  ## Check that the dependencies fit together and have no known vulnerability
 	$(BIN)/pip check
 	$(BIN)/python -m tests.audit
 
-format: $(VENV)/ready
+format: $(VENV)/ready  ## Format the code, and mend what can be mended
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-wheel: $(VENV)/ready
+wheel: $(VENV)/ready  ## Build the wheel into dist
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist
 
 # The tests, run against the installed wheel in an environment of its own, away from the sources.
-wheel-test: wheel
+wheel-test: wheel  ## Run the tests against the installed wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
 	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
@@ -67,7 +68,7 @@ wheel-test: wheel
 	cd build/wheel-test && CHEFBOTD_TESTS=all ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
-fuzz: $(VENV)/ready
+fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)
 	$(BIN)/pip install --quiet --editable '.[fuzz]'
 	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops build/fuzz/lidars
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
@@ -76,7 +77,7 @@ fuzz: $(VENV)/ready
 	$(BIN)/python -m fuzz lidars build/fuzz/lidars tests/vectors/fuzz/lidars $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
-soak: $(VENV)/ready
+soak: $(VENV)/ready  ## Drive an hour with random faults, both robots (SOAK_MINUTES=60)
 	$(MAKE) --jobs=2 --output-sync soak-chefbot soak-khan
 
 soak-%: $(VENV)/ready
@@ -84,16 +85,18 @@ soak-%: $(VENV)/ready
 
 # Every fault of docs/safety.md that the simulated robot can have, on both robots, and what it does. CLOCK=virtual leaves out
 # those of the real program, which take real time: what is left is the same in every run.
-faults: $(VENV)/ready
+faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtual: without the real program)
 	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --json build/faults.json
 
-bench: $(VENV)/ready
+bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 	$(BIN)/python -m benchmarks
 
-clean:
+clean:  ## Remove .venv and whatever was built
 	rm -rf build dist $(VENV)
 
 $(VENV)/ready: pyproject.toml
+	@echo "Setting up $(VENV) with $(PYTHON), once: it downloads some 100 MB and takes a minute or two."
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=/path/to/it")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable '.[dev,teleop,tune,joystick]'
 	touch $@
