@@ -1,22 +1,14 @@
 """Publish and subscribe by class: the class is the topic.
 
-``publish`` never waits and never fails: every subscriber has an inbox of its own, bounded, with a stated policy for
-what gives way when it is full, and a count of what gave way.
+``publish`` never waits and never fails: every subscriber has an inbox of its own, bounded: in a full
+one the oldest event gives way, and what gave way is counted.
 """
 
 import asyncio
 from collections import Counter, deque
-from enum import StrEnum
 from typing import Any, Generic, TypeVar
 
 E = TypeVar("E")
-
-
-class Overflow(StrEnum):
-    """What a full inbox gives up: ``LATEST`` keeps one event per class, ``DROP_OLDEST`` the newest ``size``."""
-
-    LATEST = "latest"
-    DROP_OLDEST = "drop_oldest"
 
 
 class Inbox(Generic[E]):
@@ -26,7 +18,6 @@ class Inbox(Generic[E]):
         self,
         bus: "Bus",
         topics: tuple[type[E], ...],
-        overflow: Overflow,
         size: int,
         kept: tuple[type[E], ...],
     ) -> None:
@@ -34,28 +25,21 @@ class Inbox(Generic[E]):
             raise ValueError(f"an inbox needs room for at least one event, got size {size}")
         if strangers := [topic.__name__ for topic in kept if topic not in topics]:
             raise ValueError(f"kept classes that are not subscribed to: {', '.join(strangers)}")
-        if kept and overflow is Overflow.LATEST:
-            raise ValueError(f"'latest' keeps no class whole, got kept {kept[0].__name__}")
-        self._bus, self._topics, self._overflow, self._size, self._kept = bus, topics, overflow, size, kept
+        self._bus, self._topics, self._size, self._kept = bus, topics, size, kept
         self._events: deque[E] = deque()
         self._waiter: asyncio.Future[None] | None = None
         self.dropped: Counter[type[Any]] = Counter()
-        self.deepest = 0
 
     def __len__(self) -> int:
         return len(self._events)
 
     def put(self, event: E) -> None:
-        """Add an event, making room by the inbox's policy."""
+        """Add an event; in a full inbox the oldest gives way, and is counted."""
         events, waiter = self._events, self._waiter
-        if self._overflow is Overflow.LATEST:
-            self._forget_older(type(event))
-        elif len(events) == self._size and not self._make_room(event):
+        if len(events) == self._size and not self._make_room(event):
             self.dropped[type(event)] += 1
             return
         events.append(event)
-        if len(events) > self.deepest:
-            self.deepest = len(events)
         if waiter is not None and not waiter.done():
             waiter.set_result(None)
 
@@ -70,13 +54,6 @@ class Inbox(Generic[E]):
         self.dropped[type(events[spare])] += 1
         del events[spare]
         return True
-
-    def _forget_older(self, topic: type[Any]) -> None:
-        for index, waiting in enumerate(self._events):
-            if type(waiting) is topic:
-                del self._events[index]
-                self.dropped[topic] += 1
-                return
 
     def take(self) -> E:
         """The oldest event, which must be there: raises ``IndexError`` on an empty inbox."""
@@ -136,7 +113,6 @@ class Bus:
     def subscribe(
         self,
         *topics: type[E],
-        overflow: Overflow = Overflow.DROP_OLDEST,
         size: int = 256,
         kept: tuple[type[E], ...] = (),
     ) -> Inbox[E]:
@@ -149,7 +125,7 @@ class Bus:
         """
         if not topics:
             raise ValueError("subscribe needs at least one event class")
-        inbox = Inbox(self, topics, overflow, size, kept)
+        inbox = Inbox(self, topics, size, kept)
         for topic in topics:
             self._inboxes[topic] = (*self._inboxes.get(topic, ()), inbox)
         return inbox

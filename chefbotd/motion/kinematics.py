@@ -84,11 +84,6 @@ class Kinematics:
         linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
         return tuple([linear_m_s + angular_rad_s * lever_m for lever_m in self._levers_m])
 
-    def wheel_speeds_rad_s(self, twist: Twist2D) -> tuple[float, ...]:
-        """How fast each wheel must turn for the robot to move so."""
-        rims = self.rim_speeds_m_s(twist)
-        return tuple(rim_m_s / radius_m for rim_m_s, radius_m in zip(rims, self.radii_m, strict=True))
-
     def side_travel_m(
         self, travel_rad: Sequence[float], left_out: tuple[int, ...] = ()
     ) -> tuple[float, float]:
@@ -105,13 +100,7 @@ class Kinematics:
 
     def twist(self, velocity_rad_s: Sequence[float], left_out: tuple[int, ...] = ()) -> Twist2D:
         """How the robot moves when its wheels turn so and none of them slips, but for those left out."""
-        return self._twist(*self.side_travel_m(velocity_rad_s, left_out))
-
-    def twist_of_rims(self, rim_m_s: Sequence[float]) -> Twist2D:
-        """The same of the speeds of the wheels' rims."""
-        return self._twist(fmean([rim_m_s[i] for i in self.left]), fmean([rim_m_s[i] for i in self.right]))
-
-    def _twist(self, left_m_s: float, right_m_s: float) -> Twist2D:
+        left_m_s, right_m_s = self.side_travel_m(velocity_rad_s, left_out)
         return Twist2D((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / self.track_width_m)
 
     def saturate(self, twist: Twist2D, max_rim_speed_m_s: float) -> Twist2D:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from chefbotd.bus import Bus, Overflow
+from chefbotd.bus import Bus
 from chefbotd.clock import run_virtual
 
 
@@ -49,17 +49,6 @@ def test_a_full_inbox_drops_the_oldest_and_counts_it():
     assert [inbox.take(), inbox.take()] == [Ticked(2), Ticked(3)]
     assert inbox.dropped == {Ticked: 1}
     assert bus.drops() == {"Ticked": 1}
-    assert inbox.deepest == 2
-
-
-def test_a_latest_inbox_keeps_the_newest_of_each_class():
-    """With the policy 'latest', a newer event replaces the waiting one of its class and leaves the others."""
-    bus = Bus()
-    inbox = bus.subscribe(Ticked, Tocked, overflow=Overflow.LATEST)
-    for event in (Ticked(1), Tocked(1), Ticked(2)):
-        bus.publish(event)
-    assert [inbox.take(), inbox.take()] == [Tocked(1), Ticked(2)]
-    assert inbox.dropped == {Ticked: 1}
 
 
 def test_a_kept_class_is_never_pushed_out_by_another():
@@ -163,5 +152,3 @@ def test_senseless_subscriptions_are_refused():
         Bus().subscribe(Ticked, size=0)
     with pytest.raises(ValueError, match="kept classes that are not subscribed to: Tocked"):
         Bus().subscribe(Ticked, kept=(Tocked,))
-    with pytest.raises(ValueError, match="'latest' keeps no class whole, got kept Ticked"):
-        Bus().subscribe(Ticked, overflow=Overflow.LATEST, kept=(Ticked,))

@@ -229,3 +229,14 @@ def test_a_clock_that_warms_up_is_followed_and_its_past_forgotten():
         relation.observe(50.0 + number * 0.1, host_s + rng.uniform(0.0, 0.002))
     assert relation.left_out == 0
     assert relation.skew_ppm == pytest.approx(20, abs=3)
+
+
+@pytest.mark.parametrize("last_micros", [5_000_000, 20_000, WRAP - 20_000])
+@pytest.mark.parametrize("ahead_s", [0.0, 0.03, -0.03, 1800.0, -1800.0])
+def test_another_reading_of_the_counter_has_its_board_time(last_micros: int, ahead_s: float):
+    """Before or after the last `t` line, up to half of the counter's 71.6 minutes, also where it wraps in between."""
+    clock = BoardClock()
+    assert clock.time_of_s(last_micros) is None
+    run(clock, (last_micros - 9 * 20_000) % WRAP, 10)
+    micros = (last_micros + round(ahead_s * 1e6)) % WRAP
+    assert clock.time_of_s(micros) == pytest.approx(clock.latest_s + ahead_s, abs=1e-6)

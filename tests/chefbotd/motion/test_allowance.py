@@ -13,6 +13,7 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from tests.budget import examples
+from tests.fakes.wheels import wheel_speeds_rad_s
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -112,7 +113,7 @@ def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
     wanted, bounds = Twist2D(linear_m_s, angular_rad_s), limits(keep_curvature=keep)
     allowed = Allowance(DRIVE, CHASSIS, bounds).of_twist(wanted)
     targets = reached(Drive(DRIVE, CHASSIS, bounds, (GAINS, GAINS)), wanted)
-    assert targets == pytest.approx(Kinematics(CHASSIS).wheel_speeds_rad_s(allowed.command), abs=1e-6)
+    assert targets == pytest.approx(wheel_speeds_rad_s(Kinematics(CHASSIS), allowed.command), abs=1e-6)
     assert (allowed.limited_by is None) == (allowed.command == wanted)
 
 

@@ -15,6 +15,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.ramp import AxisLimits
 from tests.budget import examples
+from tests.fakes.wheels import turned
 
 
 def chassis_of(wheels: int) -> ChassisParameters:
@@ -93,10 +94,10 @@ def test_wheels_keep_the_acceleration_limits_of_the_robot(
             else controller.wheel_velocities(dict(zip(names, asked, strict=False)))
         )
         for step_s in steps_s:
-            was = kinematics.twist_of_rims(state.setpoint_m_s)
+            was = kinematics.twist(turned(kinematics, state.setpoint_m_s))
             now_s += step_s
             state = controller.retarget(state, target, now_s, apart=apart)
-            now = kinematics.twist_of_rims(state.setpoint_m_s)
+            now = kinematics.twist(turned(kinematics, state.setpoint_m_s))
             allowed_s = step_s + 1e-6
             assert seconds_needed(limits.linear.axis, was.linear_m_s, now.linear_m_s) <= allowed_s
             assert seconds_needed(limits.angular.axis, was.angular_rad_s, now.angular_rad_s) <= allowed_s
