@@ -1,30 +1,16 @@
 """Where the walls come from: a furnished room, or a map in the format of ROS's map_server."""
 
-import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.map_server import parse_description, parse_image
+from chefbotd.mapping.occupancy_grid import OCCUPIED
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.world import World
-
-
-class MapParameters(Parameters):
-    """A map_server YAML (https://wiki.ros.org/map_server); ``origin`` is the lower left pixel: x, y, yaw."""
-
-    image: str
-    resolution: float = Field(gt=0)
-    origin: tuple[float, float, float]
-    negate: bool = False
-    occupied_thresh: float = Field(0.65, ge=0, le=1)
-    free_thresh: float = Field(0.196, ge=0, le=1)
-    mode: str = "trinary"
 
 
 def default_room() -> World:
@@ -58,31 +44,12 @@ def load_map(path: Path) -> World:
         OSError: a file cannot be read.
         ValueError: the YAML or the image is not a map, or nothing in it is occupied.
     """
-    parameters = MapParameters.model_validate(_flat_yaml(path.read_text(encoding="utf-8")))
-    with Image.open(path.parent / parameters.image) as image:
-        pixels = np.asarray(image.convert("L"), dtype=np.float64)
-    darkness = pixels / 255 if parameters.negate else 1 - pixels / 255
-    occupied = np.flipud(darkness > parameters.occupied_thresh)
+    description = parse_description(path.read_text(encoding="utf-8"), str(path))
+    grid = parse_image((path.parent / description.image).read_bytes(), description)
+    occupied = grid.percent == OCCUPIED
     if not occupied.any():
-        raise ValueError(f"{path}: no pixel is darker than occupied_thresh {parameters.occupied_thresh}")
-    return World(_placed(_outlines(occupied) * parameters.resolution, parameters.origin))
-
-
-def _flat_yaml(text: str) -> dict[str, Any]:
-    """The ``key: value`` lines that map_server files consist of; a value that is not JSON is a string."""
-    values: dict[str, Any] = {}
-    for line in text.splitlines():
-        key, colon, value = line.partition("#")[0].partition(":")
-        if colon:
-            values[key.strip()] = _scalar(value.strip())
-    return values
-
-
-def _scalar(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError:
-        return text.strip("'")
+        raise ValueError(f"{path}: no pixel is darker than occupied_thresh {description.occupied_thresh}")
+    return World(_placed(_outlines(occupied) * grid.resolution_m, grid.map_from_grid))
 
 
 def _outlines(occupied: npt.NDArray[np.bool_]) -> Vector:
@@ -102,10 +69,9 @@ def _edge_runs(padded: npt.NDArray[np.bool_]) -> Vector:
     return np.stack((starts[:, 1], y, stops[:, 1], y), axis=1).astype(np.float64)
 
 
-def _placed(walls: Vector, origin: tuple[float, float, float]) -> Vector:
-    """The walls turned by the origin's yaw and moved to it."""
-    x, y, yaw = origin
-    cos, sin = math.cos(yaw), math.sin(yaw)
+def _placed(walls: Vector, origin: Pose2D) -> Vector:
+    """The walls turned by the origin's heading and moved to it."""
+    cos, sin = math.cos(origin.heading_rad), math.sin(origin.heading_rad)
     turned = walls.reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]])
-    moved: Vector = turned + np.array([x, y])
+    moved: Vector = turned + np.array([origin.x_m, origin.y_m])
     return moved.reshape(-1, 4)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from pydantic import ValidationError
 
+from chefbotd.mapping.map_server import MapFileError
 from chefbotd.sim.rooms import default_room, load_map
 
 
@@ -70,9 +70,8 @@ def test_negate_swaps_black_and_white(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("yaml", "error", "named"),
     [
-        ("image: room.pgm\nresolution: -1\norigin: [0, 0, 0]\n", ValidationError, "resolution"),
-        ("image: room.pgm\nresolution: 1\n", ValidationError, "origin"),
-        ("image: room.pgm\nresolution: 1\norigin: [0, 0, 0]\nscale: 2\n", ValidationError, "scale"),
+        ("image: room.pgm\nresolution: -1\norigin: [0, 0, 0]\n", MapFileError, "resolution"),
+        ("image: room.pgm\nresolution: 1\n", MapFileError, "origin"),
         ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", OSError, "none.pgm"),
         ("image: room.pgm\nresolution: 1\norigin: [0, 0, 0]\n", ValueError, "occupied_thresh 0.65"),
     ],

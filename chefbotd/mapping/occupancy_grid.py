@@ -1,0 +1,35 @@
+"""An occupancy grid: for each cell of a map how likely it is occupied, in percent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from chefbotd.core.geometry import Pose2D
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGrid:
+    """A map of square cells; ``map_from_grid`` is where the outer corner of cell (0, 0) lies in ``map``.
+
+    ``percent`` is int8 of shape (rows, columns): -1 for unknown, else 0 (free) to 100 (occupied). Columns run along the
+    grid's x axis, rows along its y axis, as in ROS's OccupancyGrid message.
+
+    Raises:
+        ValueError: the resolution is not positive, or the array is not what is said here.
+    """
+
+    resolution_m: float
+    map_from_grid: Pose2D
+    percent: npt.NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        if not self.resolution_m > 0:
+            raise ValueError(f"a grid's resolution is above 0 m, got {self.resolution_m}")
+        if self.percent.ndim != 2 or self.percent.dtype != np.int8 or 0 in self.percent.shape:
+            got = f"{self.percent.dtype} of shape {self.percent.shape}"
+            raise ValueError(f"a grid is an int8 array of rows and columns, got {got}")
+        if self.percent.min() < UNKNOWN or self.percent.max() > OCCUPIED:
+            raise ValueError(f"cells are from -1 to 100, got {self.percent.min()} to {self.percent.max()}")
