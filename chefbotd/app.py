@@ -23,6 +23,7 @@ from chefbotd.motion.drive import Drive
 from chefbotd.robot import WiredRobot
 from chefbotd.services.drive import DriveService
 from chefbotd.services.latch import LatchFile, path_of
+from chefbotd.services.motor_watch import MotorWatch
 from chefbotd.services.odometry import OdometryService
 from chefbotd.services.quadrature import QuadratureService
 from chefbotd.services.safety import SafetyKeeper
@@ -206,6 +207,7 @@ def _drive_service(
         counts_per_turn=settings.encoders.counts_per_turn,
         mounts=settings.range_mounts(),
         latch=latch,
+        motors=MotorWatch(settings.safety, settings.chassis),
     )
     return DriveService(
         bus,

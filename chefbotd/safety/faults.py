@@ -13,6 +13,9 @@ class FaultKind(StrEnum):
     ENCODER_JUMPS = "encoder_jumps"
     WHEEL_STALLED = "wheel_stalled"
     WHEEL_REVERSED = "wheel_reversed"
+    OVERSPEED = "overspeed"
+    BOARD_DEAF = "board_deaf"
+    ECHO_MISMATCH = "echo_mismatch"
     BATTERY_CRITICAL = "battery_critical"
     INTERNAL_ERROR = "internal_error"
     SERVICE_FAILED = "service_failed"
@@ -22,6 +25,9 @@ class FaultKind(StrEnum):
 
 PASSING = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})
 """Faults that are over when the board is back, so that ``rearm = "auto"`` may leave them; the others need a person."""
+
+UNSTOPPED = frozenset({FaultKind.BOARD_DEAF})
+"""Faults with which the robot may move although the gate is shut, so that they are told whatever else has latched."""
 
 
 @dataclass(frozen=True, slots=True)

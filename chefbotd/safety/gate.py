@@ -22,8 +22,11 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters
 from chefbotd.safety.charge import ChargeParameters
-from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.deaf import DeafParameters
+from chefbotd.safety.echo import EchoParameters
+from chefbotd.safety.faults import PASSING, UNSTOPPED, FaultKind
 from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.overspeed import OverspeedParameters
 from chefbotd.safety.silence import SilenceParameters
 from chefbotd.safety.wheels import WheelWatchParameters
 
@@ -62,6 +65,9 @@ class SafetyParameters(Parameters):
     default_source: str = "teleop"
     encoders: SilenceParameters = SilenceParameters()
     wheels: WheelWatchParameters = WheelWatchParameters()
+    overspeed: OverspeedParameters = OverspeedParameters()
+    deaf: DeafParameters = DeafParameters()
+    echo: EchoParameters = EchoParameters()
     battery: ChargeParameters = ChargeParameters()
     guard: GuardParameters = GuardParameters()
 
@@ -176,9 +182,14 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
 
     A change forgets every command; a fault or a recovery that changes nothing keeps the reason, so that the first of
     several faults is the one that is told, but for one that needs a person, which takes the place of one that passes.
+    One of ``UNSTOPPED`` takes the place of every other, and of an e-stop's reason, which it goes on to tell.
     Only a ``PASSING`` fault recovers.
     """
     mode = NEXT[state.mode, trigger]
+    if fault in UNSTOPPED and state.mode is not Mode.ARMED:
+        if state.fault is fault:
+            return state
+        return GateState(mode, f"{reason} ({state.mode} before that: {state.reason})", fault=fault)
     if mode is Mode.DISARMED and state.fault in PASSING and fault is not None and fault not in PASSING:
         return GateState(mode, reason, fault=fault)
     if mode is state.mode and trigger is not Trigger.ESTOP:

@@ -60,7 +60,7 @@ class DriveService:
         control: ControlParameters,
         duty_ceiling: Callable[[], tuple[int, ...] | None] = lambda: None,
     ) -> None:
-        self._bus, self._clock, self._send_duty = bus, clock, send_duty
+        self._bus, self._clock, self._write_duty = bus, clock, send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._duty_ceiling = duty_ceiling
@@ -180,6 +180,7 @@ class DriveService:
             return
         effort = self._reader.effort(seen, self._drive.effort(self._state))
         self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
+        self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
         self._regulate(now_s, seen)
         self._send_duty(self._state.duty)
         self.steps += 1
@@ -262,6 +263,10 @@ class DriveService:
         self._keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()
         self._keeper.announce(self._clock.now_s())
+
+    def _send_duty(self, duty: tuple[int, ...]) -> None:
+        self._keeper.tell_motors(self._clock.now_s(), duty)
+        self._write_duty(duty)
 
     def _halt(self) -> None:
         self._state = self._drive.halt(self._state)

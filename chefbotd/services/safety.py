@@ -14,6 +14,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
     BatteryMeasured,
     BoardRestarted,
+    DutyEchoed,
     LinkClosed,
     LinkOpened,
     RangeMeasured,
@@ -22,12 +23,16 @@ from chefbotd.core.events import (
 from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.logs import RateLimitedLog
 from chefbotd.safety import charge, gate, guard, silence, wheels
-from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.safety.silence import SilenceState
 from chefbotd.services.latch import LatchFile
+from chefbotd.services.motor_watch import MotorWatch
+from chefbotd.services.wheel_reader import WheelsRead
 
 log = structlog.get_logger(component="safety")
+
+Looked = RangeMeasured | BatteryMeasured | DutyEchoed
 
 ENCODERS_STALE = "encoders_stale"
 OBSTACLE = "obstacle:"
@@ -40,7 +45,7 @@ WAITING = "waiting for the board"
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
 
-    ``latch`` remembers the mode beyond the end of the process.
+    ``latch`` remembers the mode beyond the end of the process; ``motors`` says whether the board does as it is told.
     """
 
     def __init__(
@@ -53,10 +58,11 @@ class SafetyKeeper:
         counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
         latch: LatchFile,
+        motors: MotorWatch,
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
-        self._latch = latch
+        self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
         self._silence = SilenceState()
         self._wheels = wheels.at_rest(len(wheel_names))
@@ -68,7 +74,7 @@ class SafetyKeeper:
         self._said: tuple[str | None, ...] = ()
         self._limited_log = RateLimitedLog(log)
         # Nobody waits for these: they are looked at whenever a decision is made.
-        self._readings: Inbox[RangeMeasured | BatteryMeasured] = bus.subscribe(RangeMeasured, BatteryMeasured)
+        self._readings: Inbox[Looked] = bus.subscribe(RangeMeasured, BatteryMeasured, DutyEchoed)
 
     @property
     def armed(self) -> bool:
@@ -113,6 +119,7 @@ class SafetyKeeper:
             return
         self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
         self._wheels = wheels.at_rest(len(self._wheel_names))
+        self._motors.start_anew()
         self._silence = replace(self._silence, interrupted=False)
 
     # What happens to the robot
@@ -130,6 +137,7 @@ class SafetyKeeper:
         if isinstance(event, LinkOpened):
             self._link_open = True
             self._silence = SilenceState()
+            self._motors.connected()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
             self._link_open = False
@@ -147,6 +155,15 @@ class SafetyKeeper:
             self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad
         )
         if fault is not None:
+            self.fail(fault)
+
+    def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
+        """A command goes to the board."""
+        self._motors.tell(now_s, duty)
+
+    def watch_motors(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> None:
+        """A good encoder reading, after a while in which the rims were asked for these speeds."""
+        for fault in self._motors.watch(now_s, setpoint_m_s, seen):
             self.fail(fault)
 
     def note_jump(self, jumped: tuple[int, ...]) -> None:
@@ -187,6 +204,8 @@ class SafetyKeeper:
         if told is not None and told.mode != mode:
             logged = log.info if self.armed else log.warning
             logged("safety mode changed", mode=str(mode), reason=reason, fault=fault)
+        elif fault in UNSTOPPED and (told is None or told.fault != fault):
+            log.error("the robot moves though it must not", reason=reason, fault=fault)
 
     def _link_known(self) -> bool:
         """Not before the board is first connected: the gate is armed already, but there is nothing that could move."""
@@ -215,11 +234,16 @@ class SafetyKeeper:
             fault, self._reported = self._reported, None
             self.fail(fault)
 
-    def _take_reading(self, event: RangeMeasured | BatteryMeasured) -> None:
+    def _take_reading(self, event: Looked) -> None:
         if isinstance(event, RangeMeasured):
             self._beams = guard.see(self._beams, event)
             return
-        self._critical_since_s, fault = charge.judge(self._parameters.battery, self._critical_since_s, event)
+        if isinstance(event, DutyEchoed):
+            fault = self._motors.hear(event)
+        else:
+            self._critical_since_s, fault = charge.judge(
+                self._parameters.battery, self._critical_since_s, event
+            )
         if fault is not None:
             self.fail(fault)
 

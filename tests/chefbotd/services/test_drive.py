@@ -31,6 +31,7 @@ from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import GateState, Mode, Rearm, SafetyParameters
 from chefbotd.services.drive import ControlParameters, DriveService
 from chefbotd.services.latch import LatchFile
+from chefbotd.services.motor_watch import MotorWatch
 from chefbotd.services.safety import SafetyKeeper
 from chefbotd.services.wheel_reader import WheelReader
 
@@ -74,6 +75,7 @@ class Rig:
                 counts_per_turn=1000,
                 mounts={"front": Pose2D(0.15)},
                 latch=LatchFile(latch),
+                motors=MotorWatch(SafetyParameters(rearm=rearm), CHASSIS),
             ),
             reader=WheelReader(
                 CHASSIS,

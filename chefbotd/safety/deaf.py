@@ -1,0 +1,110 @@
+"""A robot that moves though it is told to stand: its board does not carry out what it is told.
+
+Zero is said again with every reading, so a board that has sent a few of them since has had its chance to hear it. From
+there on a wheel may roll as far as one that slows down by ``braking_m_s2``; a wheel that goes on beyond that is still
+driven. Of a robot that has come to rest this can no longer be said: somebody may push it. Then only the board's own word
+counts, an echo (where it is known to follow the commands) of a motor that is driven though zero was said. So a
+robot that is pushed by hand, armed or not, is no fault, and one that never stopped is, whether armed, disarmed or
+estopped: only the motors' switch stops it.
+"""
+
+from dataclasses import dataclass, replace
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.safety.faults import Fault, FaultKind
+
+
+class DeafParameters(Parameters):
+    """When a wheel that turns is no longer coasting.
+
+    The board has heard a stop after ``reaction_s`` and ``readings`` of its own. From then on the wheels slow down by
+    ``braking_m_s2``, and more than ``slack_m`` beyond that way is too far. A robot slower than ``rest_m_s`` for
+    ``rest_s`` has come to rest.
+    """
+
+    reaction_s: float = Field(default=0.25, gt=0, le=10)
+    readings: int = Field(default=3, ge=2, le=1000)
+    braking_m_s2: float = Field(default=0.5, gt=0, le=100)
+    slack_m: float = Field(default=0.03, gt=0, le=1)
+    rest_m_s: float = Field(default=0.005, gt=0, le=1)
+    rest_s: float = Field(default=0.2, gt=0, le=10)
+
+
+@dataclass(frozen=True, slots=True)
+class DeafState:
+    """What has been seen since the last duty: ``told_s`` is when zero was first said (None: a duty is in force).
+
+    ``readings`` have come since; the wheels may roll ``coasting_m`` (None: the board need not have heard yet) and have
+    rolled ``moved_m``, forwards less backwards. They have been slow for ``slow_s``, ``rested`` says that this was once
+    long enough; ``beyond`` readings in a row were too far.
+    """
+
+    told_s: float | None = None
+    readings: int = 0
+    coasting_m: float | None = None
+    moved_m: tuple[float, ...] = ()
+    slow_s: float = 0.0
+    rested: bool = False
+    beyond: int = 0
+
+
+DRIVEN = DeafState()
+"""A duty is in force, or nothing was said yet."""
+
+
+def told(state: DeafState, now_s: float, *, driven: bool) -> DeafState:
+    """A command goes to the board; ``driven`` tells whether it is other than zero."""
+    if driven:
+        return DRIVEN
+    return DeafState(told_s=now_s) if state.told_s is None else state
+
+
+def watch(
+    params: DeafParameters,
+    state: DeafState,
+    now_s: float,
+    travel_m: tuple[float, ...],
+    speed_m_s: tuple[float, ...],
+    dt_s: float,
+    *,
+    echoes_motion: bool,
+) -> tuple[DeafState, Fault | None]:
+    """A good reading, ``dt_s`` after the last one; ``speed_m_s`` are the rims' mean speeds lately.
+
+    ``echoes_motion``: the board, whose echo follows its commands, says that a motor is driven. A fault is told once
+    until the next command that is not zero.
+    """
+    if state.told_s is None:
+        return state, None
+    waited_s = now_s - state.told_s
+    fastest_m_s, readings = max(map(abs, speed_m_s)), state.readings + 1
+    slow_s = state.slow_s + max(dt_s, 0.0) if fastest_m_s < params.rest_m_s else 0.0
+    state = replace(state, readings=readings, slow_s=slow_s)
+    if slow_s >= params.rest_s and not echoes_motion:
+        return replace(state, rested=True, coasting_m=0.0, moved_m=(0.0,) * len(travel_m), beyond=0), None
+    if state.coasting_m is None:
+        heard = readings >= params.readings and waited_s >= params.reaction_s
+        coasting_m = fastest_m_s**2 / (2 * params.braking_m_s2)
+        return (
+            replace(state, coasting_m=coasting_m, moved_m=(0.0,) * len(travel_m)) if heard else state
+        ), None
+    moved_m = tuple([moved + travel for moved, travel in zip(state.moved_m, travel_m, strict=True)])
+    too_far = max(map(abs, moved_m)) > state.coasting_m + params.slack_m
+    beyond = state.beyond + 1 if too_far and (echoes_motion or not state.rested) else 0
+    fault = _explain(waited_s, fastest_m_s, echoes_motion) if beyond == CONFIRMED else None
+    return replace(state, moved_m=moved_m, beyond=beyond), fault
+
+
+CONFIRMED = 3
+"""So many readings in a row: a damaged one can look like a way, and a damaged echo like a motor that is driven."""
+
+
+def _explain(told_s: float, fastest_m_s: float, echoes_motion: bool) -> Fault:
+    echo = ", and its echo says that the motors are driven" if echoes_motion else ""
+    reason = (
+        f"the board does not listen: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told to "
+        f"stand{echo}. Cut the motors' power; then check the board, its cable and the motors' driver"
+    )
+    return Fault(FaultKind.BOARD_DEAF, reason)

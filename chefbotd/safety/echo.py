@@ -1,0 +1,104 @@
+"""A board that says it carries out something else than it was told.
+
+An `s` line echoes the command in force. What it shows must be one of the commands of late: which one depends on how long
+the board takes to read. Zero is always well: a board that boots, or stops the motors of its own accord, says so. Boards
+whose echo means something else (metres per second) never show a command of ours and are never judged.
+
+A line may be damaged on its way, in either direction, so one that does not fit is no fault: each counts one, and one
+that fits takes off ``forgiven``.
+"""
+
+from dataclasses import dataclass, replace
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.safety.faults import Fault, FaultKind
+
+Duty = tuple[int, ...]
+
+MOST_SAID = 256
+"""Different commands are remembered: more than go out at 200 a second while the sketch waits a second for an echo."""
+
+
+class EchoParameters(Parameters):
+    """``mismatches`` are too many, less ``forgiven`` for each echo that fits.
+
+    An echo is believed once it has shown ``believed_after`` commands that were not zero. A command that was not said for
+    ``memory_s`` must no longer be in force: the sketch reads nothing for up to a second, while it waits for an echo.
+    """
+
+    mismatches: float = Field(default=8.0, ge=2, le=1000)
+    forgiven: float = Field(default=0.5, gt=0, le=1)
+    believed_after: int = Field(default=5, ge=1, le=1000)
+    memory_s: float = Field(default=3.0, ge=1.5, le=60)
+
+
+@dataclass(frozen=True, slots=True)
+class EchoState:
+    """``said``: the commands of late, newest first, each with when it was last said.
+
+    ``fitting`` counts the echoes that showed one of them; ``score`` is what is held against the board, ``shown`` its
+    latest echo, at ``shown_s``.
+    """
+
+    said: tuple[tuple[float, Duty], ...] = ()
+    fitting: int = 0
+    score: float = 0.0
+    shown: tuple[float, ...] = ()
+    shown_s: float = float("-inf")
+
+
+UNKNOWN = EchoState()
+"""A board that was just connected."""
+
+
+def say(state: EchoState, now_s: float, duty: Duty) -> EchoState:
+    """A command goes to the board, or may: one that a newer one overtakes is remembered as well."""
+    earlier = state.said
+    if earlier and earlier[0][1] == duty:
+        earlier = earlier[1:]
+    return replace(state, said=((now_s, duty), *earlier[: MOST_SAID - 1]))
+
+
+def is_believed(params: EchoParameters, state: EchoState) -> bool:
+    """Whether this board's echo is known to mean the command in force."""
+    return state.fitting >= params.believed_after
+
+
+def hear(
+    params: EchoParameters, state: EchoState, now_s: float, shown: tuple[float, ...]
+) -> tuple[EchoState, Fault | None]:
+    """An echo: the next state, and the fault once too many did not fit."""
+    state = replace(state, shown=shown, shown_s=now_s)
+    if not any(shown):
+        return replace(state, score=max(0.0, state.score - params.forgiven)), None
+    if _was_said(state, shown, now_s - params.memory_s):
+        score = max(0.0, state.score - params.forgiven)
+        return replace(state, fitting=state.fitting + 1, score=score), None
+    if not is_believed(params, state):
+        return state, None
+    score = state.score + 1
+    if score < params.mismatches:
+        return replace(state, score=score), None
+    return replace(state, score=0.0), _explain(state)
+
+
+def _was_said(state: EchoState, shown: tuple[float, ...], since_s: float) -> bool:
+    """Whether this is a command of late, but for wheels that stand."""
+    for said_s, duty in state.said:
+        if said_s < since_s:
+            return False
+        if all(now in (0.0, asked) for now, asked in zip(shown, duty, strict=True)):
+            return True
+    return False
+
+
+def _explain(state: EchoState) -> Fault:
+    shown = " ".join(f"{value:g}" for value in state.shown)
+    said = " ".join(map(str, state.said[0][1])) if state.said else "nothing"
+    reason = (
+        f"the board says that it carries out {shown!r}, which it was not told (last: {said!r}): check the cable, "
+        "that nobody else writes to the port, and the sketch's receive buffer"
+    )
+    return Fault(FaultKind.ECHO_MISMATCH, reason)

@@ -1,0 +1,115 @@
+"""Wheels that turn much faster than they are asked to, beyond what braking explains.
+
+A feedforward made for another full scale, a gain that is ten times too large or a motor driver that is stuck does that,
+and no feedback that is limited can hold it. What a wheel rolls beyond the speed allowed to it is summed up, as in a
+CUSUM test (Page, "Continuous Inspection Schemes", Biometrika 41, 1954): so neither the rate of the readings nor their
+noise matters, and twice the excess is found in half the time. Forwards and backwards are summed apart, so an encoder
+that dithers sums up to nothing.
+
+Allowed is what a wheel was asked for, and a bit more. After it was asked for less it may be as fast as a wheel that
+slows down by ``braking_m_s2``. A reading damaged on the line may look like a leap; it is taken back by the next good
+one, so the excess has to last.
+"""
+
+from typing import NamedTuple
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.safety.faults import Fault, FaultKind
+
+
+class OverspeedParameters(Parameters):
+    """A rim may be faster than asked by ``share`` of it and ``margin_m_s``.
+
+    Beyond that it is a fault once it has rolled ``excess_m`` too far and ``lasts_s`` more have passed. ``braking_m_s2``
+    is by how much a braked wheel slows down at least, ``late_s`` by how much a reading's stamp may be wrong.
+    """
+
+    share: float = Field(default=0.15, ge=0, le=5)
+    margin_m_s: float = Field(default=0.04, gt=0, le=5)
+    braking_m_s2: float = Field(default=0.75, gt=0, le=100)
+    excess_m: float = Field(default=0.015, gt=0, le=1)
+    lasts_s: float = Field(default=0.1, gt=0, le=5)
+    late_s: float = Field(default=0.05, ge=0, le=1)
+
+
+class Excess(NamedTuple):
+    """How fast a wheel may be for what it was asked, how far beyond it went forwards and backwards, and since when."""
+
+    asked_m_s: float = 0.0
+    ahead_m: float = 0.0
+    back_m: float = 0.0
+    lasted_s: float = 0.0
+
+
+OverspeedState = tuple[Excess, ...]
+
+
+def at_rest(wheels: int) -> OverspeedState:
+    """So many wheels of which nothing is known."""
+    return (Excess(),) * wheels
+
+
+def watch(
+    params: OverspeedParameters,
+    names: tuple[str, ...],
+    state: OverspeedState,
+    asked_m_s: tuple[float, ...],
+    travel_m: tuple[float, ...],
+    dt_s: float,
+    left_out: tuple[int, ...] = (),
+) -> tuple[OverspeedState, Fault | None]:
+    """A good reading, ``dt_s`` after the last one, in which each rim rolled ``travel_m``, asked for ``asked_m_s``.
+
+    Wheels whose reading is not believed (``left_out``) are not judged, and none is while nothing is asked of any: then
+    it is not the speed that is wrong (see ``chefbotd.safety.deaf``).
+    """
+    dt_s, driven = max(dt_s, 0.0), any(asked_m_s)
+    wheels = zip(state, asked_m_s, travel_m, strict=True)
+    after = tuple(
+        [
+            _add(params, excess, abs(asked), travel, dt_s)
+            if driven and i not in left_out
+            else Excess(_slowed(params, excess, abs(asked), dt_s))
+            for i, (excess, asked, travel) in enumerate(wheels)
+        ]
+    )
+    found = [i for i, excess in enumerate(after) if excess.lasted_s >= params.lasts_s]
+    return after, _explain(names, found, asked_m_s, travel_m, dt_s) if found else None
+
+
+def _add(
+    params: OverspeedParameters, excess: Excess, asked_m_s: float, travel_m: float, dt_s: float
+) -> Excess:
+    """What the wheel rolled beyond what it was allowed to; less than that takes off, down to a late reading's worth."""
+    allowed_m_s = max(excess.asked_m_s, asked_m_s) * (1 + params.share) + params.margin_m_s
+    allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.late_s
+    ahead_m = max(least_m, excess.ahead_m + travel_m - allowed_m)
+    back_m = max(least_m, excess.back_m - travel_m - allowed_m)
+    was_beyond = max(excess.ahead_m, excess.back_m) > params.excess_m
+    is_beyond = max(ahead_m, back_m) > params.excess_m
+    lasted_s = excess.lasted_s + dt_s if was_beyond and is_beyond else 0.0
+    return Excess(_slowed(params, excess, asked_m_s, dt_s), ahead_m, back_m, lasted_s)
+
+
+def _slowed(params: OverspeedParameters, excess: Excess, asked_m_s: float, dt_s: float) -> float:
+    """How fast a braked wheel may still be that was asked for more before."""
+    return max(asked_m_s, excess.asked_m_s - params.braking_m_s2 * dt_s)
+
+
+def _explain(
+    names: tuple[str, ...],
+    found: list[int],
+    asked_m_s: tuple[float, ...],
+    travel_m: tuple[float, ...],
+    dt_s: float,
+) -> Fault:
+    worst = max(found, key=lambda i: abs(travel_m[i]) - abs(asked_m_s[i]) * dt_s)
+    measured = f"{travel_m[worst] / dt_s:.2f} m/s" if dt_s > 0 else "faster"
+    reason = (
+        f"{' and '.join(names[i] for i in found)} much faster than asked "
+        f"({measured} instead of {asked_m_s[worst]:.2f}): check that drive.max_duty is the board's full scale, "
+        "the gains ([pid], set_pid), encoders.counts_per_turn, and the motor's driver"
+    )
+    return Fault(FaultKind.OVERSPEED, reason)
