@@ -9,24 +9,27 @@ from typing import TypeAlias
 
 from pydantic import Field
 
+from chefbotd.cli.turning import TurnParameters
 from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
 from chefbotd.core.parameters import Parameters
 
 
 class CourseParameters(Parameters):
-    """How fast to go, how to slow down, and how near is near enough."""
+    """How fast to go, how to slow down, and how near is near enough.
+
+    A side on which the robot comes no nearer for ``patience_s`` is given up; corrections turn by ``turn_rad_s`` at most.
+    """
 
     cruise_m_s: float = Field(0.3, gt=0)
     creep_m_s: float = Field(0.03, gt=0)
     deceleration_m_s2: float = Field(0.25, gt=0)
     turn_rad_s: float = Field(1.2, gt=0)
-    creep_rad_s: float = Field(0.15, gt=0)
-    turn_deceleration_rad_s2: float = Field(1.0, gt=0)
     heading_gain_per_s: float = Field(2.0, ge=0)
     cross_track_gain_rad_per_m: float = Field(2.0, ge=0)
     position_tolerance_m: float = Field(0.005, gt=0)
-    heading_tolerance_rad: float = Field(0.01, gt=0)
-    time_limit_s: float = Field(120.0, gt=0)
+    turn: TurnParameters = TurnParameters()
+    patience_s: float = Field(10.0, gt=0)
+    time_limit_s: float = Field(600.0, gt=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +65,17 @@ def remaining(leg: Leg, course_from_base: Pose2D) -> float:
     """How far to go on this leg: metres along a side (negative beyond its end), or radians of a turn."""
     if isinstance(leg, GoTo):
         return -leg.target.inverse().compose(course_from_base).x_m
-    return abs(wrap_angle(leg.target.heading_rad - course_from_base.heading_rad))
+    return abs(left_rad(leg, course_from_base))
 
 
-def steer(parameters: CourseParameters, leg: Leg, course_from_base: Pose2D) -> Twist2D | None:
-    """What to drive on this leg; None when it is done."""
-    if isinstance(leg, GoTo):
-        return _along(parameters, leg.target.inverse().compose(course_from_base))
-    return _around(parameters, wrap_angle(leg.target.heading_rad - course_from_base.heading_rad))
+def left_rad(leg: TurnTo, course_from_base: Pose2D) -> float:
+    """How far to turn, the shorter way: CCW positive."""
+    return wrap_angle(leg.target.heading_rad - course_from_base.heading_rad)
+
+
+def steer(parameters: CourseParameters, leg: GoTo, course_from_base: Pose2D) -> Twist2D | None:
+    """What to drive along this side; None when it is done."""
+    return _along(parameters, leg.target.inverse().compose(course_from_base))
 
 
 def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | None:
@@ -80,16 +86,6 @@ def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | 
     wanted_rad = -parameters.cross_track_gain_rad_per_m * target_from_base.y_m
     angular = parameters.heading_gain_per_s * wrap_angle(wanted_rad - target_from_base.heading_rad)
     return Twist2D(linear, math.copysign(min(abs(angular), parameters.turn_rad_s), angular))
-
-
-def _around(parameters: CourseParameters, left_rad: float) -> Twist2D | None:
-    distance_rad = abs(left_rad)
-    if distance_rad <= parameters.heading_tolerance_rad:
-        return None
-    speed = slowing(
-        distance_rad, parameters.turn_rad_s, parameters.creep_rad_s, parameters.turn_deceleration_rad_s2
-    )
-    return Twist2D(0.0, math.copysign(speed, left_rad))
 
 
 def slowing(distance: float, cruise: float, creep: float, deceleration: float) -> float:

@@ -2,16 +2,17 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from chefbotd.cli.course import CourseParameters, GoTo, Leg, deviation, remaining, steer
+from chefbotd.cli import turning
+from chefbotd.cli.course import CourseParameters, GoTo, Leg, TurnTo, deviation, left_rad, remaining, steer
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.latency import Latencies, Ping
 from chefbotd.cli.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
-from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.messages.telemetry import OdometryData
 
 PING_PERIOD_S = 0.1
@@ -20,6 +21,7 @@ FIRST_PATIENCE_S = 10.0
 
 PATIENCE_S = 2.0
 SETTLING_S = 0.5
+NEARER_M = 0.005
 ALLOWED_DISTANCE_M = 0.05
 ALLOWED_HEADING_RAD = math.radians(5)
 
@@ -55,6 +57,8 @@ class Walk:
 
 
 Report = Callable[[Progress], None]
+GoOn = Callable[[Twist2D], Awaitable[None]]
+"""Ask for a twist, and wait for the next odometry."""
 
 
 @dataclass(slots=True)
@@ -75,7 +79,9 @@ class Walker:
     def __init__(self, robot: Client, parameters: CourseParameters, report: Report) -> None:
         self._robot, self._parameters, self._report = robot, parameters, report
         self._tracks = {"odometry": _Track(), "sim": _Track()}
+        self._odometry = self._tracks["odometry"]
         self._standing = True
+        self._lead_s: float | None = None
         self._latencies = Latencies()
 
     async def walk(self, legs: Sequence[Leg]) -> Walk:
@@ -103,22 +109,64 @@ class Walker:
         return Walk((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)
 
     async def _first_values(self, events: Subscription[Any], topics: Sequence[str]) -> None:
-        while any(self._tracks[topic].start is None for topic in topics):
-            await self._next(events, FIRST_PATIENCE_S)
+        try:
+            async with asyncio.timeout(FIRST_PATIENCE_S + PATIENCE_S):  # without odometry sooner
+                while any(self._tracks[topic].start is None for topic in topics):
+                    await self._next(events, FIRST_PATIENCE_S)
+        except TimeoutError as error:
+            missing = " and ".join(topic for topic in topics if self._tracks[topic].start is None)
+            raise ProgramError(
+                Exit.NOT_DONE, f"no {missing} for {FIRST_PATIENCE_S + PATIENCE_S:g} s"
+            ) from error
 
     async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> Mark:
-        """Steer until the leg is done and the robot stands, so that no turn begins with speed left over."""
+        """Drive until the leg is done and the robot stands, so that no turn begins with speed left over."""
         leg, name = legs[index], _name(legs, index)
-        odometry = self._tracks["odometry"]
-        whole = remaining(leg, odometry.latest)
-        while (twist := steer(self._parameters, leg, odometry.latest)) or not self._standing:
-            asked = twist or STANDING
+        whole = remaining(leg, self._odometry.latest)
+
+        async def go_on(asked: Twist2D) -> None:
             await self._robot.drive(asked.linear_m_s, asked.angular_rad_s)
             await self._ping_now_and_then()
             await self._next(events, PATIENCE_S)
-            share = 1 - remaining(leg, odometry.latest) / whole
-            self._report(Progress(index, len(legs), name, share, odometry.latest))
+            share = 1 - remaining(leg, self._odometry.latest) / whole if whole else 1.0
+            self._report(Progress(index, len(legs), name, share, self._odometry.latest))
+
+        try:
+            await (self._along(leg, go_on) if isinstance(leg, GoTo) else self._around(leg, go_on))
+        except ProgramError as error:
+            raise ProgramError(error.code, f"{name}: {error}{await self._held_by()}") from error
         return self._mark(name, leg)
+
+    async def _along(self, leg: GoTo, go_on: GoOn) -> None:
+        """A side, as long as the robot comes nearer to its end."""
+        loop = asyncio.get_running_loop()
+        nearest_m, nearer_s = math.inf, loop.time()
+        while (twist := steer(self._parameters, leg, self._odometry.latest)) or not self._standing:
+            left_m = remaining(leg, self._odometry.latest)
+            if left_m < nearest_m - NEARER_M:
+                nearest_m, nearer_s = left_m, loop.time()
+            if loop.time() - nearer_s > self._parameters.patience_s:
+                told = f"{left_m:.2f} m are left, and no nearer for {self._parameters.patience_s:g} s"
+                raise ProgramError(Exit.NOT_DONE, told)
+            await go_on(twist or STANDING)
+
+    async def _around(self, leg: TurnTo, go_on: GoOn) -> None:
+        """A turn; what it learned of the robot's delay is for the next one, too."""
+        loop, parameters = asyncio.get_running_loop(), self._parameters.turn
+        turn = turning.begin(parameters, loop.time(), left_rad(leg, self._odometry.latest), self._lead_s)
+        while True:
+            left = left_rad(leg, self._odometry.latest)
+            turn, rate = turning.step(parameters, turn, loop.time(), left, stands=self._standing)
+            if rate is None:
+                self._lead_s = turn.lead_s
+                return
+            await go_on(Twist2D(0.0, rate))
+
+    async def _held_by(self) -> str:
+        """What the daemon says that holds the robot up, at the end of a sentence."""
+        safety = (await self._robot.get_state()).safety
+        held_by = safety.limited_by or (None if safety.mode == "armed" else safety.reason)
+        return "" if held_by is None else f"; held up by {held_by}"
 
     async def _settle(self, events: Subscription[Any]) -> None:
         """Wait until the robot has stood for a while, so that late readings are in."""
@@ -139,7 +187,7 @@ class Walker:
         self._take(event)
 
     def _take(self, odometry: Event[OdometryData]) -> None:
-        self._tracks["odometry"].update(pose(odometry.data))
+        self._odometry.update(pose(odometry.data))
         self._standing = standing(odometry.data)
         self._latencies.arrivals.append((asyncio.get_running_loop().time(), odometry.stamp_s))
 

@@ -7,8 +7,8 @@ noise matters, and twice the excess is found in half the time. Forwards and back
 that dithers sums up to nothing.
 
 Allowed is what a wheel was asked for, and a bit more. After it was asked for less it may be as fast as a wheel that
-slows down by ``braking_m_s2``. A reading damaged on the line may look like a leap; it is taken back by the next good
-one, so the excess has to last.
+slows down by ``braking_m_s2``. A reading damaged on the line may look like a leap, and the next good one like a leap
+back: neither is enough alone, and the excess has to last.
 """
 
 from typing import NamedTuple
@@ -32,6 +32,10 @@ class OverspeedParameters(Parameters):
     excess_m: float = Field(default=0.015, gt=0, le=1)
     lasts_s: float = Field(default=0.1, gt=0, le=5)
     late_s: float = Field(default=0.05, ge=0, le=1)
+
+
+LEAP_SHARE = 0.8
+"""No reading adds more than this share of what is too much."""
 
 
 class Excess(NamedTuple):
@@ -85,8 +89,9 @@ def _add(
     """What the wheel rolled beyond what it was allowed to; less than that takes off, down to a late reading's worth."""
     allowed_m_s = max(excess.asked_m_s, asked_m_s) * (1 + params.share) + params.margin_m_s
     allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.late_s
-    ahead_m = max(least_m, excess.ahead_m + travel_m - allowed_m)
-    back_m = max(least_m, excess.back_m - travel_m - allowed_m)
+    most_m = params.excess_m * LEAP_SHARE
+    ahead_m = max(least_m, excess.ahead_m + min(most_m, travel_m - allowed_m))
+    back_m = max(least_m, excess.back_m + min(most_m, -travel_m - allowed_m))
     was_beyond = max(excess.ahead_m, excess.back_m) > params.excess_m
     is_beyond = max(ahead_m, back_m) > params.excess_m
     lasted_s = excess.lasted_s + dt_s if was_beyond and is_beyond else 0.0

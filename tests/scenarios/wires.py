@@ -25,7 +25,7 @@ def rewire(robot: SimulatedRobot, kind: bytes, rewrite: Rewrite) -> None:
 
 
 def rewire_motor(robot: SimulatedRobot, index: int) -> None:
-    """From now on this wheel turns the other way than it is told."""
+    """From now on this wheel turns the other way than it is told; the board, which cannot know, echoes what it heard."""
     write = robot.device.on_write
 
     def line(text: bytes) -> bytes:
@@ -34,7 +34,12 @@ def rewire_motor(robot: SimulatedRobot, index: int) -> None:
             duties[index] = b"%d" % -int(duties[index])
         return b" ".join([kind, *duties]) + b"\r"
 
+    def echo(duties: list[bytes]) -> list[bytes]:
+        heard = b"%.2f" % -float(duties[index])
+        return [*duties[:index], heard, *duties[index + 1 :]]
+
     robot.device.on_write = lambda data: write(b"".join(line(text) for text in data.split(b"\r")[:-1]))
+    rewire(robot, b"s", echo)
 
 
 def frozen(index: int) -> Rewrite:

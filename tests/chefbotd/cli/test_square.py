@@ -90,12 +90,18 @@ def test_an_open_square_is_noticed(daemon: FakeDaemon) -> None:
 
 
 def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
-    """The walk gives up after its time limit, and has told the robot to stop."""
+    """A side on which it comes no nearer for 3 s is given up, by its name, and the robot is told to stop."""
     daemon.stuck = True
-    with pytest.raises(ProgramError, match="not done within 3 s") as caught:
-        walk(daemon, CourseParameters(time_limit_s=3.0), [])
+    with pytest.raises(ProgramError, match=r"side 1: 2.00 m are left, and no nearer for 3 s") as caught:
+        walk(daemon, CourseParameters(patience_s=3.0), [])
     assert caught.value.code is Exit.NOT_DONE
     assert "stop" in daemon.methods()
+
+
+def test_a_course_that_takes_too_long(daemon: FakeDaemon) -> None:
+    """The whole walk has a limit of its own."""
+    with pytest.raises(ProgramError, match="not done within 3 s"):
+        walk(daemon, CourseParameters(time_limit_s=3.0), [])
 
 
 def test_a_robot_without_odometry(daemon: FakeDaemon) -> None:

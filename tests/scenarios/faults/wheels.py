@@ -65,11 +65,47 @@ def swapped_encoders(trial: Trial) -> AbstractAsyncContextManager[None]:
 @asynccontextmanager
 async def reversed_motor(index: int, trial: Trial) -> AsyncIterator[None]:
     """This motor's wires were exchanged."""
-    device = trial.robot.device
-    write = device.on_write
+    device, transport = trial.robot.device, transport_of(trial.robot)
+    write, feed = device.on_write, transport.feed
     rewire_motor(trial.robot, index)
     yield
+    device.on_write, transport.feed = write, feed
+
+
+@asynccontextmanager
+async def too_strong(trial: Trial) -> AsyncIterator[None]:
+    """Somebody sets a feedforward that is many times too large while it drives slowly."""
+    client = trial.robot.client
+    await client.set_pid("all", kv=20_000.0)
+    yield
+    await client.call("undo_pid")
+
+
+@asynccontextmanager
+async def deaf(trial: Trial) -> AsyncIterator[None]:
+    """The board reads nothing more, and the driver asks it to stop."""
+    device = trial.robot.device
+    write, device.on_write = device.on_write, lambda data: None
+
+    async def stop(client: Client) -> None:
+        await client.stop()
+
+    trial.driver.says = stop
+    yield
     device.on_write = write
+
+
+@asynccontextmanager
+async def estopped_and_deaf(trial: Trial) -> AsyncIterator[None]:
+    """The same, and somebody presses the emergency stop."""
+    async with deaf(trial):
+        await trial.robot.client.estop("it does not stop")
+        yield
+
+
+def pieces_of_commands(duties: list[bytes]) -> list[bytes]:
+    """What a receive buffer that overflowed left of several lines."""
+    return [b"6637.00", *[b"0.00"] * (len(duties) - 1)]
 
 
 @asynccontextmanager
@@ -191,6 +227,33 @@ FAULTS = (
         swapped_encoders,
         latched("wheel_reversed", 1.2),
         twist=(0.0, 1.0),
+        on_wire=True,
+    ),
+    Fault(
+        "Wheel much faster than asked",
+        "feedforward many times too large",
+        too_strong,
+        latched("overspeed", 0.9),
+    ),
+    Fault(
+        "Moves though told to stand",
+        "board reads nothing, stop",
+        deaf,
+        Expected("disarmed", "board_deaf"),
+        on_wire=True,
+    ),
+    Fault(
+        "Moves though told to stand",
+        "board reads nothing, estop",
+        estopped_and_deaf,
+        Expected("estopped", "board_deaf", logged=("the robot moves though it must not",)),
+        on_wire=True,
+    ),
+    Fault(
+        "Board carries out other than it was told",
+        "echo of pieces of commands",
+        partial(rewired, b"s", pieces_of_commands),
+        latched("echo_mismatch", 0.5),
         on_wire=True,
     ),
     *(
