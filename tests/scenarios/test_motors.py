@@ -20,7 +20,7 @@ from tests.scenarios.wires import rewire
 
 Story = Callable[[SimulatedRobot], Awaitable[None]]
 
-FULL_SCALE_255 = {"sim.motor.full_scale_duty": 255, "sim.motor.dead_zone_duty": 5}
+
 FADING_S = 0.15
 """New gains come gently: so long until the wheels are 0.05 m/s faster."""
 
@@ -59,8 +59,8 @@ async def drive(robot: SimulatedRobot, twist: tuple[float, float], seconds: floa
 
 async def told(robot: SimulatedRobot) -> tuple[str, str | None, str]:
     """Mode, fault and reason, as a client sees them."""
-    safety = (await robot.client.get_state())["safety"]
-    return safety["mode"], safety["fault"], safety["reason"]
+    safety = (await robot.client.get_state()).safety
+    return safety.mode, safety.fault, safety.reason
 
 
 @pytest.mark.parametrize("cycle_s", [0.02, 0.05])
@@ -73,7 +73,7 @@ def test_gains_for_another_full_scale_stop_the_robot(cycle_s: float):
         await asyncio.sleep(0.4)
         assert robot.board.truth(0.0).twist.linear_m_s == 0.0
 
-    on_robot(story, **FULL_SCALE_255, **GAINS_FOR_1023, **{"sim.board.cycle_s": cycle_s})
+    on_robot(story, **GAINS_FOR_1023, **{"sim.board.cycle_s": cycle_s})
 
 
 @pytest.mark.parametrize(("robot_name", "turn_rad_s"), [("chefbot", 0.1), ("khan", 0.0)])
