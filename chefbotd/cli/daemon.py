@@ -22,6 +22,8 @@ from chefbotd.cli.program import Program, wants_json
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
+SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second"])
+SKETCH = "Which of the published sketches the simulated board runs, instead of the configured one."
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
@@ -35,6 +37,7 @@ def main() -> None:
 @click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
 @click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
 @click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
+@click.option("--sketch", type=SKETCHES, help=SKETCH)
 @click.option(
     "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
 )
@@ -47,6 +50,7 @@ def run(
     path: Path | None,
     device: str | None,
     simulated: bool,
+    sketch: str | None,
     where: Address | None,
     log_level: str | None,
 ) -> None:
@@ -54,7 +58,10 @@ def run(
     signals.hold_crashes()  # libraries start threads as they are imported
     if simulated and device is not None:
         raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
+    if sketch is not None and not simulated:
+        raise click.UsageError("--sketch needs --sim: a real board runs its own")
     wanted = {
+        "sim.board.sketch": sketch,
         "link.device": device,
         "api.host": where and where.host,
         "api.port": where and where.port,
@@ -75,18 +82,24 @@ def run(
     "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
 )
 @click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
+@click.option("--sketch", type=SKETCHES, help=SKETCH)
 @click.option("--cycle-hz", type=CYCLE_HZ, metavar="HZ", help="How often the board reports, 0.1 to 1000.")
 @click.pass_context
 def simulate(
-    ctx: click.Context, path: Path | None, link: Path | None, seed: int | None, cycle_hz: float | None
+    ctx: click.Context,
+    path: Path | None,
+    link: Path | None,
+    seed: int | None,
+    sketch: str | None,
+    cycle_hz: float | None,
 ) -> None:
     """Run a simulated board, on a device of its own.
 
     The device's path is the first line printed. It obeys words on standard input, one a line: plug, unplug, truth,
     reset, quit.
     """
-    overrides = {} if cycle_hz is None else {"sim.board.cycle_s": 1 / cycle_hz}
-    settings = load_valid(path, overrides)
+    wanted = {"sim.board.sketch": sketch, "sim.board.cycle_s": None if cycle_hz is None else 1 / cycle_hz}
+    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
     from chefbotd.sim.simulate import simulate as run_board
 
     simulation = simulation_of(settings)

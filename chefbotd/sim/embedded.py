@@ -9,7 +9,7 @@ from typing import Self
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import Simulation, build_launchpad
+from chefbotd.sim.parameters import Simulation, board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 
 TRUTH_PERIOD_S = 0.02
@@ -23,7 +23,8 @@ class EmbeddedBoard:
         self.device = Path(self._folder.name) / "board"
         self._clock = clock
         self._pty = PtyBoard(self._receive, self.device)
-        self._runner = BoardRunner(build_launchpad(simulation), self._pty.send, clock)
+        send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
+        self._runner = BoardRunner(build_launchpad(simulation), send, clock)
 
     def _receive(self, data: bytes) -> None:
         self._runner.receive(data)

@@ -1,8 +1,10 @@
 """The simulated LaunchPad: the board's side of the wire, without I/O; time is an argument."""
 
 from chefbotd.core.events import TruthSimulated
-from chefbotd.sim.sketch import BoardParameters, Sketch, Wiring
+from chefbotd.sim.sketch import Sketch
+from chefbotd.sim.sketches import BoardParameters
 from chefbotd.sim.uart import Uart
+from chefbotd.sim.wiring import Wiring
 
 
 class Launchpad:
@@ -16,6 +18,7 @@ class Launchpad:
             parameters.line_rate_bytes_s or line_rate_bytes_s,
             parameters.transmit_buffer_bytes,
             parameters.receive_buffer_bytes,
+            parameters.handover_s,
         )
         self._sketch = Sketch(wiring, parameters, self._uart, seed)
         self._program = self._sketch.run()

@@ -1,5 +1,6 @@
 """The simulator's configuration, and the simulated board that is built from it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,11 +13,13 @@ from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.motor import BodyParameters, MotorParameters
+from chefbotd.sim.opening import FirstLineCut
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import default_room, load_map
 from chefbotd.sim.sensors import ImuParameters, Ultrasonic, UltrasonicMount, UltrasonicParameters
-from chefbotd.sim.sketch import BoardParameters, Wiring
+from chefbotd.sim.sketches import PUBLISHED_SKETCHES, BoardParameters, SketchName
+from chefbotd.sim.wiring import Wiring
 from firmware_protocol.codec import CLASSIC, Variant
 
 
@@ -48,7 +51,7 @@ class Simulation:
     """A robot to simulate: its wire, wheels and sensors, and all else; a sensor that is None is not wired to the board.
 
     Raises:
-        ValueError: the wire is another robot's, or no two wheels of a side share the wheelbase.
+        ValueError: the wire is another robot's or another sketch's, or no two wheels of a side share the wheelbase.
     """
 
     parameters: SimulationParameters = field(default_factory=SimulationParameters)
@@ -66,10 +69,23 @@ class Simulation:
             raise ValueError(
                 f"the wire {self.variant.name!r} has {self.variant.wheels} wheels, the robot {len(wheels)}"
             )
+        sketch = self.parameters.board.sketch
+        if sketch in PUBLISHED_SKETCHES and self.variant.name != CLASSIC.name:
+            raise ValueError(
+                f"the sketch {sketch.value!r} speaks the wire {CLASSIC.name!r}, the robot {self.variant.name!r}: "
+                f"set sim.board.sketch to {SketchName.OWN.value!r}"
+            )
         if wheelbase_m and len(wheels) == 2:
             raise ValueError(
                 f"sim.body.wheelbase_m {wheelbase_m:g} needs a side with two wheels, there is one on each"
             )
+
+
+def board_sender(
+    simulation: Simulation, send: Callable[[bytes], None], host: Callable[[], object | None]
+) -> Callable[[bytes], None]:
+    """What the board sends with, to whoever has its port open."""
+    return FirstLineCut(send, host) if simulation.parameters.board.cuts_first_line else send
 
 
 def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpad:

@@ -63,6 +63,11 @@ class PtyBoard:
         os.close(self._master)
         self._master = self.device = None
 
+    @property
+    def host(self) -> object | None:
+        """Whoever has the device open: the device itself stands for them; None while nobody has."""
+        return self.device if self._master is not None and self._host_is_there() else None
+
     def send(self, data: bytes) -> None:
         """Towards the host, without waiting; what does not go is lost."""
         self.bytes_dropped += len(data) - self._write(data)

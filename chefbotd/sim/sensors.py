@@ -37,12 +37,11 @@ class UltrasonicParameters(Parameters):
 
 
 class ImuParameters(Parameters):
-    """An MPU-6050 with its motion processor; ``missing_share`` of the cycles find no packet ready."""
+    """An MPU-6050 with its motion processor."""
 
     heading_bias_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
     heading_drift_rad_s: float = Field(0.0001, ge=-1, le=1)
     heading_noise_rad: float = Field(0.002, ge=0, le=1)
-    missing_share: float = Field(0.02, ge=0, le=1)
     gyro_bias_rad_s: float = Field(0.01, ge=-1, le=1)
     gyro_noise_rad_s: float = Field(0.001, ge=0, le=1)
     acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
@@ -97,11 +96,9 @@ class Imu:
 
     def orientation(
         self, motion: Motion, at_s: float, chance: np.random.Generator
-    ) -> tuple[float, float, float, float] | None:
-        """The quaternion (x, y, z, w) of a level robot; None when no packet is ready."""
-        noise, luck = chance.standard_normal(), chance.random()
-        if luck < self._parameters.missing_share:
-            return None
+    ) -> tuple[float, float, float, float]:
+        """The quaternion (x, y, z, w) of a level robot that moves so at ``at_s``."""
+        noise = chance.standard_normal()
         drift_rad = self._parameters.heading_drift_rad_s * (at_s - self._booted_s)
         error_rad = (
             self._parameters.heading_bias_rad + drift_rad + self._parameters.heading_noise_rad * float(noise)

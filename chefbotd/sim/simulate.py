@@ -12,7 +12,7 @@ from pathlib import Path
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import Simulation, build_launchpad
+from chefbotd.sim.parameters import Simulation, board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 
 Say = Callable[[str], None]
@@ -73,7 +73,8 @@ class Session:
         say: Say,
     ) -> None:
         self._pty = PtyBoard(self._from_host, link_path)
-        self._runner = BoardRunner(build_launchpad(simulation, seed), self._pty.send, SystemClock())
+        send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
+        self._runner = BoardRunner(build_launchpad(simulation, seed), send, SystemClock())
         self._as_json, self._say_line = as_json, say
         self._done = asyncio.Event()
         self._words = {

@@ -5,12 +5,21 @@ from collections import deque
 
 
 class Uart:
-    """Lines drain at the line rate; what has left waits to be taken, what has arrived waits to be read."""
+    """Lines drain at the line rate; what has left waits to be taken, what has arrived waits to be read.
 
-    def __init__(self, rate_bytes_s: float, transmit_buffer_bytes: int, receive_buffer_bytes: int) -> None:
+    A USB converter that hands over every ``handover_s`` keeps a line until then (an FTDI's latency timer).
+    """
+
+    def __init__(
+        self,
+        rate_bytes_s: float,
+        transmit_buffer_bytes: int,
+        receive_buffer_bytes: int,
+        handover_s: float = 0.0,
+    ) -> None:
         self._byte_s = 1 / rate_bytes_s
         self._transmit_buffer_bytes, self._receive_buffer_bytes = transmit_buffer_bytes, receive_buffer_bytes
-        self._idle_s = 0.0
+        self._idle_s, self._handover_s = 0.0, handover_s
         self._left: deque[tuple[float, bytes]] = deque()
         self._received = bytearray()
         self.received_dropped = 0
@@ -18,8 +27,12 @@ class Uart:
     def send(self, line: bytes, at_s: float) -> float:
         """Queue a line; the sender may go on at the time returned, when the rest fits the buffer."""
         self._idle_s = max(at_s, self._idle_s) + len(line) * self._byte_s
-        self._left.append((self._idle_s, line))
+        self._left.append((self._handed_over_s(self._idle_s), line))
         return max(at_s, self._idle_s - self._transmit_buffer_bytes * self._byte_s)
+
+    def _handed_over_s(self, sent_s: float) -> float:
+        period_s = self._handover_s
+        return math.ceil(sent_s / period_s) * period_s if period_s else sent_s
 
     @property
     def next_s(self) -> float:

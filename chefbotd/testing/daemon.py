@@ -12,7 +12,7 @@ from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import build_launchpad
+from chefbotd.sim.parameters import board_sender, build_launchpad
 from chefbotd.simulation import simulation_of
 from chefbotd.testing.transport import FakeSerialDevice
 
@@ -49,7 +49,9 @@ async def simulated_robot(
     """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
-    board = BoardRunner(build_launchpad(simulation_of(settings)), lambda data: device.feed(data), LoopClock())
+    simulation = simulation_of(settings)
+    send = board_sender(simulation, lambda data: device.feed(data), lambda: device.transport)
+    board = BoardRunner(build_launchpad(simulation), send, LoopClock())
     device.on_write = board.receive
     living = asyncio.create_task(board.run())
     daemon = Daemon(

@@ -14,7 +14,7 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import SystemClock
 from chefbotd.settings import load, packaged
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import build_launchpad
+from chefbotd.sim.parameters import board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.simulation import simulation_of
 
@@ -54,7 +54,8 @@ class Board:
         self._pty = PtyBoard(self._hear, device)
         simulation = simulation_of(load(packaged(robot)))
         self._stop = b"s" + b" 0" * simulation.variant.wheels
-        self._runner = BoardRunner(build_launchpad(simulation), self._pty.send, SystemClock())
+        send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
+        self._runner = BoardRunner(build_launchpad(simulation), send, SystemClock())
 
     @property
     def told_to_move(self) -> bool:

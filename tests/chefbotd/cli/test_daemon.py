@@ -162,6 +162,48 @@ def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:
     assert not link.is_symlink()
 
 
+def test_a_published_sketch_on_a_device(tmp_path: Path) -> None:
+    """``--sketch tiva_bare`` sends e, s and b over and over, and neither banner nor time; its first line is cut."""
+    link = tmp_path / "board"
+    command = (*PROGRAM, "simulate", "--link", str(link), "--sketch", "tiva_bare")
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
+        assert board.stdin is not None
+        assert board.stdout is not None
+        board.stdout.readline()
+        with link.open("rb", buffering=0) as port:
+            heard = b""
+            while heard.count(b"\n") < 100:
+                heard += port.read(100)
+        board.stdin.write("quit\n")
+        board.stdin.flush()
+        assert board.wait(10) == 0
+    first, *lines = heard.split(b"\n")[:100]
+    assert first[:2] not in (b"e\t", b"s\t", b"b\t")
+    kinds = b"".join(line[:1] for line in lines)
+    assert kinds in b"esb" * 50
+
+
+@pytest.mark.parametrize(
+    ("args", "told"),
+    [
+        (("run", "--sketch", "tiva"), "--sketch needs --sim"),
+        (("simulate", "--sketch", "uno"), "'tiva', 'tiva_bare', 'duemilanove', 'tiva_second'"),
+    ],
+)
+def test_a_sketch_that_cannot_be(args: tuple[str, ...], told: str) -> None:
+    """A real board has its own, and of the published ones there are four."""
+    result = chefbotd(*args)
+    assert result.exit_code == Exit.USAGE
+    assert told in result.stderr
+
+
+def test_a_published_sketch_on_khans_board() -> None:
+    """KHAN's wire is another: the refusal says so."""
+    result = chefbotd("run", "--sim", "--config", "khan", "--sketch", "tiva")
+    assert result.exit_code == Exit.BAD_CONFIGURATION
+    assert "the sketch 'tiva' speaks the wire 'classic', the robot 'khan'" in result.stderr
+
+
 def test_a_daemon_of_its_own() -> None:
     """The launcher's daemon answers at its address and ends when it is left."""
 

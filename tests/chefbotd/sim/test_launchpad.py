@@ -24,8 +24,7 @@ BANNER = [
 
 
 def board(seed: int = 1, robot: Simulation = CHEFBOT, **tables: Any) -> Launchpad:
-    """A robot's board whose IMU always has a packet; tables as in the configuration."""
-    tables.setdefault("imu", {"missing_share": 0})
+    """A robot's board; tables as in the configuration."""
     return build_launchpad(replace(robot, parameters=SimulationParameters.model_validate(tables)), seed)
 
 
@@ -231,7 +230,7 @@ def test_counts_wrap_at_32_bits() -> None:
 
 def test_the_imu_misses_packets_as_often_as_asked() -> None:
     """With half of the packets missing, about half of 500 cycles have no ``i`` (4 sigma: 45)."""
-    sent = lines(board(imu={"missing_share": 0.5}), 10.3)
+    sent = lines(board(board={"missing_imu_share": 0.5}), 10.3)
     cycles, packets = len(fields(sent, b"t")), len(fields(sent, b"i"))
     assert abs(packets - cycles / 2) < 45
 
@@ -246,8 +245,8 @@ def test_the_raw_imu_variant_sends_six_counts() -> None:
 
 
 def test_the_arduino_variant_has_no_battery_line() -> None:
-    """With ``sends_battery`` off a cycle is t e u s i."""
-    kinds = b"".join(line[:1] for line in lines(board(board={"sends_battery": False}), 1.0)[3:])
+    """Without ``b`` among its ``lines`` a cycle is t e u s i."""
+    kinds = b"".join(line[:1] for line in lines(board(board={"lines": "teusi"}), 1.0)[3:])
     assert kinds.startswith(b"teusi" * 20)
 
 

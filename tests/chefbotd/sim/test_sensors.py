@@ -13,7 +13,6 @@ EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
 EXACT_IMU = ImuParameters(
     heading_drift_rad_s=0,
     heading_noise_rad=0,
-    missing_share=0,
     gyro_bias_rad_s=0,
     gyro_noise_rad_s=0,
     acceleration_noise_m_s2=0,
@@ -81,12 +80,6 @@ def test_heading_drifts_from_boot_and_is_biased() -> None:
     parameters = EXACT_IMU.model_copy(update={"heading_drift_rad_s": 0.01, "heading_bias_rad": 0.2})
     quaternion = Imu(parameters, booted_s=50, boot_heading_rad=0).orientation(AT_REST, 150.0, chance())
     assert quaternion == pytest.approx((0, 0, math.sin(0.6), math.cos(0.6)))
-
-
-def test_packets_go_missing() -> None:
-    """When every packet is missing there is no orientation."""
-    imu = Imu(EXACT_IMU.model_copy(update={"missing_share": 1.0}), 0, 0)
-    assert imu.orientation(AT_REST, 1.0, chance()) is None
 
 
 def test_raw_counts_are_those_of_the_data_sheet() -> None:

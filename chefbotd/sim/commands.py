@@ -1,0 +1,98 @@
+"""How a sketch takes the host's bytes for commands.
+
+The published ones use a library (Messenger) that cuts a line into words and reads numbers like C's ``atol``: ``66s`` is
+66, and a word that is not there is 0. So what is left of two commands whose middle was lost is obeyed.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Protocol
+
+from firmware_protocol.codec import Variant, to_board
+from firmware_protocol.decoder import Decoder
+from firmware_protocol.messages import ResetBoard, SetDuty
+
+BUFFER_BYTES = 64
+NUMBER = re.compile(rb"[+-]?\d+")
+
+Command = SetDuty | ResetBoard
+
+
+class CommandReader(Protocol):
+    """Bytes in, commands out; what is no command is counted."""
+
+    @property
+    def ignored(self) -> int: ...  # noqa: D102
+
+    def feed(self, data: bytes) -> Iterator[Command]: ...  # noqa: D102
+
+    def reset(self) -> None: ...  # noqa: D102
+
+
+class StrictReader:
+    """Obeys whole commands only."""
+
+    def __init__(self, variant: Variant) -> None:
+        self._decoder = Decoder(to_board(variant))
+
+    @property
+    def ignored(self) -> int:
+        """Lines that were no command."""
+        return self._decoder.malformed.total()
+
+    def feed(self, data: bytes) -> Iterator[Command]:
+        """The commands in the next bytes."""
+        for _, command in self._decoder.feed(data):
+            if isinstance(command, SetDuty | ResetBoard):
+                yield command
+
+    def reset(self) -> None:
+        """Forget the beginning of a line."""
+        self._decoder.reset()
+
+
+class LenientReader:
+    """Obeys as the published sketches do: of a line the first ``s`` with the numbers behind it, and each ``r`` before.
+
+    Beyond 64 bytes a line begins anew.
+    """
+
+    def __init__(self, wheels: int) -> None:
+        self._wheels = wheels
+        self._line = bytearray()
+        self.ignored = 0
+
+    def feed(self, data: bytes) -> Iterator[Command]:
+        """The commands in the next bytes."""
+        for byte in data:
+            if byte == 0x0D:
+                words = bytes(self._line).split(b" ")
+                self._line.clear()
+                yield from self._obey([word for word in words if word])
+            elif byte not in (0x00, 0x0A):
+                self._line.append(byte)
+                if len(self._line) >= BUFFER_BYTES:
+                    self._line.clear()
+                    self.ignored += 1
+
+    def reset(self) -> None:
+        """Forget the beginning of a line."""
+        self._line.clear()
+
+    def _obey(self, words: list[bytes]) -> Iterator[Command]:
+        is_command = not words
+        for at, word in enumerate(words):
+            if word == b"r":
+                is_command = True
+                yield ResetBoard()
+            elif word == b"s":
+                numbers = [*words[at + 1 :], *[b""] * self._wheels]
+                yield SetDuty(tuple(map(_number, numbers[: self._wheels])))
+                return
+        self.ignored += not is_command
+
+
+def _number(word: bytes) -> int:
+    """As ``atol`` reads it."""
+    found = NUMBER.match(word)
+    return min(max(int(found.group()), -(1 << 31)), (1 << 31) - 1) if found else 0
