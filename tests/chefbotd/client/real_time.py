@@ -1,0 +1,32 @@
+"""The daemon on the simulated robot in a thread of its own, in real time, for clients that block."""
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from chefbotd.testing.daemon import simulated_robot
+
+
+@contextmanager
+def simulated_daemon() -> Iterator[int]:
+    """Run it as long as the block lasts; yields its port."""
+    started, ports = threading.Event(), []
+    loop = asyncio.new_event_loop()
+    over = asyncio.Event()
+
+    async def serve() -> None:
+        async with simulated_robot() as robot:
+            ports.append((await robot.daemon.server.address())[1])
+            started.set()
+            await over.wait()
+
+    thread = threading.Thread(target=lambda: loop.run_until_complete(serve()), daemon=True)
+    thread.start()
+    try:
+        assert started.wait(30.0), "the simulated daemon did not start"
+        yield ports[0]
+    finally:
+        loop.call_soon_threadsafe(over.set)
+        thread.join(30.0)
+        loop.close()
