@@ -46,6 +46,10 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.SafetyData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["reset"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.ResetData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["text"], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[t.TextData]: ...
     @overload

@@ -45,6 +45,10 @@ class Topics(ABC):
     ) -> Subscription[t.SafetyData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["reset"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.ResetData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["text"], **options: Unpack[SubscribeOptions]
     ) -> Subscription[t.TextData]: ...
     @overload

@@ -175,6 +175,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "battery": BatteryData,
     "link": LinkData,
     "safety": SafetyData,
+    "reset": ResetData,
     "text": TextData,
     "raw": RawData,
     "stats": StatsData,
