@@ -18,11 +18,14 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The kernel's monotonic clock; uvloop's own ``loop.time`` is cached and counts whole milliseconds."""
+    """The kernel's clock since boot, which goes on while the computer sleeps: what was said before that is old.
+
+    uvloop's own ``loop.time`` does not, is cached, and counts whole milliseconds.
+    """
 
     def now_s(self) -> float:
         """Seconds since an arbitrary instant, never going back."""
-        return time.monotonic()
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class LoopClock:

@@ -24,6 +24,7 @@ class WiredRobot:
     session: BoardSession
     statistics: StatsService
     tuning: Tuning
+    command_timeout_s: float
     default_source: str
     description: str | None
     sources: tuple[str, ...]

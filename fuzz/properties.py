@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
 
+from chefbotd.api.arrivals import Arrival
 from chefbotd.api.backlog import Backlog
 from chefbotd.api.jsonrpc import Failure, Request, error, parse
 from chefbotd.api.urgent import read_leniently
@@ -26,6 +27,8 @@ from fuzz.stops import HINT, no_stop_is_lost
 
 CODECS = tuple(table(variant) for variant in VARIANTS.values() for table in (from_board, to_board))
 LONGEST_BYTES = 64
+
+NOW = Arrival(0.0, 0)
 
 
 def decoding_is_sound(data: bytes) -> None:
@@ -117,7 +120,7 @@ def _cutting_is_sound(data: bytes, lines: list[bytes]) -> None:
         backlog = Backlog(LONGEST_BYTES, HINT)
         seen = []
         for start in range(0, len(data), size):
-            backlog.add(data[start : start + size])
+            backlog.add(data[start : start + size], NOW)
             seen += list(iter(backlog.find, None))
         assert seen == found
         assert [line.text for line in iter(backlog.take, None)] == [line.strip() for line in lines[:-1]]

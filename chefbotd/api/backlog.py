@@ -6,12 +6,21 @@ Pure: it holds bytes and cuts lines, and knows what a stop looks like only by a 
 import re
 from typing import NamedTuple
 
+from chefbotd.api.arrivals import Arrival
+
 
 class Line(NamedTuple):
-    """A line without its end; ``overtaken`` when one from behind it has been taken out before."""
+    """A line without its end, and when its first byte came."""
 
     text: bytearray
-    overtaken: bool
+    arrival: Arrival
+
+
+class Mark(NamedTuple):
+    """From this position on, up to the next mark, bytes came at the same time."""
+
+    position: int
+    arrival: Arrival
 
 
 class Backlog:
@@ -20,7 +29,8 @@ class Backlog:
     def __init__(self, longest_bytes: int, hint: re.Pattern[bytes]) -> None:
         self._longest_bytes, self._hint = longest_bytes, hint
         self._bytes = bytearray()
-        self._overtaken = 0  # what stands before here was sent before a line that has been taken out
+        self._marks: list[Mark] = []
+        self._cut = 0  # where the line stood that was taken last
         self._seen = 0  # up to here there is nothing more to be found
         self._found = slice(0, 0)
         self._skips = False
@@ -39,11 +49,13 @@ class Backlog:
         end = self._bytes.find(b"\n")
         return (len(self._bytes) if end < 0 else end) > self._longest_bytes
 
-    def add(self, data: bytes) -> None:
+    def add(self, data: bytes, arrival: Arrival) -> None:
         """Bytes from the client, cut anywhere."""
         if self._skips:
             _, line_end, data = data.partition(b"\n")
             self._skips = not line_end
+        if data and (not self._marks or self._marks[-1].arrival != arrival):
+            self._marks.append(Mark(len(self._bytes), arrival))
         self._bytes += data
 
     def finish(self) -> None:
@@ -60,7 +72,7 @@ class Backlog:
         end = self._bytes.find(b"\n")
         if end < 0:
             return None
-        line = Line(self._bytes[:end].strip(), self._overtaken > 0)
+        line = Line(self._bytes[:end].strip(), self._marks[0].arrival)
         self._remove(0, end + 1)
         return line
 
@@ -78,17 +90,30 @@ class Backlog:
         return None
 
     def take_found(self) -> None:
-        """Take out what was found last: it overtakes the lines before it."""
-        start, end = self._found.start, self._found.stop
-        self._overtaken = max(self._overtaken, start)
-        self._remove(start, end)
+        """Take out what was found last."""
+        self._remove(self._found.start, self._found.stop)
+
+    def stopped(self, before: int, now: int) -> None:
+        """The line that was taken last was a stop, by which there have been ``now``: what stands behind it came later.
+
+        Unless that had come before another stop already.
+        """
+        behind = [mark for mark in self._marks if mark.position >= self._cut]
+        if (within := [mark for mark in self._marks if mark.position < self._cut]) and self._cut < len(self):
+            if not behind or behind[0].position > self._cut:
+                behind.insert(0, Mark(self._cut, within[-1].arrival))
+        self._marks = within + [
+            mark._replace(arrival=mark.arrival._replace(stops=now)) if mark.arrival.stops == before else mark
+            for mark in behind
+        ]
 
     def _remove(self, start: int, end: int) -> None:
         del self._bytes[start:end]
-        self._seen, self._overtaken = (
-            min(position, start) if position < end else position - (end - start)
-            for position in (self._seen, self._overtaken)
-        )
+        self._cut = start
+        self._seen = _after_removal(self._seen, start, end)
+        marks = {_after_removal(mark.position, start, end): mark.arrival for mark in self._marks}
+        marks.pop(len(self._bytes), None)
+        self._marks = [Mark(position, arrival) for position, arrival in marks.items()]
 
     def drop_seen(self) -> None:
         """Forget what nothing more can be found in; so also a line that is too long already."""
@@ -100,4 +125,9 @@ class Backlog:
     def clear(self) -> None:
         """Forget everything."""
         self._bytes.clear()
-        self._overtaken = self._seen = 0
+        self._marks.clear()
+        self._cut = self._seen = 0
+
+
+def _after_removal(position: int, start: int, end: int) -> int:
+    return min(position, start) if position < end else position - (end - start)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Protocol, cast
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.arrivals import Arrival, Arrivals, unread_bytes
 from chefbotd.api.backlog import Backlog
 from chefbotd.api.dispatch import Dispatcher
 from chefbotd.api.jsonrpc import ErrorKind, Failure
@@ -32,6 +33,7 @@ class House(Protocol):
     drops: Counter[str]
     clock: Clock
     turns: Turns
+    arrivals: Arrivals
 
     def welcome(self, connection: "Connection") -> bytes:
         """Take the client in; the greeting for it."""
@@ -56,6 +58,9 @@ class Connection(asyncio.Protocol):
         self._looks = False  # when it has its turn, for there may be more stops
         self._is_ours = False  # its first line was no other protocol's
         self._hears = True
+        self._descriptor = -1
+        self._paused = False
+        self._unread_since = session.came  # the earliest at which what the kernel holds can have come
         self._at_last: Callable[[], None] | None = (
             None  # once nothing more is heard, and all has been seen to
         )
@@ -70,6 +75,9 @@ class Connection(asyncio.Protocol):
         """Asyncio: a client that was admitted is connected; it is greeted."""
         self._transport = cast(asyncio.Transport, transport)  # uvloop's is one in all but its bases
         connected = transport.get_extra_info("socket")
+        self._descriptor = connected.fileno()
+        self._house.arrivals.watch(self._descriptor, self)
+        asyncio.get_running_loop().call_soon(self._forget_what_was_read)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # The kernel would keep megabytes for a slow client, all of it stale before it is read.
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._house.parameters.write_buffer_bytes)
@@ -82,10 +90,23 @@ class Connection(asyncio.Protocol):
         if not self._hears:
             return
         self.session.heard(self._house.clock.now_s())
-        self._backlog.add(data)
+        self._backlog.add(data, self._arrival())
+        self._forget_what_was_read()
         if self.closing:
             self._last_look.read(len(data))
         self._go_on()
+
+    def came_before(self, arrival: Arrival) -> None:
+        """What the kernel holds of this client may have come as early as this."""
+        self._unread_since = self._unread_since or arrival
+
+    def _arrival(self) -> Arrival:
+        return self._unread_since or self._house.arrivals.earliest()
+
+    def _forget_what_was_read(self) -> None:
+        """Once the kernel has been seen empty, what comes next is new."""
+        if self._unread_since is not None and not self._paused and not unread_bytes(self._descriptor):
+            self._unread_since = None
 
     def _go_on(self) -> None:
         """Do what there is room for now, and what else waits for its turn; the first stop in it does not."""
@@ -133,11 +154,22 @@ class Connection(asyncio.Protocol):
             return False
         self.session.waits_for_line_end(False)
         if line.text:
-            self._house.dispatcher.serve(self, line.text, overtaken=line.overtaken)
+            self._serve_line(line.text, line.arrival)
         elif not self.session.forgive(self._house.clock.now_s()):
             self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
         self._is_ours = True
         return True
+
+    def _serve_line(self, text: bytearray, arrival: Arrival | None = None) -> None:
+        """Have one line carried out; what this client sent behind a stop of its own was sent after it."""
+        arrivals = self._house.arrivals
+        before = arrivals.stops
+        self._house.dispatcher.serve(self, text, arrival)
+        if arrivals.stops == before:
+            return
+        self._backlog.stopped(before, arrivals.stops)
+        if self._unread_since is not None and self._unread_since.stops == before:
+            self._unread_since = self._unread_since._replace(stops=arrivals.stops)
 
     def _look(self) -> bool:
         """Carry out the next stop that waits, before its turn or, at the end, instead; whether there may be more."""
@@ -167,7 +199,7 @@ class Connection(asyncio.Protocol):
         if method is not None:
             self._backlog.take_found()
         if self._last_look.is_to_do(method) if self.closing else method is not None:
-            dispatcher.serve(self, line)
+            self._serve_line(line)
 
     def _read_on(self) -> None:
         """Read, unless as much waits as may, or there may be stops in what waits: more would only come after them."""
@@ -177,8 +209,12 @@ class Connection(asyncio.Protocol):
         if full and self._outbox.blocked:
             self._outbox.hurry()
         if full or self._looks:
+            if not self._paused:
+                self._paused, self._unread_since = True, self._arrival()
             self._transport.pause_reading()
         else:
+            self._paused = False
+            self._forget_what_was_read()
             self._transport.resume_reading()
 
     def pause_writing(self) -> None:
@@ -209,7 +245,8 @@ class Connection(asyncio.Protocol):
         if self._last_look_ends is not None:
             self._last_look_ends.cancel()
         if self._hears:
-            self._backlog.add(self._rest())
+            self._backlog.add(self._rest(), self._arrival())
+        self._house.arrivals.unwatch(self._descriptor, self)
         self._house.farewell(self)
         self._hears, self._at_last = False, None
         self._backlog.finish()
@@ -249,7 +286,7 @@ class Connection(asyncio.Protocol):
         self._outbox.shut()
         self._at_last = then
         if at_once:
-            self._backlog.add(self._rest())
+            self._backlog.add(self._rest(), self._arrival())
             self._hear_no_more()
         else:
             self._last_look_ends = asyncio.get_running_loop().call_later(LAST_LOOK_S, self._hear_no_more)

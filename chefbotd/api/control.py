@@ -2,6 +2,10 @@
 
 A lease ends with its client, when it is given back, or ``lease_s`` after its last drive. When it ends with its client
 or is taken over, the source's last command is withdrawn: nobody answers for it any more.
+
+A stop holds the source of every other client that drives: it is refused until it has let go, which is to say nothing
+for ``let_go_s``, or to give its sources back, or asks anew with ``arm``. Who repeats a command in ignorance of the
+stop would undo it otherwise. The client that has stopped the robot knows, and is not held.
 """
 
 from collections.abc import Callable
@@ -15,28 +19,40 @@ from chefbotd.core.events import ControlChanged
 
 @dataclass(slots=True)
 class Lease:
-    """Whose a source is, and since when without a drive; one lasts for as long as its holder drives."""
+    """Whose a source is, and since when it has not tried to drive; one lasts for as long as it does.
+
+    ``stopped_by`` names whose stop holds it, empty where none does.
+    """
 
     holder: Session
     stamp_s: float
+    stopped_by: str = ""
 
 
 class Control:
     """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
 
     def __init__(
-        self, lease_s: float, withdraw: Callable[[str], None], announce: Callable[[ControlChanged], None]
+        self,
+        lease_s: float,
+        let_go_s: float,
+        withdraw: Callable[[str], None],
+        announce: Callable[[ControlChanged], None],
     ) -> None:
-        self._lease_s, self._withdraw, self._announce = lease_s, withdraw, announce
+        self._lease_s, self._let_go_s = lease_s, let_go_s
+        self._withdraw, self._announce = withdraw, announce
         self._leases: dict[str, Lease] = {}
 
     def holder(self, source: str, now_s: float) -> Session | None:
         """Whose a source is."""
         lease = self._leases.get(source)
-        return lease.holder if lease is not None and now_s - lease.stamp_s <= self._lease_s else None
+        if lease is None:
+            return None
+        lasts_s = max(self._lease_s, self._let_go_s) if lease.stopped_by else self._lease_s
+        return lease.holder if now_s - lease.stamp_s <= lasts_s else None
 
     def require(self, source: str, session: Session, now_s: float) -> None:
-        """Raise ``Unserved`` when the source is another client's."""
+        """Raise ``Unserved`` when the source is another client's, or held by another client's stop."""
         holder = self.holder(source, now_s)
         if holder is not None and holder is not session:
             raise Unserved(
@@ -44,6 +60,40 @@ class Control:
                 f"{source} is driven by {holder}; take_control takes it over",
                 {"source": source, "holder": str(holder)},
             )
+        if holder is not None:
+            self._require_let_go(source, self._leases[source], now_s)
+
+    def _require_let_go(self, source: str, lease: Lease, now_s: float) -> None:
+        if not lease.stopped_by:
+            return
+        has_let_go, lease.stamp_s = self._has_let_go(lease, now_s), now_s
+        if has_let_go:
+            lease.stopped_by = ""
+            return
+        raise Unserved(
+            ErrorKind.STOPPED,
+            f"{source} was stopped by {lease.stopped_by}: do not drive for {self._let_go_s:g} s, or send arm",
+            {"source": source, "stopped_by": lease.stopped_by, "let_go_s": self._let_go_s},
+        )
+
+    def drivers(self, now_s: float) -> dict[str, str]:
+        """Who drives, by source; who has let go does not."""
+        return {s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)}
+
+    def hold(self, session: Session, now_s: float) -> None:
+        """A client has stopped the robot: refuse the other drivers until they have let go."""
+        for lease in self._leases.values():
+            if lease.holder is not session and not self._has_let_go(lease, now_s):
+                lease.stopped_by = str(session)
+
+    def _has_let_go(self, lease: Lease, now_s: float) -> bool:
+        return now_s - lease.stamp_s >= self._let_go_s
+
+    def resume(self, session: Session) -> None:
+        """A client that was held asks anew."""
+        for lease in self._leases.values():
+            if lease.holder is session:
+                lease.stopped_by = ""
 
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""

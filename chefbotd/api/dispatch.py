@@ -8,12 +8,14 @@ import structlog
 from pydantic import ValidationError
 
 from chefbotd.api import jsonrpc, urgent
+from chefbotd.api.arrivals import Arrival, Arrivals
 from chefbotd.api.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.api.method import Caller, Method, Unserved
 from chefbotd.api.problems import explain
 from chefbotd.api.session import Session
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
+from chefbotd.logs import RateLimitedLog
 from chefbotd.messages.requests import Params
 
 log = structlog.get_logger(__name__)
@@ -28,29 +30,35 @@ WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
 class Dispatcher:
     """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have.
 
+    ``void`` counts, by the kind of error, commands that came too late; one moves the robot for ``command_timeout_s``.
     ``hint`` is found in every line that ``early`` has a method of, however it is escaped.
     """
 
-    def __init__(self, methods: Mapping[str, Method], clock: Clock) -> None:
+    def __init__(
+        self, methods: Mapping[str, Method], clock: Clock, arrivals: Arrivals, command_timeout_s: float
+    ) -> None:
         self._methods, self._clock = methods, clock
+        self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
         self.faults: Counter[str] = Counter()
+        self.void: Counter[str] = Counter()
+        self._limited_log = RateLimitedLog(log)
         self._constants: dict[str, bytes] = {}
         early = [
             re.escape(n.encode()) for n, method in methods.items() if method.urgent or method.role is None
         ]
         self.hint = re.compile(rb'"(?:%b)"|\\u' % b"|".join(early))
 
-    def serve(self, caller: Caller, line: bytes | bytearray, *, overtaken: bool = False) -> None:
-        """Carry out one line, and answer it unless it is a notification.
+    def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
+        """Carry out one line, and answer it unless it is a notification; without an arrival it has come just now.
 
-        What moves the robot is not carried out when it was ``overtaken`` by a stop.
+        What moves the robot is not carried out when it came before a stop, or too long ago.
         """
         request = self._read(line)
         if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
         caller.session.proven = True
-        failure = self._carry_out(caller, request, overtaken)
+        failure = self._carry_out(caller, request, arrival)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
 
@@ -87,12 +95,12 @@ class Dispatcher:
         elif wants_answer:
             caller.reply(jsonrpc.error(failure))
 
-    def _carry_out(self, caller: Caller, request: Request, overtaken: bool) -> Failure | None:
+    def _carry_out(self, caller: Caller, request: Request, arrival: Arrival | None) -> Failure | None:
         answered = False
         try:
             method = self._admit(caller.session, request)
-            if overtaken and method.moves:
-                raise Unserved(ErrorKind.OVERTAKEN, f"a later stop came before this {request.method}")
+            if method.moves and arrival is not None:
+                self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
             body = (
                 self._constants.get(request.method)
@@ -117,6 +125,24 @@ class Dispatcher:
                     ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id
                 )
         return None
+
+    def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
+        """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""
+        age_s = self._arrivals.age_s(arrival)
+        if self._arrivals.is_before_a_stop(arrival):
+            kind = ErrorKind.OVERTAKEN
+            message = f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it still holds"
+        elif age_s > self._command_timeout_s:
+            kind = ErrorKind.TOO_OLD
+            message = (
+                f"this {method} waited for up to {age_s:.2f} s, more than the {self._command_timeout_s:g} s for which "
+                "a command moves the robot; send it again if it still holds"
+            )
+        else:
+            return
+        self.void[kind] += 1
+        self._limited_log.warning("command_void", client=str(session), method=method, kind=str(kind), reason=message)
+        raise Unserved(kind, message)
 
     def _admit(self, session: Session, request: Request) -> Method:
         """The method, if there is one and the client may call it now."""

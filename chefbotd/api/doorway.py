@@ -8,12 +8,14 @@ import asyncio
 import contextlib
 import errno
 import os
+import select
 import socket
 import ssl
 
 import structlog
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.arrivals import Arrival, Arrivals
 from chefbotd.api.connection import Connection
 from chefbotd.api.jsonrpc import Failure
 from chefbotd.api.lobby import Lobby
@@ -29,6 +31,27 @@ class CannotListen(OSError):
 
     def __str__(self) -> str:
         return str(self.strerror)
+
+
+class _Queue:
+    """Who waits at a listener in the kernel, and how long that may be since."""
+
+    def __init__(self, listener: socket.socket, arrivals: Arrivals) -> None:
+        self._arrivals = arrivals
+        self._oldest: Arrival | None = None
+        self._more = select.poll()
+        self._more.register(listener, select.POLLIN)
+        arrivals.watch(listener.fileno(), self)
+
+    def came_before(self, arrival: Arrival) -> None:
+        """A stop is carried out while somebody waits."""
+        self._oldest = self._oldest or arrival
+
+    def next(self) -> Arrival:
+        """The earliest at which the one who was just let in can have come."""
+        came = self._oldest or self._arrivals.earliest()
+        self._oldest = came if self._more.poll(0) else None
+        return came
 
 
 class Doorway:
@@ -75,7 +98,7 @@ class Doorway:
             listener.close()
 
     async def _accept(self, listener: socket.socket, group: asyncio.TaskGroup) -> None:
-        loop = asyncio.get_running_loop()
+        loop, queue = asyncio.get_running_loop(), _Queue(listener, self._lobby.arrivals)
         while True:
             try:
                 newcomer, address = await loop.sock_accept(listener)
@@ -84,7 +107,7 @@ class Doorway:
                 await asyncio.sleep(ACCEPT_AGAIN_S)
                 continue
             host, port = address[:2]
-            admitted = self._lobby.admit(host, port, newcomer.fileno())
+            admitted = self._lobby.admit(host, port, newcomer.fileno(), queue.next())
             if isinstance(admitted, Failure):
                 self._send_away(newcomer, admitted)
             else:

@@ -45,6 +45,8 @@ class ErrorKind(StrEnum):
     FLOODING = "flooding"
     TIMED_OUT = "timed_out"
     OVERTAKEN = "overtaken"
+    TOO_OLD = "too_old"
+    STOPPED = "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,13 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32026, "the client took too long; the connection is closed", closes=True
     ),
     ErrorKind.OVERTAKEN: ErrorClass(
-        -32027, "a stop that the client sent later came first; this one was not carried out"
+        -32027, "a stop was carried out that came after this command, or may have; send it again if it still holds"
+    ),
+    ErrorKind.TOO_OLD: ErrorClass(
+        -32028, "the command waited for longer than one moves the robot; send it again if it still holds"
+    ),
+    ErrorKind.STOPPED: ErrorClass(
+        -32029, "another client's stop holds this source until its driver lets go or sends arm"
     ),
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),

@@ -12,6 +12,7 @@ from functools import partial
 
 import structlog
 
+from chefbotd.api.arrivals import Arrival, Arrivals
 from chefbotd.api.connection import Connection
 from chefbotd.api.control import Control
 from chefbotd.api.dispatch import Dispatcher
@@ -40,12 +41,13 @@ class Lobby:
         parameters: ApiParameters,
         clock: Clock,
         dispatcher: Dispatcher,
+        arrivals: Arrivals,
         fanout: Fanout,
         control: Control,
         greet: Callable[[], bytes],
         role: Role | None,
     ) -> None:
-        self.parameters, self.clock, self.dispatcher = parameters, clock, dispatcher
+        self.parameters, self.clock, self.dispatcher, self.arrivals = parameters, clock, dispatcher, arrivals
         self.turns = Turns(clock, parameters.requests_per_turn)
         self.drops: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
@@ -58,9 +60,12 @@ class Lobby:
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def admit(self, host: str, port: int, descriptor: int) -> Session | Failure:
+    def admit(
+        self, host: str, port: int, descriptor: int, came: Arrival | None = None
+    ) -> Session | Failure:
         """A newcomer's session, or why there is no room; ``descriptor`` is its socket's, the lowest that was free."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
+        session.came = came
         session.stops_only = self._crowded(host, descriptor)
         if session.stops_only and not self._make_place(descriptor):
             failure = Failure(ErrorKind.TOO_MANY_CLIENTS, session.stops_only)

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import structlog
 
 from chefbotd.api.access import Keyring
+from chefbotd.api.arrivals import Arrivals
 from chefbotd.api.control import Control
 from chefbotd.api.describe import describe
 from chefbotd.api.fanout import Fanout
@@ -37,12 +38,13 @@ class Methods:
         fanout: Fanout,
         clock: Clock,
         control: Control,
+        arrivals: Arrivals,
         keyring: Keyring | None = None,
         arm_role: Role = Role.DRIVE,
     ) -> None:
         self._robot, self._fanout, self._clock = robot, fanout, clock
-        self._control, self._keyring = control, keyring
-        nothing, done = requests.NoParams, answers.Done
+        self._control, self._arrivals, self._keyring = control, arrivals, keyring
+        nothing, done, stopped = requests.NoParams, answers.Done, answers.Stopped
         observe, drive, admin = Role
         self.table = {
             "authenticate": Method(
@@ -68,8 +70,8 @@ class Methods:
             ),
             "take_control": Method(drive, requests.TakeControlParams, answers.Taken, self._take_control),
             "release_control": Method(drive, nothing, answers.Released, self._release_control),
-            "stop": Method(observe, StopParams, done, self._stop, urgent=True, when_crowded=True),
-            "estop": Method(observe, EstopParams, done, self._estop, urgent=True, when_crowded=True),
+            "stop": Method(observe, StopParams, stopped, self._stop, urgent=True, when_crowded=True),
+            "estop": Method(observe, EstopParams, stopped, self._estop, urgent=True, when_crowded=True),
             "arm": Method(arm_role, nothing, done, self._arm, moves=True),
             "get_pid": Method(observe, nothing, answers.Wheels, self._get_pid),
             "set_pid": Method(admin, requests.SetPidParams, answers.Wheels, self._set_pid),
@@ -181,19 +183,30 @@ class Methods:
         """Give back every source that this client has; its commands are withdrawn."""
         return answers.Released(sources=self._control.release(caller.session, self._clock.now_s()))
 
-    def _stop(self, caller: Caller, params: StopParams) -> answers.Done:
-        """Come to rest within the deceleration limit; the next drive moves again."""
-        self._robot.stop()
-        return DONE
+    def _stop(self, caller: Caller, params: StopParams) -> answers.Stopped:
+        """Come to rest within the deceleration limit; other clients that drive are held until they let go."""
+        now_s = self._clock.now_s()
+        drivers = self._control.drivers(now_s)
+        try:
+            self._robot.stop()
+        finally:
+            self._arrivals.stop_carried_out(caller, str(caller.session))
+            self._control.hold(caller.session, now_s)
+        return answers.Stopped(drivers=drivers)
 
-    def _estop(self, caller: Caller, params: EstopParams) -> answers.Done:
+    def _estop(self, caller: Caller, params: EstopParams) -> answers.Stopped:
         """Stop the motors at once, and until armed again."""
-        self._robot.estop(params.reason)
-        return DONE
+        drivers = self._control.drivers(self._clock.now_s())
+        try:
+            self._robot.estop(params.reason)
+        finally:
+            self._arrivals.stop_carried_out(caller, str(caller.session))
+        return answers.Stopped(drivers=drivers)
 
     def _arm(self, caller: Caller, params: requests.NoParams) -> answers.Done:
         """Allow motion, after an emergency stop or a fault."""
         self._robot.arm()
+        self._control.resume(caller.session)
         return DONE
 
     def _get_pid(self, caller: Caller, params: requests.NoParams) -> answers.Wheels:

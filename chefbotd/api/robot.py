@@ -16,6 +16,11 @@ class Robot(Protocol):
     """
 
     @property
+    def command_timeout_s(self) -> float:
+        """For how long a command moves the robot at most: the dead-man's time."""
+        ...
+
+    @property
     def default_source(self) -> str:
         """Whose a velocity command is that does not say."""
         ...

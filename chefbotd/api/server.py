@@ -8,6 +8,7 @@ import structlog
 
 from chefbotd.api import jsonrpc
 from chefbotd.api.access import UNGUARDED, Guard
+from chefbotd.api.arrivals import BEAT_PERIOD_S, Arrivals
 from chefbotd.api.control import Control
 from chefbotd.api.describe import prepare
 from chefbotd.api.dispatch import Dispatcher
@@ -56,17 +57,21 @@ class Server:
         self._parameters, self._bus, self._guard = parameters, bus, guard
         self._robot_name, self._session = robot_name, session
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
-        control = Control(parameters.lease_s, robot.release, bus.publish)
-        methods = Methods(robot, self._fanout, clock, control, guard.keyring, parameters.arm_role)
+        let_go_s = max(parameters.let_go_s, robot.command_timeout_s)  # who drives may be that slow to repeat
+        control = Control(parameters.lease_s, let_go_s, robot.release, bus.publish)
+        self._arrivals = Arrivals(clock)
+        methods = Methods(
+            robot, self._fanout, clock, control, self._arrivals, guard.keyring, parameters.arm_role
+        )
         self._methods = methods.table
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(self._methods, clock)
+        dispatcher = Dispatcher(self._methods, clock, self._arrivals, robot.command_timeout_s)
         role = parameters.default_role if guard.keyring is None else None
-        self.lobby = Lobby(parameters, clock, dispatcher, self._fanout, control, self._greeting, role)
+        self.lobby = Lobby(parameters, clock, dispatcher, self._arrivals, self._fanout, control, self._greeting, role)
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
         self._tasks: asyncio.TaskGroup
         self._listening = asyncio.Event()
@@ -84,6 +89,7 @@ class Server:
         inbox = self._bus.subscribe(*always, size=INBOX_EVENTS)
         try:
             async with asyncio.TaskGroup() as self._tasks:
+                self._tasks.create_task(self._beat())
                 self._tasks.create_task(doorway.run())
                 self._tasks.create_task(self._sweep())
                 self._tasks.create_task(self._prepare_description())
@@ -129,6 +135,16 @@ class Server:
     def faults(self) -> Counter[str]:
         """Requests that broke their handler, by method."""
         return self.lobby.dispatcher.faults
+
+    @property
+    def void_commands(self) -> Counter[str]:
+        """Commands that came before a stop or waited too long, by the kind of error."""
+        return self.lobby.dispatcher.void
+
+    async def _beat(self) -> None:
+        while True:
+            self._arrivals.beat()
+            await asyncio.sleep(BEAT_PERIOD_S)
 
     async def _sweep(self) -> None:
         while True:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from chefbotd.api.arrivals import Arrival
 from chefbotd.api.bucket import Bucket
 from chefbotd.api.jsonrpc import ErrorKind, Failure
 from chefbotd.api.parameters import ApiParameters
@@ -21,6 +22,7 @@ class Session:
         self._parameters = parameters
         self.host, self._port = host, port
         self.role, self.client, self.proven, self.stops_only = role, "", False, ""
+        self.came: Arrival | None = None  # the earliest at which its connection can have come
         self._came_s = self._heard_s = now_s
         self._unfinished_s: float | None = None
         self._allowance = Bucket(parameters.requests_per_s, parameters.requests_burst, now_s)

@@ -23,6 +23,12 @@ class Done(Result):
     ok: Literal[True] = True
 
 
+class Stopped(Done):
+    """Who was driving: the client's name by its source, the one that stopped the robot among them."""
+
+    drivers: dict[str, str]
+
+
 class Limited(Done):
     """It is carried out as far as the configured limits allow; ``limited_by`` is the key of the tightest."""
 

@@ -36,6 +36,7 @@ STATS = StatsSampled(
 class FakeRobot:
     """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
 
+    command_timeout_s = 0.5
     default_source = "teleop"
     description: str | None = "<robot name='fake'/>"
     sources = ("safety", "teleop", "navigation")

@@ -11,6 +11,10 @@ class FakeSocket:
     def __init__(self) -> None:
         self.options: dict[tuple[int, int], int] = {}
 
+    def fileno(self) -> int:
+        """There is none."""
+        return -1
+
     def setsockopt(self, level: int, option: int, value: int) -> None:
         """Remember it."""
         self.options[level, option] = value

@@ -9,7 +9,8 @@ class StatsSampled:
 
     ``frames`` counts accepted lines by message name, ``refused`` the malformed ones by reason, ``bus_dropped`` events
     given up by class, ``handler_faults`` requests that broke their handler by method, ``clients_refused`` connections
-    that the socket refused or ended by the kind of error, ``internal_errors`` control steps that failed,
+    that the socket refused or ended by the kind of error, ``void_commands`` commands that came before a stop or waited
+    too long, by the kind of error, ``internal_errors`` control steps that failed,
     ``service_failures`` services that were started again, by name. ``loop_lag_s`` is the latest the event loop
     was to a timer in the last second.
     """
@@ -32,6 +33,7 @@ class StatsSampled:
     board_clock_jitter_s: float | None
     clients_refused: dict[str, int] = field(default_factory=dict)
     handler_faults: dict[str, int] = field(default_factory=dict)
+    void_commands: dict[str, int] = field(default_factory=dict)
     internal_errors: int = 0
     service_failures: dict[str, int] = field(default_factory=dict)
     board_clock_suspects: int = 0

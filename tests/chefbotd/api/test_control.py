@@ -27,7 +27,7 @@ class Desk:
     def __init__(self) -> None:
         self.withdrawn: list[str] = []
         self.told: list[ControlChanged] = []
-        self.control = Control(3.0, self.withdrawn.append, self.told.append)
+        self.control = Control(3.0, 1.0, self.withdrawn.append, self.told.append)
 
     def drive(self, session: Session, now_s: float, source: str = "teleop") -> None:
         """What a drive does."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.arrivals import Arrivals
 from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.fanout import Fanout
@@ -26,7 +27,8 @@ METHODS = Methods(
     FakeRobot(),
     Fanout(TOPICS, ManualClock(), lambda *_: None),
     ManualClock(),
-    Control(1.0, lambda _: None, lambda _: None),
+    Control(1.0, 1.0, lambda _: None, lambda _: None),
+    Arrivals(ManualClock()),
 ).table
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
 from chefbotd.api import jsonrpc
+from chefbotd.api.arrivals import Arrivals
 from chefbotd.api.control import Control
 from chefbotd.api.describe import NOTIFICATIONS
 from chefbotd.api.dispatch import Dispatcher
@@ -35,9 +36,10 @@ class Desk:
     def __init__(self) -> None:
         self.robot, self.clock = FakeRobot(), ManualClock(100.0)
         self.fanout = Fanout(topics(("left", "right"), simulated=False), self.clock, self._demand)
-        control = Control(3.0, self.robot.release, self.fanout.publish)
-        methods = Methods(self.robot, self.fanout, self.clock, control)
-        self.dispatcher = Dispatcher(methods.table, self.clock)
+        control = Control(3.0, 1.0, self.robot.release, self.fanout.publish)
+        self.arrivals = Arrivals(self.clock)
+        methods = Methods(self.robot, self.fanout, self.clock, control, self.arrivals)
+        self.dispatcher = Dispatcher(methods.table, self.clock, self.arrivals, 0.5)
         self.session = Session(ApiParameters(), "127.0.0.1", 50000, Role.ADMIN, 100.0)
         self.ended: list[Failure] = []
         self.heard: list[dict[str, Any]] = []
@@ -437,5 +439,5 @@ def test_what_never_changes_is_made_once(constant: bool, told: list[float]) -> N
         return answers.Pong(stamp_s=next(stamps_s))
 
     method = Method(Role.OBSERVE, requests.NoParams, answers.Pong, handle, constant=constant)
-    desk.dispatcher = Dispatcher({"count": method}, desk.clock)
+    desk.dispatcher = Dispatcher({"count": method}, desk.clock, desk.arrivals, 0.5)
     assert [desk.ask("count")["result"]["stamp_s"] for _ in range(3)] == told

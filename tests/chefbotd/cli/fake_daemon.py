@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from chefbotd.api.arrivals import Arrivals
 from chefbotd.api.control import Control
 from chefbotd.api.describe import describe
 from chefbotd.api.fanout import Fanout
@@ -205,7 +206,8 @@ def description(*, simulated: bool) -> dict[str, Any]:
     """What a real daemon says of itself."""
     clock, known = ManualClock(), topics(WHEELS, simulated=simulated)
     fanout = Fanout(known, clock, lambda *_: None)
-    table = Methods(FakeRobot(), fanout, clock, Control(1.0, lambda _: None, lambda _: None)).table
+    control = Control(1.0, 1.0, lambda _: None, lambda _: None)
+    table = Methods(FakeRobot(), fanout, clock, control, Arrivals(clock)).table
     return describe(table, known).model_dump(mode="json")
 
 
