@@ -98,11 +98,13 @@ class Backlog:
 
         Unless that had come before another stop already.
         """
+        if self._cut >= len(self):
+            return
+        before_it = [mark for mark in self._marks if mark.position < self._cut]
         behind = [mark for mark in self._marks if mark.position >= self._cut]
-        if (within := [mark for mark in self._marks if mark.position < self._cut]) and self._cut < len(self):
-            if not behind or behind[0].position > self._cut:
-                behind.insert(0, Mark(self._cut, within[-1].arrival))
-        self._marks = within + [
+        if not behind or behind[0].position > self._cut:
+            behind.insert(0, Mark(self._cut, before_it[-1].arrival))
+        self._marks = before_it + [
             mark._replace(arrival=mark.arrival._replace(stops=now)) if mark.arrival.stops == before else mark
             for mark in behind
         ]

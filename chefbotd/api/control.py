@@ -78,7 +78,9 @@ class Control:
 
     def drivers(self, now_s: float) -> dict[str, str]:
         """Who drives, by source; who has let go does not."""
-        return {s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)}
+        return {
+            s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)
+        }
 
     def hold(self, session: Session, now_s: float) -> None:
         """A client has stopped the robot: refuse the other drivers until they have let go."""

@@ -141,7 +141,9 @@ class Dispatcher:
         else:
             return
         self.void[kind] += 1
-        self._limited_log.warning("command_void", client=str(session), method=method, kind=str(kind), reason=message)
+        self._limited_log.warning(
+            "command_void", client=str(session), method=method, kind=str(kind), reason=message
+        )
         raise Unserved(kind, message)
 
     def _admit(self, session: Session, request: Request) -> Method:

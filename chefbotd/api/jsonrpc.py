@@ -93,7 +93,8 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32026, "the client took too long; the connection is closed", closes=True
     ),
     ErrorKind.OVERTAKEN: ErrorClass(
-        -32027, "a stop was carried out that came after this command, or may have; send it again if it still holds"
+        -32027,
+        "a stop was carried out that came after this command, or may have; send it again if it still holds",
     ),
     ErrorKind.TOO_OLD: ErrorClass(
         -32028, "the command waited for longer than one moves the robot; send it again if it still holds"

@@ -60,9 +60,7 @@ class Lobby:
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def admit(
-        self, host: str, port: int, descriptor: int, came: Arrival | None = None
-    ) -> Session | Failure:
+    def admit(self, host: str, port: int, descriptor: int, came: Arrival | None = None) -> Session | Failure:
         """A newcomer's session, or why there is no room; ``descriptor`` is its socket's, the lowest that was free."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
         session.came = came

@@ -71,7 +71,9 @@ class Server:
         )
         dispatcher = Dispatcher(self._methods, clock, self._arrivals, robot.command_timeout_s)
         role = parameters.default_role if guard.keyring is None else None
-        self.lobby = Lobby(parameters, clock, dispatcher, self._arrivals, self._fanout, control, self._greeting, role)
+        self.lobby = Lobby(
+            parameters, clock, dispatcher, self._arrivals, self._fanout, control, self._greeting, role
+        )
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
         self._tasks: asyncio.TaskGroup
         self._listening = asyncio.Event()

@@ -8,6 +8,7 @@ import click
 from chefbotd.cli import output
 from chefbotd.cli.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.conversation import Conversation
+from chefbotd.cli.pilot import told_of_stop
 from chefbotd.client import Client
 
 
@@ -19,8 +20,9 @@ def _do(chat: Conversation, act: Callable[[Client], Awaitable[None]], said: str)
 @click.command()
 @click.pass_obj
 def stop(chat: Conversation) -> None:
-    """Stop the robot; the next drive command moves it again."""
-    _do(chat, lambda robot: robot.stop(), "Stopped.")
+    """Stop the robot, whoever drives; who goes on driving is refused until it lets go for a second."""
+    drivers = chat.hold(lambda robot: robot.stop())
+    output.say(chat.as_json, {"done": True, "drivers": drivers}, told_of_stop(drivers))
 
 
 @click.command()

@@ -4,12 +4,12 @@ Who lets go gives the robot back: the pad's own target is zero at once, and lowe
 """
 
 import asyncio
-import contextlib
 from collections.abc import Callable
 from typing import Protocol
 
 from chefbotd.cli.exits import Exit, ProgramError
 from chefbotd.cli.gamepad import UNTOUCHED, Demand, Order, PadParameters, Reading, disabled, step
+from chefbotd.cli.pilot import let_go, told_of_stop
 from chefbotd.client import CallError, Client
 
 LOOK_PERIOD_S = 0.01
@@ -67,7 +67,7 @@ class JoystickPilot:
                 await asyncio.sleep(LOOK_PERIOD_S)
         finally:
             if self._pad.enabled and self._robot.connected:
-                await self._let_go()
+                await let_go(self._robot, self._source)
 
     async def _take_control(self) -> None:
         try:
@@ -105,10 +105,9 @@ class JoystickPilot:
 
     async def _ask(self, order: Order) -> None:
         if order is Demand.LET_GO:
-            await self._let_go()
+            await let_go(self._robot, self._source)
         elif order is Demand.STOP:
-            await self._robot.stop()
-            self._say("Stopped, whoever drove.")
+            self._say(told_of_stop(await self._robot.stop()))
         elif order is Demand.ESTOP:
             await self._robot.estop("asked by joystick")
             self._say("Emergency stop; Start arms again.")
@@ -117,12 +116,3 @@ class JoystickPilot:
             self._say("Armed.")
         else:
             await self._robot.drive(order.linear_m_s, order.angular_rad_s, self._source)
-
-    async def _let_go(self) -> None:
-        """Our own target to zero, then our source given back. Where that is refused, a stop, which never is."""
-        with contextlib.suppress(CallError):  # disarmed, or another's by now: nothing of ours moves the robot
-            await self._robot.drive(0.0, 0.0, self._source)
-        try:
-            await self._robot.release_control()
-        except CallError:
-            await self._robot.stop()

@@ -119,9 +119,13 @@ class Methods(ABC):
         asked = {"name": names, "velocity_rad_s": velocities}
         return read(answers.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
 
-    async def stop(self) -> None:
-        """Bring the robot to rest within the deceleration limit, whoever drives it."""
-        await self.call("stop")
+    async def stop(self) -> dict[str, str]:
+        """Bring the robot to rest within the deceleration limit, whoever drives it; by source, who did.
+
+        Other clients that drive are refused until they let go; our own next ``drive`` moves again.
+        """
+        drivers: dict[str, str] = (await self.call("stop")).get("drivers", {})
+        return drivers
 
     async def estop(self, reason: str | None = None) -> None:
         """Stop the motors at once, and until ``arm``; of a long reason the beginning is told."""

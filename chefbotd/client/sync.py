@@ -136,9 +136,9 @@ class SyncClient(SyncTopics):
         """Ask for a speed of each wheel by name, in rad/s; the others stand. Repeat it."""
         return self._run(self._client.set_wheel_velocities(velocity_rad_s, source))
 
-    def stop(self) -> None:
-        """Bring the robot to rest within the deceleration limit, whoever drives it."""
-        self._run(self._client.stop())
+    def stop(self) -> dict[str, str]:
+        """Bring the robot to rest within the deceleration limit, whoever drives it; by source, who did."""
+        return self._run(self._client.stop())
 
     def estop(self, reason: str | None = None) -> None:
         """Stop the motors at once, and until ``arm``."""

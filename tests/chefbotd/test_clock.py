@@ -9,7 +9,7 @@ from chefbotd.clock import Deadlock, LoopClock, ManualClock, SystemClock, run_vi
 
 
 def test_the_system_clock_goes_on_while_the_computer_sleeps():
-    """A reading lies between two readings of CLOCK_BOOTTIME around it, which counts suspended time (clock_gettime(2))."""
+    """A reading lies between two readings of CLOCK_BOOTTIME around it; that counts suspended time (clock_gettime(2))."""
     before = time.clock_gettime(time.CLOCK_BOOTTIME)
     now = SystemClock().now_s()
     assert before <= now <= time.clock_gettime(time.CLOCK_BOOTTIME)

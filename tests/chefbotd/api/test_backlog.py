@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from chefbotd.api.arrivals import Arrival
 from chefbotd.api.backlog import Backlog
 
-
 NOW = Arrival(1.0, 0)
 
 

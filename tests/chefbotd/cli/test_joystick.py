@@ -167,7 +167,7 @@ def test_stop_estop_and_arm(daemon: FakeDaemon) -> None:
             await asyncio.sleep(0.1)
 
     assert [name for _, name, _ in fly(daemon, script, said)] == ["stop", "estop", "arm"]
-    assert said == ["Stopped, whoever drove.", "Emergency stop; Start arms again.", "Armed."]
+    assert said == ["Stopped; nobody was driving.", "Emergency stop; Start arms again.", "Armed."]
 
 
 def test_an_unplugged_pad(daemon: FakeDaemon) -> None:

@@ -56,17 +56,47 @@ def test_a_held_key_drives_at_20_hz_and_more(daemon: FakeDaemon) -> None:
     assert max(b - a for a, b in itertools.pairwise(times)) <= 0.051
 
 
-def test_letting_go_stops_once(daemon: FakeDaemon) -> None:
-    """One stop goes out 0.12 s after the last repeat of a key, and nothing more until the pilot ends."""
+def test_letting_go_ends_its_own_motion_once(daemon: FakeDaemon) -> None:
+    """0.12 s after the last repeat of a key: zero, and the source given back. Nothing more, and no stop for others."""
 
     async def script(pilot: Pilot) -> None:
         await hold(pilot, "i", 0.59)  # arrives at 0, 0.50, 0.53 and 0.56 s
         await asyncio.sleep(2.0)
 
     asked = fly(daemon, script)
-    stops = [at_s for at_s, name in asked if name == "stop"]
-    assert stops == [pytest.approx(0.68, abs=0.002), pytest.approx(2.59, abs=0.002)]
-    assert [name for at_s, name in asked if at_s > 0.69] == ["stop"]
+    assert asked[-1] == (pytest.approx(0.68, abs=0.002), "release_control")
+    assert [name for _, name in asked if name != "drive"] == ["release_control"]
+    assert [params for _, name, params in daemon.calls if name == "drive"][-1] == {
+        "linear_m_s": 0.0,
+        "angular_rad_s": 0.0,
+    }
+
+
+def test_a_stop_key_stops_whoever_drives_and_the_next_key_drives(daemon: FakeDaemon) -> None:
+    """Space in mid-drive is one stop, and a key pressed 0.1 s later drives again."""
+
+    async def script(pilot: Pilot) -> None:
+        pilot.press("i")
+        await asyncio.sleep(0.12)
+        pilot.press(" ")
+        await asyncio.sleep(0.1)
+        pilot.press("j")
+        await asyncio.sleep(0.01)
+
+    asked = fly(daemon, script)
+    assert [name for at_s, name in asked if 0.11 < at_s < 0.21] == ["stop"]
+    assert (0.22, "drive") in asked
+
+
+def test_keys_pressed_at_once_keep_their_order(daemon: FakeDaemon) -> None:
+    """Space and then a direction, before either could be sent: the stop goes first."""
+
+    async def script(pilot: Pilot) -> None:
+        pilot.press(" ")
+        pilot.press("i")
+        await asyncio.sleep(0.01)
+
+    assert [name for _, name in fly(daemon, script)][:2] == ["stop", "drive"]
 
 
 def test_a_stop_key_stops_even_at_rest(daemon: FakeDaemon) -> None:
@@ -80,16 +110,16 @@ def test_a_stop_key_stops_even_at_rest(daemon: FakeDaemon) -> None:
 
 
 def test_a_speed_key_sends_nothing(daemon: FakeDaemon) -> None:
-    """Choosing a speed at rest asks nothing of the robot; the only stop is the pilot's last word."""
+    """Choosing a speed at rest asks nothing of the robot, to its end."""
 
     async def script(pilot: Pilot) -> None:
         pilot.press("q")
         await asyncio.sleep(1.0)
 
-    assert fly(daemon, script) == [(1.0, "stop")]
+    assert fly(daemon, script) == []
 
 
-def test_release_stops_at_once(daemon: FakeDaemon) -> None:
+def test_release_lets_go_at_once(daemon: FakeDaemon) -> None:
     """A lost focus ends the motion without waiting for the hold to run out."""
 
     async def script(pilot: Pilot) -> None:
@@ -98,7 +128,7 @@ def test_release_stops_at_once(daemon: FakeDaemon) -> None:
         pilot.release()
         await asyncio.sleep(1.0)
 
-    assert (0.12, "stop") in fly(daemon, script)
+    assert (0.12, "release_control") in fly(daemon, script)
 
 
 def test_a_refusal_is_told_and_survived(daemon: FakeDaemon) -> None:
