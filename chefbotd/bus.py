@@ -1,14 +1,22 @@
 """Publish and subscribe by class: the class is the topic.
 
-``publish`` never waits and never fails: every subscriber has an inbox of its own, bounded: in a full
-one the oldest event gives way, and what gave way is counted.
+``publish`` never waits and never fails. A subscriber either has an inbox of its own, from which it takes events in
+its own time, or a handler that is called at once. Inboxes are bounded: in a full one the oldest event gives way, and is
+counted.
+A handler that raises is logged and counted, and harms neither the publisher nor the other subscribers.
 """
 
 import asyncio
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
+import structlog
+
 E = TypeVar("E")
+Handler = Callable[[Any], None]
+
+log = structlog.get_logger(component="bus")
 
 
 class Inbox(Generic[E]):
@@ -23,9 +31,9 @@ class Inbox(Generic[E]):
     ) -> None:
         if size < 1:
             raise ValueError(f"an inbox needs room for at least one event, got size {size}")
-        if strangers := [topic.__name__ for topic in kept if topic not in topics]:
-            raise ValueError(f"kept classes that are not subscribed to: {', '.join(strangers)}")
-        self._bus, self._topics, self._size, self._kept = bus, topics, size, kept
+        if unknown := [topic.__name__ for topic in kept if topic not in topics]:
+            raise ValueError(f"kept classes that are not subscribed to: {', '.join(unknown)}")
+        self._bus, self._size, self._kept = bus, size, kept
         self._events: deque[E] = deque()
         self._waiter: asyncio.Future[None] | None = None
         self.dropped: Counter[type[Any]] = Counter()
@@ -93,11 +101,6 @@ class Inbox(Generic[E]):
         """Stop receiving; what is already inside can still be taken."""
         self._bus.unsubscribe(self)
 
-    @property
-    def topics(self) -> tuple[type[E], ...]:
-        """The classes that this inbox receives."""
-        return self._topics
-
 
 def _expire(waiter: "asyncio.Future[None]") -> None:
     if not waiter.done():
@@ -105,10 +108,18 @@ def _expire(waiter: "asyncio.Future[None]") -> None:
 
 
 class Bus:
-    """Hands each published event to the inboxes subscribed to exactly its class."""
+    """Hands each published event to the subscribers of exactly its class, and to those of all events.
+
+    ``handler_errors`` counts the handlers that raised, by the name of the event's class.
+    """
 
     def __init__(self) -> None:
         self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
+        self._of_all: tuple[Inbox[Any], ...] = ()
+        self._handlers: dict[type[Any], tuple[Handler, ...]] = {}
+        self._undelivered: deque[object] = deque()
+        self._is_delivering = False
+        self.handler_errors: Counter[str] = Counter()
 
     def subscribe(
         self,
@@ -127,27 +138,84 @@ class Bus:
             raise ValueError("subscribe needs at least one event class")
         inbox = Inbox(self, topics, size, kept)
         for topic in topics:
-            self._inboxes[topic] = (*self._inboxes.get(topic, ()), inbox)
+            self._inboxes[topic] = (*self._inboxes.get(topic, self._of_all), inbox)
+        return inbox
+
+    def subscribe_all(self, size: int) -> Inbox[Any]:
+        """An inbox for every event, of whatever class; ``close`` it to unsubscribe."""
+        inbox: Inbox[Any] = Inbox(self, (), size, ())
+        self._of_all = (*self._of_all, inbox)
+        self._inboxes = {topic: (*inboxes, inbox) for topic, inboxes in self._inboxes.items()}
         return inbox
 
     def unsubscribe(self, inbox: Inbox[Any]) -> None:
         """Take an inbox off the bus; doing it twice is harmless."""
-        for topic in inbox.topics:
-            self._inboxes[topic] = tuple(i for i in self._inboxes.get(topic, ()) if i is not inbox)
+        self._of_all = _without(inbox, self._of_all)
+        self._inboxes = {topic: _without(inbox, inboxes) for topic, inboxes in self._inboxes.items()}
+
+    def add_handler(self, handler: Callable[[E], None], *topics: type[E]) -> Callable[[], None]:
+        """Call ``handler`` with each event of these classes, before ``publish`` returns; returns what removes it.
+
+        Events that a handler publishes are handed on after the present one, so that every handler gets events in the
+        order of their publication.
+
+        Raises:
+            ValueError: no topic was named.
+        """
+        if not topics:
+            raise ValueError("add_handler needs at least one event class")
+        for topic in topics:
+            self._handlers[topic] = (*self._handlers.get(topic, ()), handler)
+
+        def remove() -> None:
+            for topic in topics:
+                self._handlers[topic] = _without(handler, self._handlers[topic])
+
+        return remove
 
     def publish(self, event: object) -> None:
-        """Put the event into every inbox of its class, at once."""
-        for inbox in self._inboxes.get(type(event), ()):
+        """Put the event into every inbox of its class, and call every handler of its class."""
+        topic = type(event)
+        for inbox in self._inboxes.get(topic, self._of_all):
             inbox.put(event)
+        if self._handlers.get(topic):
+            self._undelivered.append(event)
+            if not self._is_delivering:
+                self._deliver()
+
+    def _deliver(self) -> None:
+        self._is_delivering = True
+        try:
+            while self._undelivered:
+                event = self._undelivered.popleft()
+                for handler in self._handlers.get(type(event), ()):
+                    self._call(handler, event)
+        finally:
+            self._is_delivering = False
+
+    def _call(self, handler: Handler, event: object) -> None:
+        try:
+            handler(event)
+        except Exception:
+            name = type(event).__name__
+            self.handler_errors[name] += 1
+            log.exception("an event handler has failed", handler=repr(handler), event_class=name)
 
     def wanted(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
-        return bool(self._inboxes.get(topic))
+        return bool(self._inboxes.get(topic, self._of_all) or self._handlers.get(topic))
 
     def drops(self) -> dict[str, int]:
         """Events given up so far, by class name, over all present inboxes."""
-        inboxes = {id(i): i for group in self._inboxes.values() for i in group}
+        inboxes = {id(i): i for group in (*self._inboxes.values(), self._of_all) for i in group}
         total: Counter[str] = Counter()
         for inbox in inboxes.values():
             total.update({topic.__name__: n for topic, n in inbox.dropped.items()})
         return dict(total)
+
+
+T = TypeVar("T")
+
+
+def _without(subscriber: T, subscribers: tuple[T, ...]) -> tuple[T, ...]:
+    return tuple(each for each in subscribers if each is not subscriber)

@@ -152,3 +152,80 @@ def test_senseless_subscriptions_are_refused():
         Bus().subscribe(Ticked, size=0)
     with pytest.raises(ValueError, match="kept classes that are not subscribed to: Tocked"):
         Bus().subscribe(Ticked, kept=(Tocked,))
+
+
+def test_a_handler_is_called_before_publish_returns():
+    """With the events of its classes only, until it is removed; removing it twice is harmless."""
+    bus, heard = Bus(), []
+    remove = bus.add_handler(heard.append, Ticked)
+    bus.publish(Ticked(1))
+    bus.publish(Tocked(2))
+    assert heard == [Ticked(1)]
+    remove()
+    remove()
+    bus.publish(Ticked(3))
+    assert heard == [Ticked(1)]
+    assert not bus.wanted(Ticked)
+
+
+def test_a_handler_that_raises_harms_nobody():
+    """The publisher, the inboxes and the other handlers go on; the failure is counted by the event's class."""
+    bus, heard = Bus(), []
+
+    def fail(event: Ticked) -> None:
+        raise RuntimeError(f"cannot take {event}")
+
+    bus.add_handler(fail, Ticked)
+    bus.add_handler(heard.append, Ticked)
+    inbox = bus.subscribe(Ticked)
+    bus.publish(Ticked(1))
+    bus.publish(Ticked(2))
+    assert heard == [Ticked(1), Ticked(2)]
+    assert (inbox.take(), inbox.take()) == (Ticked(1), Ticked(2))
+    assert bus.handler_errors == {"Ticked": 2}
+
+
+def test_handlers_get_events_in_the_order_of_their_publication():
+    """The first handler answers a tick with a tock: the second still hears the tick before the tock."""
+    bus, heard = Bus(), []
+
+    def answer(event: Ticked) -> None:
+        bus.publish(Tocked(event.number * 10))
+
+    bus.add_handler(answer, Ticked)
+    bus.add_handler(heard.append, Ticked, Tocked)
+    bus.publish(Ticked(1))
+    bus.publish(Ticked(2))
+    assert heard == [Ticked(1), Tocked(10), Ticked(2), Tocked(20)]
+
+
+def test_a_subscriber_of_all_events_gets_every_class():
+    """Also of classes that somebody else subscribes to, before or after it, and of those that nobody does."""
+    bus = Bus()
+    before = bus.subscribe(Ticked)
+    everything = bus.subscribe_all(size=8)
+    after = bus.subscribe(Tocked)
+    assert bus.wanted(str)
+    for event in (Ticked(1), Tocked(2), "text"):
+        bus.publish(event)
+    assert [everything.take() for _ in range(3)] == [Ticked(1), Tocked(2), "text"]
+    assert (before.take(), after.take()) == (Ticked(1), Tocked(2))
+    assert (len(before), len(after)) == (0, 0)
+
+
+def test_a_subscriber_of_all_events_is_bounded_and_leaves():
+    """What gave way is counted by class, once; after its end nothing is put into it and nobody is wanted."""
+    bus = Bus()
+    bus.subscribe(Ticked).close()
+    everything = bus.subscribe_all(size=2)
+    for number in range(5):
+        bus.publish(Ticked(number))
+    bus.publish(Tocked(9))
+    assert bus.drops() == {"Ticked": 4}
+    everything.close()
+    bus.publish(Ticked(7))
+    assert [everything.take(), everything.take()] == [Ticked(4), Tocked(9)]
+    assert not bus.wanted(Ticked)
+    assert not bus.wanted(str)
+    with pytest.raises(ValueError, match="at least one event class"):
+        bus.add_handler(print)
