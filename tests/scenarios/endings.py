@@ -33,7 +33,8 @@ from tests.scenarios.process import (
     driving,
     second_daemon,
 )
-from tests.scenarios.trial import ENDED, ROBOTS, Expected, Result, motion
+from tests.scenarios.robots import ROBOTS
+from tests.scenarios.trial import ENDED, Expected, Result, motion
 
 RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005

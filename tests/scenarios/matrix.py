@@ -2,7 +2,7 @@
 
 Prints what each fault cost, and exits with 1 when an outcome was not the one that is defined (see docs/safety.md), or
 when nothing was tried. ``--clock virtual`` leaves out what needs the real program on a real pty, ``--only`` and
-``--robot`` choose, ``--json`` writes every figure.
+``--robot`` choose (``chefbot/tiva_bare``: that sketch on its board), ``--json`` writes every figure.
 """
 
 import argparse
@@ -19,7 +19,8 @@ from rich.table import Table
 
 from tests.scenarios import endings, starts, trial
 from tests.scenarios.faults import FAULTS
-from tests.scenarios.trial import ROBOTS, Result, broken
+from tests.scenarios.robots import EVERY_ROBOT, ROBOTS, packaged_name
+from tests.scenarios.trial import Result, broken
 
 REMARKS = (
     "Times count from the moment of the fault, on the simulated robot, which was driven at 0.2 m/s.",
@@ -56,7 +57,7 @@ def run(
     for robot in robots:
         for part in parts:
             for fault in part.faults:
-                if robot in fault.robots and wanted(fault.name):
+                if packaged_name(robot) in fault.robots and wanted(fault.name):
                     yield _tried(part, fault, robot)
 
 
@@ -135,7 +136,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.scenarios.matrix")
     parser.add_argument("--clock", choices=CLOCKS, default="both")
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with this in their name")
-    parser.add_argument("--robot", choices=ROBOTS, action="append", help="both unless told otherwise")
+    parser.add_argument(
+        "--robot", choices=EVERY_ROBOT, action="append", help="both packaged ones unless told otherwise"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure into this file")
     return parser
 

@@ -12,11 +12,12 @@ from pathlib import Path
 
 from chefbotd.client import CallError, Client
 from chefbotd.clock import SystemClock
-from chefbotd.settings import load, packaged
+from chefbotd.settings import packaged
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.parameters import board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.simulation import simulation_of
+from tests.scenarios.robots import packaged_name, settings_of
 
 PATIENCE_S = 15.0
 SPEED_M_S = 0.2
@@ -52,7 +53,7 @@ class Board:
         self.heard: list[tuple[float, bytes]] = []
         self._rest = b""
         self._pty = PtyBoard(self._hear, device)
-        simulation = simulation_of(load(packaged(robot)))
+        simulation = simulation_of(settings_of(robot, {}))
         self._stop = b"s" + b" 0" * simulation.variant.wheels
         send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
         self._runner = BoardRunner(build_launchpad(simulation), send, SystemClock())
@@ -160,7 +161,7 @@ async def _daemon(
     with log.open("wb") as sink:
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            *("-c", program, "run", "--config", str(packaged(board.robot)), *where),
+            *("-c", program, "run", "--config", str(packaged(packaged_name(board.robot))), *where),
             stderr=sink,
             env={**inherited, **environment},
         )

@@ -10,9 +10,10 @@ import sys
 
 from chefbotd import logs
 from chefbotd.clock import run_virtual
-from chefbotd.settings import Settings, load, packaged
+from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.invariants import Invariants, Report
+from tests.scenarios.robots import settings_of
 from tests.scenarios.wanderer import Wanderer
 
 CYCLES_S = {"chefbot": 0.05, "khan": 0.02}
@@ -28,9 +29,8 @@ MOST_GROWTH_MB = 4.0
 def soak(minutes: float, seed: int, robot_name: str = "chefbot") -> Report:
     """Drive for so many simulated minutes; raises ``AssertionError`` when anything does not hold."""
     report = Report(robot_name, minutes)
-    settings = load(
-        packaged(robot_name), overrides={"sim.seed": seed, "sim.board.cycle_s": CYCLES_S[robot_name]}
-    )
+    cycle = {"sim.board.cycle_s": CYCLES_S[robot_name]} if robot_name in CYCLES_S else {}
+    settings = settings_of(robot_name, {"sim.seed": seed, **cycle})
 
     async def scenario() -> None:
         async with simulated_robot(settings) as robot:
@@ -54,15 +54,15 @@ async def _drive(robot: SimulatedRobot, settings: Settings, report: Report, rng:
         report.resident_growth_mb = _resident_mb() - before_mb
         watching.cancel()
     report.faults.update({f"injected: {name}": n for name, n in wanderer.injected.items()})
-    await _check_the_end(robot, report)
+    await _check_the_end(robot, settings, report)
 
 
-async def _check_the_end(robot: SimulatedRobot, report: Report) -> None:
+async def _check_the_end(robot: SimulatedRobot, settings: Settings, report: Report) -> None:
     stats = await robot.client.call("get_stats")
     assert stats["internal_errors"] == 0, f"{stats['internal_errors']} control steps failed"
     assert not stats["service_failures"], f"services failed: {stats['service_failures']}"
     assert report.resident_growth_mb < MOST_GROWTH_MB, f"memory grew by {report.resident_growth_mb} MB"
-    least = LEAST_STEPS_SHARE * 60 * report.minutes / CYCLES_S[report.robot]
+    least = LEAST_STEPS_SHARE * 60 * report.minutes / settings.sim.board.cycle_s
     assert report.control_steps > least, f"{report.control_steps} control steps of more than {least:.0f}"
 
 

@@ -14,12 +14,12 @@ from structlog.testing import capture_logs
 from chefbotd.cli.exits import Exit
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
-from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
 from tests.scenarios.faults.link import GPS, NOT_THE_BOARD
 from tests.scenarios.process import PERIOD_S, SPEED_M_S, started
-from tests.scenarios.trial import ROBOTS, Result
+from tests.scenarios.robots import ROBOTS, settings_of
+from tests.scenarios.trial import Result
 from tests.scenarios.wires import misread
 
 TALKS_FOR_S = 3.0
@@ -67,7 +67,7 @@ def listen(start: Silent, robot_name: str) -> Result:
     device = FakeSerialDevice()
 
     async def run() -> None:
-        async with running_daemon(device, load(packaged(robot_name))) as client:
+        async with running_daemon(device, settings_of(robot_name, {})) as client:
             for _ in range(round(TALKS_FOR_S / 0.1)):
                 device.feed(start.says)
                 await _drive(client)

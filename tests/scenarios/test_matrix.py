@@ -13,7 +13,8 @@ import pytest
 from tests.scenarios import endings, matrix, trial
 from tests.scenarios.faults import FAULTS
 from tests.scenarios.matrix import CLOCKS, Part, main, run, table, totals
-from tests.scenarios.trial import ENDED, ROBOTS, Expected, Fault
+from tests.scenarios.robots import ROBOTS
+from tests.scenarios.trial import ENDED, Expected, Fault
 from tests.test_docs import PAGE, rows
 
 PART = {

@@ -15,13 +15,12 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.clock import run_virtual
-from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.doors import Door, unguarded
 from tests.scenarios.driver import Driver
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving
+from tests.scenarios.robots import ROBOTS, settings_of
 
-ROBOTS = ("chefbot", "khan")
 RUN_UP_S, LEAVING_S = 1.5, 1.5
 AHEAD = (0.2, 0.0)
 """Metres and radians per second."""
@@ -150,7 +149,7 @@ def attempt(fault: Fault, robot_name: str) -> Result:
     results: list[Result] = []
     wrong: list[str] = []
     with capture_logs() as log, fault.door() as door:
-        settings = load(packaged(robot_name), overrides={**fault.overrides, **door.overrides})
+        settings = settings_of(robot_name, {**fault.overrides, **door.overrides})
 
         async def run() -> None:
             async with simulated_robot(settings, **door.key()) as robot:

@@ -1,0 +1,67 @@
+"""The whole daemon on each of the published sketches: what every one of them must let it do."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.sim.sketches import SKETCHES, SketchName
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.scenarios.robots import SKETCHED, settings_of
+
+Scenario = Callable[[SimulatedRobot], Awaitable[None]]
+ECHO_S = 0.025
+"""An echo of 4 m, which the sketch waits for before it obeys."""
+
+on_every_sketch = pytest.mark.parametrize(
+    "robot", [SKETCHED[0], *(pytest.param(each, marks=pytest.mark.slow) for each in SKETCHED[1:])]
+)
+
+
+def on(robot: str, scenario: Scenario) -> None:
+    """Run a scenario on this robot, its guard off, with the board up."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(robot, {"safety.guard.enabled": False})) as simulated:
+            await asyncio.sleep(1.5)
+            await scenario(simulated)
+
+    run_virtual(run())
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Repeat a command at 20 Hz."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+
+
+@on_every_sketch
+@pytest.mark.parametrize(("linear_m_s", "angular_rad_s"), [(0.2, 0.0), (-0.15, 0.4), (0.1, -0.3)])
+def test_the_robot_moves_as_it_is_told(robot: str, linear_m_s: float, angular_rad_s: float):
+    """After two seconds of a command the true motion is what was asked for, within 4 %: 0.2 m/s is not 0.377."""
+
+    async def scenario(simulated: SimulatedRobot) -> None:
+        await drive(simulated, linear_m_s, angular_rad_s, 2.0)
+        twist = simulated.board.truth(0.0).twist
+        assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.04, abs=0.003)
+        assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.04, abs=0.02)
+
+    on(robot, scenario)
+
+
+@on_every_sketch
+def test_an_estop_is_in_force_within_a_cycle_and_an_echo(robot: str):
+    """Wherever in its cycle the sketch is: zero on the motors after that time, and the robot at rest 0.3 s later."""
+    cycle_s = SKETCHES[SketchName(robot.partition("/")[2])].cycle_s
+
+    async def scenario(simulated: SimulatedRobot) -> None:
+        await drive(simulated, 0.2, 0.1, 1.013)
+        await simulated.client.estop("test")
+        await asyncio.sleep(cycle_s + ECHO_S + 0.01)
+        assert simulated.board.duty == (0, 0)
+        await asyncio.sleep(0.3)
+        assert simulated.board.truth(0.0).twist.linear_m_s == 0.0
+
+    on(robot, scenario)
