@@ -77,19 +77,23 @@ class Conversation:
         """The same, printing JSON."""
         return replace(self, as_json=True)
 
-    def hold(self, talk: Callable[[Client], Awaitable[T]]) -> T:
-        """Connect, ``talk``, disconnect.
+    def hold(
+        self, talk: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+    ) -> T:
+        """Connect, by our ``name`` if we have one, ``talk``, disconnect; a lost connection may be opened again.
 
         Raises:
             ProgramError: whatever went wrong, with its exit code.
         """
-        return self.run(self.connected(talk))
+        return self.run(self.connected(talk, name=name, reconnect=reconnect))
 
-    async def connected(self, talk: Callable[[Client], Awaitable[T]]) -> T:
+    async def connected(
+        self, talk: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+    ) -> T:
         """The same, on a loop that runs."""
         try:
             async with AsyncExitStack() as stack:
-                return await talk(await self._meet(stack))
+                return await talk(await self._meet(stack, name, reconnect=reconnect))
         except CallError as error:
             raise refusal(error) from error
         except (ConnectionLost, CallTimeout) as error:
@@ -97,10 +101,12 @@ class Conversation:
         except IncompatibleProtocol as error:
             raise ProgramError(Exit.CANNOT_CONNECT, str(error)) from error
 
-    async def _meet(self, stack: AsyncExitStack) -> Client:
+    async def _meet(self, stack: AsyncExitStack, name: str | None, *, reconnect: bool) -> Client:
         """Connect, until the stack ends. What fails later, such as printing, is not the connection's failure."""
         where, trust = self.address, self.trust
-        meeting = Client.connect(where.host, where.port, token=trust.token, tls=trust.tls)
+        meeting = Client.connect(
+            where.host, where.port, token=trust.token, tls=trust.tls, name=name, reconnect=reconnect
+        )
         try:
             return await stack.enter_async_context(meeting)
         except (CallError, IncompatibleProtocol):

@@ -49,10 +49,18 @@ def safety(data: Data) -> Fact:
     """Whether the robot may move, and who drives."""
     if not data["armed"]:
         return Fact("mode", f"{data['mode']}: {data['reason']}", Mood.ALARM)
-    driver = f"driven by {data['source']}" if data["source"] else "nobody drives"
+    driver = _driver(data["source"], data.get("control", {}))
     if data["limited_by"] is None:
         return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
     return Fact("mode", f"{data['mode']}, {driver}, held up by {data['limited_by']}", Mood.NOTICE)
+
+
+def _driver(source: str | None, control: Mapping[str, str]) -> str:
+    """Whose command is in force, by the client's name where it has control; else who has control of what."""
+    if source:
+        return f"driven by {control[source]} as {source}" if source in control else f"driven by {source}"
+    held = [f"{name} has {held}" for held, name in control.items()]
+    return "nobody drives" + (f" ({', '.join(held)})" if held else "")
 
 
 def odometry(data: Data) -> Fact:

@@ -22,7 +22,14 @@ take_over = click.option(
 """The option of every command that drives."""
 
 
-def lead(chat: Conversation, command: str, talk: Callable[[Client], Awaitable[T]], *, takes_over: bool) -> T:
+def lead(
+    chat: Conversation,
+    command: str,
+    talk: Callable[[Client], Awaitable[T]],
+    *,
+    takes_over: bool,
+    reconnect: bool = False,
+) -> T:
     """Hold a conversation as ``chefbotctl COMMAND on HOST``, if asked to with control of the default source.
 
     Raises:
@@ -30,9 +37,9 @@ def lead(chat: Conversation, command: str, talk: Callable[[Client], Awaitable[T]
     """
 
     async def led(robot: Client) -> T:
-        await robot.introduce(f"chefbotctl {command} on {socket.gethostname()}"[:LONGEST_NAME])
         if takes_over:
             await robot.take_control()
         return await talk(robot)
 
-    return chat.hold(led)
+    name = f"chefbotctl {command} on {socket.gethostname()}"[:LONGEST_NAME]
+    return chat.hold(led, name=name, reconnect=reconnect)

@@ -78,11 +78,17 @@ def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | Non
 @take_over
 @click.pass_obj
 def teleop(chat: Conversation, takes_over: bool) -> None:
-    """Drive by keyboard; the robot stops when the keys do."""
+    """Drive by keyboard; the robot stops when the keys do. A lost connection is opened again."""
     with extra("teleop", "textual"):
         from chefbotd.cli.teleop import teleop as run_screen
     need_terminal()
-    lead(chat, "teleop", lambda robot: run_screen(robot, str(chat.address)), takes_over=takes_over)
+    lead(
+        chat,
+        "teleop",
+        lambda robot: run_screen(robot, str(chat.address)),
+        takes_over=takes_over,
+        reconnect=True,
+    )
 
 
 @click.command()

@@ -1,13 +1,16 @@
 """What the screens of chefbotctl share: parts that run beside them, a line for messages, an end with a reason."""
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Coroutine
 from typing import Any, ClassVar
 
 from textual.app import App
 from textual.widgets import Static
 
-from chefbotd.client import CallError, ChefbotError, Client
+from chefbotd.client import CallError, CallTimeout, ChefbotError, Client, ConnectionLost
+
+NOT_ASKED = "The connection is lost: the daemon may not have got this."
 
 
 class RobotScreen(App[None]):
@@ -19,8 +22,10 @@ class RobotScreen(App[None]):
     #message { height: 1; padding: 0 1; color: $warning; dock: bottom; }
     """
 
-    def __init__(self, robot: Client, address: str) -> None:
+    def __init__(self, robot: Client, address: str, *, reconnects: bool = False) -> None:
+        """With ``reconnects`` the client opens a lost connection again, and the screen waits for that."""
         super().__init__()
+        self.reconnects = reconnects
         self.robot, self.heading = robot, f"{robot.hello.robot} at {address}"
         self.failure: ChefbotError | None = None
         self._parts: list[asyncio.Task[None]] = []
@@ -51,12 +56,24 @@ class RobotScreen(App[None]):
         """Textual: a key that quits."""
         self.exit()
 
-    async def ask(self, request: Coroutine[Any, Any, None], done: str) -> None:
+    async def wait_for_connection(self, loss: ConnectionLost) -> None:
+        """After a ``ConnectionLost``: until the connection stands again; raises it if nobody opens it again."""
+        if not self.reconnects:
+            raise loss
+        while True:
+            with contextlib.suppress(CallTimeout):
+                return await self.robot.wait_until_connected()
+
+    async def ask(self, request: Coroutine[Any, Any, object], done: str) -> None:
         """Ask something of the robot and say that it is done, or why it was refused."""
         try:
             await request
         except CallError as error:
             done = f"{error.kind}: {error.message}"
+        except ConnectionLost as loss:
+            done = NOT_ASKED
+            if not self.reconnects:
+                self._fail(loss)
         except ChefbotError as failure:
             self._fail(failure)
         self.say(done)

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Coroutine
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from rich.table import Table
@@ -14,13 +15,15 @@ from textual.widgets import Static
 
 from chefbotd.cli import facts
 from chefbotd.cli.facts import Fact, Mood
+from chefbotd.cli.keys import released
 from chefbotd.cli.pilot import Pilot
 from chefbotd.cli.screen import RobotScreen
-from chefbotd.client import Client, Event
+from chefbotd.client import Client, ConnectionLost, Event
 
 TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
 SHOWN_HZ = 10.0
 PING_PERIOD_S = 0.5
+LOST = Fact("daemon", "connection lost, trying again", Mood.ALARM)
 ESTOP_KEYS = {"!", "backspace", "delete"}
 HELP = """\
      u   i   o
@@ -31,6 +34,7 @@ HELP = """\
   space k  stop
   ! or ⌫   emergency stop
   a        arm
+  t        take control
   q z      both speeds ±10 %
   w x      forward speed
   e c      turning speed
@@ -51,8 +55,8 @@ class Teleop(RobotScreen):
     """
     )
 
-    def __init__(self, robot: Client, address: str) -> None:
-        super().__init__(robot, address)
+    def __init__(self, robot: Client, address: str, *, reconnects: bool = False) -> None:
+        super().__init__(robot, address, reconnects=reconnects)
         self._pilot = Pilot(robot, self.say)
         self._latest: dict[str, Event[Any]] = {}
         self._arrived_s: dict[str, float] = {}
@@ -68,7 +72,7 @@ class Teleop(RobotScreen):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self.run_beside(self._pilot.run(), self._listen(), self._measure())
+        self.run_beside(self._drive(), self._listen(), self._measure())
         self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
@@ -83,8 +87,21 @@ class Teleop(RobotScreen):
             await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
         elif key == "a":
             await self._interrupt(self.robot.arm(), "Armed.")
+        elif key == "t":
+            await self.ask(self.robot.take_control(), "You have control; whoever had it comes to rest.")
         else:
             self._pilot.press(key)
+
+    async def _drive(self) -> None:
+        """Send what the keys ask for; after a lost connection with no key held, as the daemon has withdrawn it."""
+        while True:
+            try:
+                await self._pilot.run()
+            except ConnectionLost as loss:
+                before, self._pilot = self._pilot, Pilot(self.robot, self.say)
+                self._pilot.keys = released(before.keys)
+                await self.wait_for_connection(loss)
+                self._pilot.keys = released(self._pilot.keys)
 
     async def _interrupt(self, request: Coroutine[Any, Any, None], done: str) -> None:
         self._pilot.release()
@@ -99,7 +116,12 @@ class Teleop(RobotScreen):
     async def _measure(self) -> None:
         while True:
             sent_s = self.now_s()
-            await self.robot.ping()
+            try:
+                await self.robot.ping()
+            except ConnectionLost as loss:
+                self._round_trip_s = None
+                await self.wait_for_connection(loss)
+                continue
             self._round_trip_s = self.now_s() - sent_s
             await asyncio.sleep(PING_PERIOD_S)
 
@@ -113,6 +135,8 @@ class Teleop(RobotScreen):
         keys, asked = self._pilot.keys, self._pilot.asked
         told = facts.of_topics({topic: self._aged(topic) for topic in TOPICS if topic in self._latest})
         trip = "-" if self._round_trip_s is None else f"{1000 * self._round_trip_s:.1f} ms round trip"
+        if not self.robot.connected:
+            told = [LOST, *(replace(fact, mood=Mood.FAINT) for fact in told)]
         return [
             *told,
             Fact("asked", facts.twist(asked.linear_m_s, asked.angular_rad_s)),
@@ -127,4 +151,4 @@ class Teleop(RobotScreen):
 
 async def teleop(robot: Client, address: str) -> None:
     """Drive by keyboard until the user quits; raises the client's error when that is what ended it."""
-    await Teleop(robot, address).show()
+    await Teleop(robot, address, reconnects=True).show()

@@ -40,6 +40,23 @@ def test_who_drives_is_named() -> None:
     assert (fact.text, fact.mood) == ("armed, driven by teleop", Mood.GOOD)
 
 
+@pytest.mark.parametrize(
+    ("source", "control", "told"),
+    [
+        ("teleop", {"teleop": "Ann's joystick"}, "armed, driven by Ann's joystick as teleop"),
+        ("navigation", {"teleop": "Ann's joystick"}, "armed, driven by navigation"),
+        (None, {"teleop": "Ann's joystick"}, "armed, nobody drives (Ann's joystick has teleop)"),
+        (None, {}, "armed, nobody drives"),
+    ],
+)
+def test_the_driver_is_a_client_and_not_only_a_source(
+    source: str | None, control: dict[str, str], told: str
+) -> None:
+    """By the name that it introduced itself with; who has control and does not drive is told as well."""
+    data = {"mode": "armed", "reason": "", "source": source, "armed": True, "limited_by": None}
+    assert facts.safety({**data, "control": control}).text == told
+
+
 def test_what_holds_the_robot_up_is_named() -> None:
     """An obstacle, or a driver that has said nothing for too long."""
     data = {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": "obstacle:front"}

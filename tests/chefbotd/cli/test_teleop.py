@@ -12,18 +12,24 @@ from textual.pilot import Pilot
 from textual.widgets import Static
 
 from chefbotd.cli.exits import Exit
+from chefbotd.cli.facts import Fact, Mood
 from chefbotd.cli.teleop import Teleop
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 
-def on_screen(daemon: FakeDaemon, script: Callable[[Teleop, Pilot[None]], Awaitable[None]]) -> Teleop:
+def on_screen(
+    daemon: FakeDaemon,
+    script: Callable[[Teleop, Pilot[None]], Awaitable[None]],
+    *,
+    reconnects: bool = False,
+) -> Teleop:
     """Run the screen at 80x24 on the real clock (Textual has its own) while ``script`` plays the user."""
 
     async def main() -> Teleop:
-        async with Client.connect("127.0.0.1", daemon.port) as robot:
-            screen = Teleop(robot, "robot:7333")
+        async with Client.connect("127.0.0.1", daemon.port, reconnect=reconnects) as robot:
+            screen = Teleop(robot, "robot:7333", reconnects=reconnects)
             async with screen.run_test(size=(80, 24)) as user:
                 await script(screen, user)
             return screen
@@ -114,6 +120,78 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon, key: str, method: str) ->
         await user.pause(0.05)
 
     assert isinstance(on_screen(daemon, script).failure, ConnectionLost)
+
+
+def test_a_lost_connection_is_opened_again(daemon: FakeDaemon) -> None:
+    """Lost in mid-drive: no key counts as held when it is back, and then a new key drives."""
+
+    def subscriptions() -> int:
+        return sum(name == "subscribe" for _, name, _ in daemon.calls)
+
+    async def script(screen: Teleop, user: Pilot[None]) -> None:
+        await seen(screen, user, "ms round trip")
+        daemon.hang_up_on = "drive"
+        await user.press("i")
+        await called(daemon, user, "drive")
+        daemon.hang_up_on = None
+        await _until(user, lambda: subscriptions() > 1)
+        lost_at = len(daemon.calls)
+        await user.pause(0.2)
+        assert "drive" not in [name for _, name, _ in daemon.calls[lost_at:]]
+        await user.press("j")
+        await _until(user, lambda: "drive" in [name for _, name, _ in daemon.calls[lost_at:]])
+
+    screen = on_screen(daemon, script, reconnects=True)
+    assert screen.failure is None
+
+
+def test_an_emergency_stop_without_a_connection_is_not_said_to_be_done(daemon: FakeDaemon) -> None:
+    """The message says that the daemon may not have got it."""
+    told: list[str] = []
+
+    async def script(screen: Teleop, user: Pilot[None]) -> None:
+        await seen(screen, user, "ms round trip")
+        daemon.hang_up_on = "estop"
+        await user.press("exclamation_mark")
+        await called(daemon, user, "estop")
+        await _until(user, lambda: str(screen.query_one("#message", Static).content) != "")
+        told.append(str(screen.query_one("#message", Static).content))
+
+    on_screen(daemon, script, reconnects=True)
+    assert told == ["The connection is lost: the daemon may not have got this."]
+
+
+def test_without_a_connection_nothing_old_looks_like_news(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the connection is lost that is told first, and all that was told before is faint."""
+    shown: list[list[Fact]] = []
+
+    async def script(screen: Teleop, user: Pilot[None]) -> None:
+        await seen(screen, user, "ms round trip", "armed")
+        with monkeypatch.context() as lost:
+            lost.setattr(Client, "connected", property(lambda _robot: False))
+            shown.append(screen._facts())
+
+    on_screen(daemon, script, reconnects=True)
+    (first, *rest) = shown[0]
+    assert (first.text, first.mood) == ("connection lost, trying again", Mood.ALARM)
+    assert {fact.mood for fact in rest if fact.label in ("mode", "link", "pose", "battery")} == {Mood.FAINT}
+
+
+def test_a_key_takes_control(daemon: FakeDaemon) -> None:
+    """``t`` asks for the default source, and does not drive."""
+    told: list[str] = []
+
+    async def script(screen: Teleop, user: Pilot[None]) -> None:
+        await user.press("t")
+        await called(daemon, user, "take_control")
+        await user.pause(0.05)
+        told.append(str(screen.query_one("#message", Static).content))
+
+    on_screen(daemon, script)
+    assert told == ["You have control; whoever had it comes to rest."]
+    assert "drive" not in daemon.methods()
 
 
 def test_without_textual(control: Control, monkeypatch: pytest.MonkeyPatch) -> None:
