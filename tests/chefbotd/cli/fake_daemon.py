@@ -179,6 +179,7 @@ class FakeDaemon:
             "drive": lambda: _allowed(params),
             "set_wheel_velocities": lambda: _allowed(params),
             "take_control": lambda: {"source": params.get("source", "teleop"), "taken_from": None},
+            "release_control": lambda: {"sources": []},
             "get_pid": lambda: {"wheels": self.gains[-1]},
             "undo_pid": lambda: {"wheels": self._undo_pid()},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},
