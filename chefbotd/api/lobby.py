@@ -64,6 +64,8 @@ class Lobby:
         """A newcomer's session, or why there is no room; ``descriptor`` is its socket's, the lowest that was free."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
         session.came = came
+        if self._crowded(host, descriptor):
+            self._end_an_idle_client(host, descriptor)
         session.stops_only = self._crowded(host, descriptor)
         if session.stops_only and not self._make_place(descriptor):
             failure = Failure(ErrorKind.TOO_MANY_CLIENTS, session.stops_only)
@@ -86,7 +88,7 @@ class Lobby:
     def _make_place(self, descriptor: int) -> bool:
         """Whether there is a place for a newcomer who may only stop the robot, if need be by ending the oldest."""
         places = self.parameters.stop_places
-        if descriptor >= self._most_descriptors + places:
+        if descriptor >= self._most_descriptors + places + GIVING_WAY_DESCRIPTORS:
             return False
         taken = [s for s, c in self._sessions.items() if s.stops_only and not (c is not None and c.closing)]
         return len(taken) < places or any(self._give_way(session) for session in taken)

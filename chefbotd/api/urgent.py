@@ -14,6 +14,8 @@ from chefbotd.api.jsonrpc import MAX_INTEGER_DIGITS, Request
 from chefbotd.messages.requests import Params
 
 MAX_REASON_CHARACTERS = 200
+STOPS = ("estop", "stop")
+"""What stops the robot, the most urgent first."""
 NO_REASON = "asked by a client"
 
 _STRINGS_AND_BRACKETS = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[{]+|[\]}]', re.DOTALL)
@@ -93,4 +95,15 @@ def _int_that_fits(digits: str) -> int | None:
     return int(digits) if len(digits) <= MAX_INTEGER_DIGITS else None
 
 
-_DECODER = json.JSONDecoder(parse_int=_int_that_fits, strict=False)
+def _most_urgent(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Of keys that are said twice the last counts; of methods, one that stops before any other."""
+    members = dict(pairs)
+    methods = [value for key, value in pairs if key == "method"]
+    for stop in STOPS:
+        if stop in methods:
+            members["method"] = stop
+            break
+    return members
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_most_urgent, parse_int=_int_that_fits, strict=False)

@@ -4,6 +4,8 @@ A few bytes are written whenever the mode changes, after the stop is on the wire
 The file belongs in memory (tmpfs, as /run is), for the loop waits until it is written.
 """
 
+import os
+import stat
 from pathlib import Path
 from urllib.parse import quote
 
@@ -83,10 +85,17 @@ class LatchFile:
         self._complained = True
 
 
+def _content(path: Path) -> bytes:
+    """A regular file's bytes; anything else could keep the start waiting for ever, as a FIFO does (open(2))."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise ValueError("expected a regular file")
+        return file.read(MAX_BYTES)
+
+
 def _read(path: Path) -> GateState:
     try:
-        with path.open("rb") as file:
-            return latch.read(file.read(MAX_BYTES))
+        return latch.read(_content(path))
     except FileNotFoundError:
         return GateState()
     except (OSError, ValueError) as error:

@@ -85,6 +85,26 @@ def test_a_lenient_stop_without_id_is_not_answered() -> None:
     assert (desk.robot.calls, desk.heard) == ([("stop",)], [])
 
 
+@pytest.mark.parametrize(
+    ("line", "call"),
+    [
+        (b'{"id":1,"method":"estop","method":"ping"}', "estop"),
+        (b'{"id":1,"method":"ping","method":"estop"}', "estop"),
+        (b'{"id":1,"method":"stop","method":"arm"}', "stop"),
+        (b'{"id":1,"method":"estop","method":"stop"}', "estop"),
+        (b'{"id":1,"\\u006dethod":"stop","method":"drive"}', "stop"),
+    ],
+)
+def test_of_methods_that_are_said_twice_the_one_that_stops_counts(line: bytes, call: str) -> None:
+    """Whatever their order; which of the two was meant cannot be known, and to stop is the safe reading."""
+    desk = Desk()
+    desk.dispatcher.serve(desk, line)
+    assert [name for name, *_ in desk.robot.calls] == [call]
+    desk = Desk()
+    desk.dispatcher.serve(desk, b'{"jsonrpc":"2.0","id":1,"method":"arm","method":"ping"}')
+    assert (desk.robot.calls, desk.heard[0]["error"]["data"]["kind"]) == ([], "duplicate_key")
+
+
 WORDS = [
     b"stop",
     b'"stop"',

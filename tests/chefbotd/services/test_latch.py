@@ -1,5 +1,6 @@
 """The gate's memory in a file."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,6 +43,15 @@ def test_what_the_next_daemon_finds(
         latch.end()
     assert LatchFile(path).recall() == found
     assert not path.parent.exists() or {left.name for left in path.parent.iterdir()} <= {path.name}
+
+
+def test_what_is_no_file_begins_disarmed_and_at_once(tmp_path: Path):
+    """A FIFO that nobody writes to holds nothing up; nor does a folder of that name."""
+    os.mkfifo(tmp_path / "fifo.json")
+    (tmp_path / "folder.json").mkdir()
+    with capture_logs():
+        assert LatchFile(tmp_path / "fifo.json").recall() == UNREADABLE
+        assert LatchFile(tmp_path / "folder.json").recall() == UNREADABLE
 
 
 def test_who_never_began_takes_no_word_back(tmp_path: Path):
