@@ -149,8 +149,12 @@ class SafetyKeeper:
     def watch_wheels(
         self, now_s: float, effort: tuple[float, ...], travel_rad: tuple[float, ...], dt_s: float
     ) -> None:
-        """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``)."""
+        """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``).
+
+        Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
+        """
         self._silence = SilenceState(now_s)
+        dt_s = min(dt_s, self._parameters.encoders.max_age_s)
         self._wheels, fault = wheels.watch(
             self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad
         )
