@@ -51,6 +51,10 @@ class Control:
         lasts_s = max(self._lease_s, self._let_go_s) if lease.stopped_by else self._lease_s
         return lease.holder if now_s - lease.stamp_s <= lasts_s else None
 
+    def has(self, session: Session) -> bool:
+        """Whether a client has control of a source."""
+        return any(lease.holder is session for lease in self._leases.values())
+
     def require(self, source: str, session: Session, now_s: float) -> None:
         """Raise ``Unserved`` when the source is another client's, or held by another client's stop."""
         holder = self.holder(source, now_s)

@@ -25,6 +25,10 @@ from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
 from chefbotd.messages.roles import Role
 
+IDLE_S = 5.0
+"""A client that asks nothing for so long gives way to a newcomer where there is no room."""
+GIVING_WAY_DESCRIPTORS = 8
+"""A newcomer has one more descriptor until who gives way to it has closed its own."""
 RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 
@@ -55,6 +59,7 @@ class Lobby:
         self._sessions: dict[Session, Connection | None] = {}  # by arrival; None: on its way, as during TLS
         self._handshakes: dict[Session, Callable[[], object]] = {}
         self._most_descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
+        self._last_descriptor = self._most_descriptors + parameters.stop_places + GIVING_WAY_DESCRIPTORS
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
     def __len__(self) -> int:
@@ -64,9 +69,8 @@ class Lobby:
         """A newcomer's session, or why there is no room; ``descriptor`` is its socket's, the lowest that was free."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
         session.came = came
-        if self._crowded(host, descriptor):
-            self._end_an_idle_client(host, descriptor)
-        session.stops_only = self._crowded(host, descriptor)
+        crowded = self._crowded(host, descriptor)
+        session.stops_only = "" if crowded and self._idle_client_gives_way(host, descriptor) else crowded
         if session.stops_only and not self._make_place(descriptor):
             failure = Failure(ErrorKind.TOO_MANY_CLIENTS, session.stops_only)
             self.ended(session, failure)
@@ -76,7 +80,11 @@ class Lobby:
 
     def _crowded(self, host: str, descriptor: int) -> str:
         """Why there is no room for everything; empty when there is."""
-        hosts = [session.host for session in self._sessions if not session.stops_only]
+        hosts = [
+            s.host
+            for s, c in self._sessions.items()
+            if not s.stops_only and not (c is not None and c.closing)
+        ]
         if len(hosts) >= self.parameters.max_clients:
             return f"already {len(hosts)} clients"
         if hosts.count(host) >= self.parameters.max_clients_per_address:
@@ -85,10 +93,29 @@ class Lobby:
             return "the daemon is short of file descriptors"
         return ""
 
+    def _idle_client_gives_way(self, host: str, descriptor: int) -> bool:
+        """Whether the client that has been idle longest could be ended: one that drives nothing and receives nothing.
+
+        Where one address has too many, it is one of that address.
+        """
+        if descriptor >= self._last_descriptor:
+            return False
+        now_s, sessions = self.clock.now_s(), self._sessions
+        own = [s for s in sessions if s.host == host and not s.stops_only]
+        among = own if len(own) >= self.parameters.max_clients_per_address else list(sessions)
+        idle = [s for s in among if self._may_give_way(s, now_s)]
+        return bool(idle) and self._give_way(max(idle, key=lambda s: s.idle_s(now_s)))
+
+    def _may_give_way(self, session: Session, now_s: float) -> bool:
+        connection = self._sessions[session]
+        if connection is None or connection.closing or session.stops_only or session.idle_s(now_s) < IDLE_S:
+            return False
+        return not self._fanout.is_subscribed(connection) and not self._control.has(session)
+
     def _make_place(self, descriptor: int) -> bool:
         """Whether there is a place for a newcomer who may only stop the robot, if need be by ending the oldest."""
         places = self.parameters.stop_places
-        if descriptor >= self._most_descriptors + places + GIVING_WAY_DESCRIPTORS:
+        if descriptor >= self._last_descriptor:
             return False
         taken = [s for s, c in self._sessions.items() if s.stops_only and not (c is not None and c.closing)]
         return len(taken) < places or any(self._give_way(session) for session in taken)

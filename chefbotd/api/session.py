@@ -44,6 +44,10 @@ class Session:
         """Bytes have come."""
         self._heard_s = now_s
 
+    def idle_s(self, now_s: float) -> float:
+        """For how long no bytes have come."""
+        return now_s - self._heard_s
+
     def waits_for_line_end(self, waits: bool) -> None:
         """Whether a request has begun and not ended."""
         if not waits:

@@ -5,7 +5,10 @@ import contextlib
 import resource
 import socket
 import struct
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from pathlib import Path
 
 import pytest
 import uvloop
@@ -240,6 +243,51 @@ def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
             assert "result" in await again.ask("ping")
 
     with_client(scenario, max_clients=1)
+
+
+def test_who_has_been_idle_longest_gives_way_before_anyone_is_refused() -> None:
+    """Of four clients, one subscribes, one drives, one asks; the fourth says nothing for 5 s and makes room for all."""
+
+    async def scenario(served: Served, client: LineClient) -> None:
+        async with contextlib.AsyncExitStack() as stack:
+            idle, driver, asker = [await stack.enter_async_context(line_client(served)) for _ in range(3)]
+            assert "result" in await client.ask("subscribe", topics=["text"])
+            assert "result" in await driver.ask("take_control")
+            for _ in range(6):
+                await asyncio.sleep(1.0)
+                assert "result" in await asker.ask("ping")
+                assert "result" in await driver.ask("drive", linear_m_s=0.1, angular_rad_s=-0.2)
+            late = await stack.enter_async_context(line_client(served))
+            assert "result" in await late.ask("get_state")
+            assert await last_kind(idle) == "too_many_clients"
+            for stayed in (client, driver, asker):
+                assert "result" in await stayed.ask("ping")
+            await asyncio.sleep(0.1)
+            assert served.server.clients == 4
+
+    with_client(scenario, max_clients=4)
+
+
+def test_few_descriptors_and_a_crowd_keep_no_estop_out() -> None:
+    """64 descriptors and 60 clients that only connect, at once: the next one's e-stop is carried out."""
+    crowded = Path(__file__).with_name("crowded_daemon.py")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.chefbotd.api.crowded_daemon"],
+        cwd=crowded.parents[3],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    ) as daemon:
+        assert daemon.stderr is not None
+        port = int(daemon.stderr.readline())
+        with contextlib.ExitStack() as stack:
+            for _ in range(60):
+                stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+            late = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0))
+            late.sendall(b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n')
+            heard = late.makefile("rb")
+            assert b'"hello"' in heard.readline()
+            assert b'"ok":true' in heard.readline()
+        daemon.kill()
 
 
 @contextlib.contextmanager
