@@ -37,7 +37,7 @@ def save(path: Path, gains: Gains) -> None:
         theirs, ours = ", ".join(sorted(gains)), ", ".join(sorted(wheels))
         raise SettingsError(f"{path}: is for the wheels {ours}; the gains are for {theirs}")
     with path.open("r+b") as file:  # as a file that may not be written to must not be replaced either
-        before = file.read().decode()
+        before = file.read().decode("utf-8-sig")
     after = _edited(path, before, {wheel: gains[wheel] for wheel in wheels})
     if after != before:
         _replace(path, after)

@@ -135,3 +135,12 @@ def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
         save(readable_only, TUNED)
     assert readable_only.read_bytes() == packaged().read_bytes()
     assert len(list(readable_only.parent.iterdir())) == 2
+
+
+def test_a_file_that_begins_with_a_byte_order_mark(config: Path) -> None:
+    """It is edited like any other, and has none any more."""
+    save(config, TUNED)
+    edited = config.read_bytes()
+    config.write_bytes(b"\xef\xbb\xbf" + packaged().read_bytes())
+    save(config, TUNED)
+    assert config.read_bytes() == edited
