@@ -1,0 +1,104 @@
+"""The wire of each published sketch, from the opening over a drive and a reset to the next drive."""
+
+import asyncio
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.core import events
+from chefbotd.settings import Settings, load
+from chefbotd.sim.sketches import PUBLISHED_SKETCHES, SketchName
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+
+
+def settings_of(sketch: SketchName) -> Settings:
+    """The packaged ChefBot with the board of this sketch."""
+    return load(overrides={"sim.board.sketch": str(sketch)})
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Repeat a velocity at 20 Hz."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+
+
+@pytest.mark.parametrize("sketch", PUBLISHED_SKETCHES)
+def test_an_ordinary_drive_is_read_without_a_complaint(sketch: SketchName):
+    """A curve at 0.2 m/s: no jump, no malformed line, no byte lost at the board, no stuck echo, and it stays armed."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(sketch)) as robot:
+            judged = robot.daemon.bus.subscribe(events.LinkJudged)
+            await asyncio.sleep(2.0)
+            await drive(robot, 0.2, 0.5, 4.0)
+            state, stats = await robot.client.get_state(), await robot.client.get_stats()
+            assert state.safety.mode == "armed"
+            assert stats.encoder_readings_refused == 0
+            assert stats.refused == {}
+            assert {judged.take().condition for _ in range(len(judged))} == {"healthy"}
+
+    run_virtual(run())
+
+
+@pytest.mark.parametrize("sketch", PUBLISHED_SKETCHES)
+def test_a_reset_while_driving_stops_first_and_tells_its_end(sketch: SketchName):
+    """The motors are at zero when ``r`` comes, the pose stays, and the robot drives again; the Arduino's goes on."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(sketch)) as robot:
+            progress = robot.daemon.bus.subscribe(events.BoardResetProgressed)
+            await asyncio.sleep(2.0)
+            await drive(robot, 0.2, 0.3, 2.0)
+            duties: list[tuple[int, ...]] = []
+            receive = robot.device.on_write
+
+            def watched(data: bytes) -> None:
+                if b"r" in data:
+                    duties.append(robot.board.duty)
+                receive(data)
+
+            robot.device.on_write = watched
+            restarts = sketch is not SketchName.DUEMILANOVE
+            await robot.client.reset_board()
+            await asyncio.sleep(
+                0.5 if restarts else 1.5
+            )  # which tells the last centimetre after its second of waiting
+            before = (await robot.client.get_state()).topics["odometry"].data
+            await asyncio.sleep(4.0)
+            after = (await robot.client.get_state()).topics["odometry"].data
+            stages = [progress.take().stage for _ in range(len(progress))]
+            assert stages == ["stopping", "asked", "restarted" if restarts else "not_restarted"]
+            assert duties == [(0, 0)]
+            assert (after.x_m, after.y_m) == pytest.approx((before.x_m, before.y_m), abs=0.002)
+            assert (await robot.client.get_state()).safety.armed is not restarts
+            await robot.client.arm()
+            await drive(robot, 0.2, 0.3, 1.0)
+            assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.2, abs=0.05)
+
+    run_virtual(run())
+
+
+@pytest.mark.parametrize("sketch", [SketchName.DUEMILANOVE, SketchName.TIVA])
+def test_no_piece_of_a_command_is_obeyed_where_the_board_waits_for_echoes(sketch: SketchName):
+    """One echo in ten is missing, so that the loop waits a second; 100 changing commands a second meanwhile.
+
+    Whatever the board says is in force was written as it stands: nothing overflowed its buffer.
+    """
+
+    async def run() -> None:
+        overrides = {"sim.board.sketch": str(sketch), "sim.ultrasonic.lost_echo_share": 0.1}
+        async with simulated_robot(load(overrides=overrides)) as robot:
+            wire = robot.daemon.bus.subscribe(
+                events.DutyWritten, events.DutyEchoed, kept=(events.DutyWritten,)
+            )
+            written, echoed = {(0, 0)}, set()
+            for number in range(1000):
+                await robot.client.drive(0.1 + 0.0001 * (number * 37 % 1000), 0.3 - 0.001 * (number % 7))
+                await asyncio.sleep(0.01)
+                for event in (wire.take() for _ in range(len(wire))):
+                    (written if isinstance(event, events.DutyWritten) else echoed).add(tuple(event.duty))
+            assert len(echoed) > 10
+            assert echoed <= written
+
+    run_virtual(run())
