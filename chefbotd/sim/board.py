@@ -27,6 +27,11 @@ class BoardRunner:
         """The motor command in force."""
         return self._launchpad.duty
 
+    @property
+    def received_dropped(self) -> int:
+        """Bytes from the host that found the board's receive buffer full."""
+        return self._launchpad.received_dropped
+
     def receive(self, data: bytes) -> None:
         """Bytes from the host, arriving now."""
         self._launchpad.receive(data, self._board_s())
