@@ -12,6 +12,8 @@ import pytest
 
 from tests.audit import KNOWN_BAD, closure, main
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("pip_audit", reason="pip-audit comes with the extra 'dev'")
 
 Known = Mapping[str, str]

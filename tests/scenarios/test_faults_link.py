@@ -13,7 +13,6 @@ from chefbotd.settings import Settings, load
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import SimulatedRobot, running_daemon, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
-from tests.budget import sample
 from tests.scenarios.wires import damage
 
 TURN_S = math.tau / 0.7
@@ -56,7 +55,8 @@ async def odometry_error_m(robot: SimulatedRobot) -> float:
     return math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m))
 
 
-@pytest.mark.parametrize("fault", sample(["flip", "drop", "double"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["flip", "drop", "double"])
 def test_one_byte_in_a_hundred_damaged_moves_nothing_wrongly(fault: str):
     """36 s of circles with 1 % of all bytes damaged, both ways: no false restart or disarm, odometry within 5 mm."""
 

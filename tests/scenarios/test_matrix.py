@@ -121,6 +121,7 @@ def test_a_choice_of_nothing_is_a_failure(capsys: pytest.CaptureFixture[str]):
     assert "faults injected: 0" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_program_exits_as_main_says():
     """As `make faults` calls it, in a process of its own."""
     command = [

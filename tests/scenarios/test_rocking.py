@@ -37,7 +37,7 @@ async def fault_of(robot: SimulatedRobot) -> tuple[str | None, str]:
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
-@pytest.mark.parametrize("stand", STANDS)
+@pytest.mark.parametrize("stand", sample(list(STANDS)))
 def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
     """Every 0.1 to 1.5 s the other way, gently and not, ahead and in place: a minute without a fault."""
 

@@ -34,7 +34,12 @@ def always_armed(check: Callable[..., Any]) -> Callable[..., Any]:
             {"accept": always_armed(gate.accept), "decide": always_armed(gate.decide)},
             "on the wire while|because it was armed",
         ),
-        (silence, {"is_stale": lambda params, state, now_s: False}, "drives without being able to see"),
+        pytest.param(
+            silence,
+            {"is_stale": lambda params, state, now_s: False},
+            "drives without being able to see",
+            marks=pytest.mark.slow,
+        ),
         (limits, {"advance": lambda axis, speed, rate, aim, dt_s: (aim, 0.0)}, "setpoint changed by"),
     ],
     ids=["modes", "encoders", "ramps"],

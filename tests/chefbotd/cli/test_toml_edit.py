@@ -13,7 +13,6 @@ from chefbotd.cli.gains_file import save
 from chefbotd.cli.toml_edit import Editor
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
-from tests.budget import examples
 
 SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 1023, "integral_limit_duty": 300.0, "ks": 85}
 """Gains in short and long names, of which one may be off."""
@@ -133,7 +132,8 @@ def owned(text: str) -> dict[str, list[str]]:
     return {rows[at]: list(takewhile(lambda row: row.startswith("#"), reversed(rows[:at]))) for at in headers}
 
 
-@settings(max_examples=examples(40), deadline=None)
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_whatever_the_form(data: st.DataObject) -> None:
     """The file then says the gains asked for, and has every comment where it was; saved again, not a byte changes."""

@@ -14,6 +14,7 @@ from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
 from firmware_protocol.codec import FOUR_WHEELS, Variant
+from tests.budget import sample
 
 CHEFBOT = Simulation()
 BANNER = [
@@ -290,21 +291,22 @@ def test_how_often_the_board_is_asked_makes_no_difference(times: list[float]) ->
     assert sent == left_alone.advance(2.0)
 
 
-def ten_minutes(seed: int) -> tuple[str, Any]:
-    """The hash of ten minutes of bytes from a board that is driven about, and where the robot ends."""
+def driven_about(seed: int, seconds: int) -> tuple[str, Any]:
+    """The hash of the bytes from a board that is driven about, and where the robot ends."""
     launchpad, digest = board(seed, step_s=0.02, board={"cycle_s": 0.1}), hashlib.sha256()
-    for second in range(600):
+    for second in range(seconds):
         launchpad.receive(
             (b"s 500 500\r", b"s -300 300\r", b"s -500 -500\r", b"s 0 0\r")[second % 4], float(second)
         )
         for left_s, line in launchpad.advance(second + 1.0):
             digest.update(f"{left_s!r}".encode() + line)
-    return digest.hexdigest(), launchpad.truth(600.0, 0.0)
+    return digest.hexdigest(), launchpad.truth(float(seconds), 0.0)
 
 
-def test_same_seed_same_bytes() -> None:
-    """Two ten-minute drives with one seed are identical to the byte and the instant."""
-    assert ten_minutes(3) == ten_minutes(3)
+@pytest.mark.parametrize("seconds", sample([60, 600]))
+def test_same_seed_same_bytes(seconds: int) -> None:
+    """Two drives with one seed, of a minute or ten, are identical to the byte and the instant."""
+    assert driven_about(3, seconds) == driven_about(3, seconds)
 
 
 def test_another_seed_sends_other_bytes() -> None:
