@@ -14,7 +14,7 @@ from chefbotd.cli.toml_edit import Editor
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
 
-SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 1023, "integral_limit_duty": 300.0, "ks": 85}
+SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 255, "integral_limit_duty": 300.0, "ks": 85}
 """Gains in short and long names, of which one may be off."""
 
 WHEELS = {
@@ -101,7 +101,7 @@ SOME_GAINS = st.builds(
     kp=st.floats(0, 1e6),
     ki=st.floats(0, 1e6),
     kd=st.sampled_from([0.0, 5e-324, 1e-7]),
-    output_limit=st.sampled_from([1023.0, 512.1]),
+    output_limit=st.sampled_from([255.0, 212.1]),
     integral_limit=st.none() | st.floats(0, 1e6),
     back_calculation_s=st.none() | st.floats(0.001, 100),
     conditional_integration=st.booleans(),
