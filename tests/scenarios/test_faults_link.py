@@ -1,6 +1,7 @@
 """The whole daemon on a bad link: what is damaged, lost, late or not a board at all never moves the robot wrongly."""
 
 import asyncio
+import contextlib
 import math
 import random
 from collections.abc import Awaitable, Callable
@@ -8,6 +9,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 import structlog
 
+from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load
 from chefbotd.testing.board import ScriptedBoard
@@ -147,7 +149,10 @@ def test_a_board_that_does_not_read_gets_the_newest_when_it_does():
 
 
 def test_behind_a_deaf_board_the_kernel_holds_a_handful_of_motions():
-    """It talks for 10 s and reads nothing, while all is taken: motions for 0.2 s, then one a second and what slows."""
+    """It talks for 10 s and reads nothing, while all is taken: motions for 0.2 s, then one a second and what slows.
+
+    That a wheel goes on too fast for what it is asked disarms it before that.
+    """
 
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.1, 0.3, 1.0)
@@ -155,8 +160,9 @@ def test_behind_a_deaf_board_the_kernel_holds_a_handful_of_motions():
         known = (b"s 0 0\r", b"s %d %d\r" % robot.board.duty)
         read, robot.device.on_write = robot.device.on_write, kernel.append
         for _ in range(10):
-            await drive(robot, 0.1, 0.3, 0.5)
-            await drive(robot, 0.05, -0.3, 0.5)
+            with contextlib.suppress(CallError):
+                await drive(robot, 0.1, 0.3, 0.5)
+                await drive(robot, 0.05, -0.3, 0.5)
         assert 1 <= sum(line not in known for line in kernel) <= 40
         await robot.client.estop("test")
         assert kernel[-1] == b"s 0 0\r"
