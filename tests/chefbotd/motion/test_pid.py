@@ -397,3 +397,11 @@ def test_what_the_integral_cannot_hold_fades_in_reverse() -> None:
     retuned = pid.retune(old, new, PidState(measured_m_s=-0.1, setpoint_m_s=-0.3), -0.3, 0.0)
     assert (retuned.integral_duty, retuned.fading_duty) == pytest.approx((-30, -50))
     assert pid.preview(new, retuned, -0.3, 0.0) == pytest.approx(-80)
+
+
+def test_a_new_derivative_filter_begins_anew() -> None:
+    """What the old filter put out, -20, is no memory of the new one: it fades as a change of gains does."""
+    old, new = parameters(kp=0, ki=0, kd=20), parameters(kp=0, ki=0, kd=20, derivative_filter_s=0.1)
+    state = PidState(measured_m_s=-0.2, derivative_duty=-20.0, setpoint_m_s=-0.2)
+    retuned = pid.retune(old, new, state, -0.2, 0.0)
+    assert (retuned.derivative_duty, retuned.fading_duty) == (0.0, pytest.approx(-20))
