@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from chefbotd import __version__, signals
+from chefbotd import __version__, signals, start
 from chefbotd.cli.arguments import Address, address, configuration
 from chefbotd.cli.completion import completion
 from chefbotd.cli.echo import echo
@@ -55,6 +55,7 @@ def run(
     log_level: str | None,
 ) -> None:
     """Run the daemon until SIGINT or SIGTERM."""
+    start.open_standard_streams()
     signals.hold_crashes()  # libraries start threads as they are imported
     if simulated and device is not None:
         raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")

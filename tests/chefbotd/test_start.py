@@ -1,0 +1,61 @@
+"""How the programs start and end in a shell."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+SLOW_IMPORT = """
+import sys, time
+class Slow:
+    def find_spec(self, name, *_):
+        if name == "click":
+            print("importing", flush=True)
+            time.sleep(20)
+sys.meta_path.insert(0, Slow())
+from chefbotd import start
+start.%s()
+"""
+
+
+@pytest.mark.parametrize("program", ["chefbotd", "chefbotctl"])
+def test_ctrl_c_while_it_is_still_importing_says_so_in_a_word(program: str) -> None:
+    """Exit code 130, and no traceback."""
+    with subprocess.Popen(
+        [sys.executable, "-c", SLOW_IMPORT % program, "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"importing\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=10)
+    assert (process.returncode, said) == (130, b"Interrupted.\n")
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
+def test_the_daemon_ends_in_order_without_stdin_or_stdout(closed: str) -> None:
+    """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv."""
+    command = f"exec {sys.executable} -m chefbotd.cli.daemon run --sim --listen 127.0.0.1:0 {closed}"
+    with subprocess.Popen(
+        ["/bin/sh", "-c", command],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        deadline_s = time.monotonic() + 20
+        while not _handles_sigterm(process.pid):
+            assert time.monotonic() < deadline_s
+            time.sleep(0.1)
+        process.terminate()
+        assert process.wait(timeout=20) == 0
+
+
+def _handles_sigterm(pid: int) -> bool:
+    """Whether the process has a handler for it (proc(5), SigCgt)."""
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    caught = int(status.split("SigCgt:\t")[1].split()[0], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
