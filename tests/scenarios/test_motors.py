@@ -158,9 +158,20 @@ def test_an_echo_of_what_was_not_said_stops_the_robot(robot_name: str):
     on_robot(story, robot_name)
 
 
-@pytest.mark.parametrize(("robot_name", "cycle_s"), [("chefbot", 0.02), ("chefbot", 0.05), ("khan", 0.02)])
+@pytest.mark.parametrize(
+    ("robot_name", "board"),
+    [
+        ("khan", {}),
+        ("chefbot", {"sketch": "tiva"}),
+        ("chefbot", {"sketch": "tiva_bare"}),
+        ("chefbot", {"sketch": "duemilanove"}),
+        ("chefbot", {"sketch": "tiva_second"}),
+        ("chefbot", {"cycle_s": 0.1}),
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("degrees", [90.0, -137.0, 11.0])
-def test_a_turn_in_place_ends(robot_name: str, cycle_s: float, degrees: float):
+def test_a_turn_in_place_ends(robot_name: str, board: dict[str, object], degrees: float):
     """Within half a degree, and 2 s of what 1.2 rad/s at 2 rad/s2 would take; the true robot within two degrees."""
     heading_rad = math.radians(degrees)
 
@@ -184,4 +195,4 @@ def test_a_turn_in_place_ends(robot_name: str, cycle_s: float, degrees: float):
         ideal_s = way_rad / 1.2 + 0.6 if way_rad > 0.72 else 2 * math.sqrt(way_rad / 2)
         assert walk.seconds <= ideal_s + 2.0
 
-    on_robot(story, robot_name, **{"sim.board.cycle_s": cycle_s})
+    on_robot(story, robot_name, **{f"sim.board.{key}": value for key, value in board.items()})
