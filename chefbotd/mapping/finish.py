@@ -1,0 +1,66 @@
+"""The last touch on a map: every kept scan is matched against the submaps about it, and the graph is solved again."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from chefbotd.mapping.graph import NO_EDGES, Edges, edge
+from chefbotd.mapping.loops import is_sound, loop_covariance
+from chefbotd.mapping.parameters import SlamParameters
+from chefbotd.mapping.poses import between
+from chefbotd.mapping.refine import Prior, polish
+from chefbotd.mapping.slam import solved
+from chefbotd.mapping.state import SlamState, Submap, rebuilt
+
+NEAR_M = 3.0
+SUBMAPS_PER_NODE = 4
+EXPECTED = np.diag([0.2**-2, 0.2**-2, 0.05**-2])
+"""The graph's poses are this good once its loops are closed (an information matrix)."""
+
+
+def refined(params: SlamParameters, state: SlamState, rounds: int = 1) -> SlamState:
+    """The state with more loops, between all that overlaps, and the poses that fit them."""
+    for _ in range(rounds):
+        found = NO_EDGES
+        submaps = [*state.submaps, *(Submap(a.first, len(state.nodes) - 1) for a in state.active)]
+        for submap, members in zip(submaps, _members(state, submaps), strict=True):
+            if members:
+                found = found.joined(_matched(params, state, submap, members))
+        state = solved(replace(state, edges=_without(state.edges, found).joined(found)))
+    return state
+
+
+def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
+    """For each submap the nodes that are near it and not in it; each node is in a few at most."""
+    poses, members = state.nodes.map[:, :2], [list[int]() for _ in submaps]
+    away = np.empty((len(submaps), len(poses)))
+    for k, (first, last) in enumerate(submaps):
+        steps = poses[None, first : last + 1] - poses[:, None]
+        away[k] = np.hypot(steps[..., 0], steps[..., 1]).min(axis=1)
+        away[k, first : last + 1] = np.inf
+        away[k, state.nodes.part != state.nodes.part[first]] = np.inf
+    for node in range(len(poses)):
+        for k in np.argsort(away[:, node], kind="stable")[:SUBMAPS_PER_NODE]:
+            if away[k, node] < NEAR_M:
+                members[k].append(node)
+    return members
+
+
+def _matched(params: SlamParameters, state: SlamState, submap: Submap, members: list[int]) -> Edges:
+    """The loops from a submap's anchor to these nodes, where they fit."""
+    poses, found = between(state.nodes.map[submap.first], state.nodes.map), NO_EDGES
+    grids = rebuilt(state.nodes, submap.first, submap.last, poses)
+    for node in members:
+        scan, expected = state.nodes.scans[node], poses[node]
+        prior = Prior(expected, EXPECTED)
+        fit = polish(grids, scan.points, scan.facing, expected, prior, params.matching.laser_noise_m)
+        if is_sound(params.loops, fit, expected):
+            found = found.joined(edge(submap.first, node, fit.pose, loop_covariance(fit), loop=True))
+    return found
+
+
+def _without(edges: Edges, newer: Edges) -> Edges:
+    """The edges but for the loops that newer ones stand for: those of the same two nodes."""
+    again = set(zip(newer.first.tolist(), newer.second.tolist(), strict=True))
+    pairs = zip(edges.first.tolist(), edges.second.tolist(), edges.loop.tolist(), strict=True)
+    return edges.only(np.array([not (loop and (a, b) in again) for a, b, loop in pairs], np.bool_))

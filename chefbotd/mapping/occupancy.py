@@ -1,0 +1,63 @@
+"""From scans at the graph's poses to an occupancy grid: in each cell, how many of the beams that reached it ended there.
+
+A beam clears what it passes. So somebody who walked through leaves no smear: where one beam ended at a leg, many
+went on to the wall before and after.
+"""
+
+import math
+
+import numpy as np
+
+from chefbotd.core.compiled import kernel
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.local_map import MOST, Counts, clear
+from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.mapping.poses import Floats, transform
+from chefbotd.mapping.state import Nodes
+
+RESOLUTION_M = 0.05
+MARGIN_M = 0.5
+END_WEIGHT = 4.0
+"""An end says more than a pass: beams graze the cells along a wall, but none ends in free space."""
+
+LEAST_OBSERVATIONS = 2
+"""What fewer beams than this reached stays unknown."""
+
+
+def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M, part: int = 0) -> OccupancyGrid:
+    """The map of all kept scans of a part, at the poses of the graph.
+
+    Raises:
+        ValueError: there are no scans in it.
+    """
+    chosen = np.flatnonzero(nodes.part == part)
+    placed = [
+        transform(nodes.map[k], np.vstack([nodes.scans[k].sensor_m, nodes.scans[k].points])) for k in chosen
+    ]
+    if not placed:
+        raise ValueError(f"a map is made of scans, but part {part} has none")
+    low = np.min([points.min(axis=0) for points in placed], axis=0) - MARGIN_M
+    high = np.max([points.max(axis=0) for points in placed], axis=0) + MARGIN_M
+    origin_m = np.floor(low / resolution_m) * resolution_m
+    columns, rows = (math.ceil(size) for size in (high - origin_m) / resolution_m)
+    seen = np.zeros((rows, columns, 2), np.uint16)
+    for points in placed:
+        _trace(seen, points - origin_m, resolution_m)
+    return OccupancyGrid(resolution_m, Pose2D(float(origin_m[0]), float(origin_m[1])), _percent(seen))
+
+
+def _percent(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
+    ends, passes = END_WEIGHT * seen[..., 0], seen[..., 1].astype(np.float64)
+    known = seen.sum(axis=2, dtype=np.int64) >= LEAST_OBSERVATIONS
+    share = np.divide(ends, ends + passes, out=np.zeros_like(passes), where=known)
+    return np.where(known, np.rint(100 * share), UNKNOWN).astype(np.int8)
+
+
+@kernel
+def _trace(seen: Counts, placed: Floats, cell_m: float) -> None:
+    """Count the ends and the passes of a scan; its first point is the sensor."""
+    for i in range(1, placed.shape[0]):
+        clear(seen, cell_m, placed[0, 0], placed[0, 1], placed[i, 0], placed[i, 1])
+        row, column = int(placed[i, 1] / cell_m), int(placed[i, 0] / cell_m)
+        if seen[row, column, 0] < MOST:
+            seen[row, column, 0] += 1

@@ -1,0 +1,81 @@
+"""What the SLAM is told: by reasoning from lasers and wheels, and not from any one building."""
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class MatchingParameters(Parameters):
+    """Matching a scan against what was seen shortly before.
+
+    The odometry's errors are one sigma; the window reaches three of them. They are wide on purpose: scrubbing
+    tyres and thresholds cost a tenth of a motion, and a window costs little.
+    """
+
+    laser_noise_m: float = Field(default=0.03, gt=0, le=0.5)
+    odometry_m: float = Field(default=0.02, gt=0, le=1)
+    odometry_m_per_m: float = Field(default=0.1, ge=0, le=1)
+    odometry_m_per_rad: float = Field(default=0.03, ge=0, le=1)
+    odometry_rad: float = Field(default=0.01, gt=0, le=1)
+    odometry_rad_per_rad: float = Field(default=0.1, ge=0, le=1)
+    odometry_rad_per_m: float = Field(default=0.05, ge=0, le=1)
+    window_at_most_m: float = Field(default=1.0, gt=0, le=5)
+    window_at_most_rad: float = Field(default=0.6, gt=0, le=3.2)
+    fits_share: float = Field(default=0.6, gt=0, le=1)
+    """Of the points that lie where the map knows something, so many must be on a surface."""
+    suspicious_share: float = Field(default=0.9, gt=0, le=1)
+    """Where less fits, a wider window is searched, in case the wheels slipped."""
+    better_share: float = Field(default=0.1, ge=0, le=1)
+    """What is found there must fit so much better."""
+    least_overlap: float = Field(default=0.15, ge=0, le=1)
+    """With less of the scan on known ground, the scan says nothing about where it is."""
+    slipped_window_m: float = Field(default=1.0, gt=0, le=5)
+    slipped_window_rad: float = Field(default=0.7, gt=0, le=3.2)
+    slipped_share: float = Field(default=0.75, gt=0, le=1)
+    lost_after_scans: int = Field(default=5, ge=1, le=100)
+
+
+class SubmapParameters(Parameters):
+    """Which scans are kept, and how many make a submap."""
+
+    keyframe_m: float = Field(default=0.15, gt=0, le=2)
+    keyframe_rad: float = Field(default=0.15, gt=0, le=2)
+    length_m: float = Field(default=12.0, gt=0, le=100)
+    """A submap ends after so much travel; a turned radian counts as half a metre."""
+    drift_m_per_root_m: float = Field(default=0.02, gt=0, le=1)
+    drift_rad_per_root_m: float = Field(default=0.006, gt=0, le=1)
+    """How surely one submap is known from the other: a random walk along the way."""
+    most_scans_per_place: int = Field(default=30, ge=4, le=1000)
+    """Scans kept per square metre and quarter turn; beyond it, what is driven again is not kept."""
+
+
+class LoopParameters(Parameters):
+    """When a place is recognised, and when that is believed."""
+
+    every_m: float = Field(default=0.5, gt=0, le=10)
+    submaps_at_once: int = Field(default=2, ge=1, le=20)
+    near_m: float = Field(default=2.0, gt=0, le=20)
+    not_within_m: float = Field(default=6.0, gt=0, le=100)
+    """What was left less than this way ago is no loop."""
+    window_at_most_m: float = Field(default=6.0, gt=0, le=20)
+    least_score: float = Field(default=0.4, gt=0, le=1)
+    least_share: float = Field(default=0.75, gt=0, le=1)
+    least_overlap: float = Field(default=0.5, gt=0, le=1)
+    rival_score: float = Field(default=0.9, gt=0, le=1)
+    """Another place in the window that scores this share of the best makes the match ambiguous."""
+    sure_within_m: float = Field(default=0.3, gt=0, le=5)
+    """Where the drift is below this, one match is believed; beyond, several from different places must agree."""
+    agree_m: float = Field(default=0.3, gt=0, le=5)
+    agree_rad: float = Field(default=0.06, gt=0, le=1)
+    agreeing: int = Field(default=2, ge=1, le=20)
+    agreeing_when_lost: int = Field(default=3, ge=1, le=20)
+    remembered_m: float = Field(default=15.0, gt=0, le=200)
+    """A match waits for others that agree for so long a way."""
+
+
+class SlamParameters(Parameters):
+    """All of it."""
+
+    matching: MatchingParameters = MatchingParameters()
+    submaps: SubmapParameters = SubmapParameters()
+    loops: LoopParameters = LoopParameters()

@@ -1,0 +1,47 @@
+"""Planar poses as arrays (x in m, y in m, heading in rad, counter-clockwise positive), one or many rows."""
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+
+
+def wrap(angle_rad: Floats) -> Floats:
+    """The same angles in [-pi, pi)."""
+    wrapped: Floats = (angle_rad + math.pi) % math.tau - math.pi
+    return wrapped
+
+
+def compose(a: Floats, b: Floats) -> Floats:
+    """``a_from_c`` of ``a_from_b`` and ``b_from_c``, row by row; either may be a single pose."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
+    y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
+    return np.stack([x, y, wrap(a[..., 2] + b[..., 2])], axis=-1)
+
+
+def between(a: Floats, b: Floats) -> Floats:
+    """Pose ``b`` as seen from pose ``a``: the inverse of ``compose``."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[..., 2] - a[..., 2])], axis=-1)
+
+
+def inverted(matrix: Floats) -> Floats:
+    """The inverse of a square matrix."""
+    return np.linalg.inv(matrix).astype(np.float64)
+
+
+def inverse(a: Floats) -> Floats:
+    """``b_from_a`` of ``a_from_b``."""
+    return between(a, np.zeros(3))
+
+
+def transform(pose: Floats, points: NDArray[np.floating[Any]]) -> Floats:
+    """Points (n, 2) of the pose's frame in the frame in which the pose is given."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    moved: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
+    return moved

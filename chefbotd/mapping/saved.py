@@ -1,0 +1,132 @@
+"""A state as a dictionary of arrays, to be written to a file and gone on with: the same steps follow, bit for bit."""
+
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.mapping.graph import Edges
+from chefbotd.mapping.local_map import empty, inserted
+from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
+from chefbotd.mapping.surfaces import normals
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+FORMAT = 1
+
+
+class NotASavedState(ValueError):
+    """The arrays are not what ``saved`` makes: something is missing, or of another format, or does not fit together."""
+
+
+def saved(state: SlamState) -> Arrays:
+    """All of a state but what can be made again: the grids, and the normals of the scans."""
+    nodes, edges, candidates = state.nodes, state.edges, state.candidates
+    sizes = [len(scan.points) for scan in nodes.scans]
+    empty_points, no_poses = np.zeros((0, 2), np.float32), np.zeros((0, 3))
+    arrays: Arrays = {
+        "format": np.array(FORMAT),
+        "scan_sizes": np.array(sizes, np.int64),
+        "scan_points": np.concatenate([empty_points, *(scan.points for scan in nodes.scans)]),
+        "scan_sensors": np.array([scan.sensor_m for scan in nodes.scans]).reshape(-1, 2),
+        "submaps": np.array(state.submaps, np.int64).reshape(-1, 2),
+        "active": np.array([[a.first, a.travel_m] for a in state.active]).reshape(-1, 2),
+        "candidates": np.array([[c.node, c.anchor, c.drift_m] for c in candidates]).reshape(-1, 3),
+        "candidate_poses": np.stack([*(c.pose for c in candidates)]) if candidates else no_poses,
+        "candidate_corrections": np.stack([*(c.correction for c in candidates)]) if candidates else no_poses,
+        "candidate_covariances": np.array([c.covariance for c in candidates]).reshape(-1, 3, 3),
+        "local_pose": state.local_pose,
+        "odometry": state.odometry,
+        "path_m": np.array([state.path_m, state.tried_at_m]),
+        "mode": np.array(str(state.mode)),
+        "counts": np.array([state.misfits, state.part, state.tried, state.unsolved, state.next_number]),
+    }
+    arrays |= {f"node_{name}": getattr(nodes, name) for name in NODE_FIELDS}
+    arrays |= {f"edge_{name}": getattr(edges, name) for name in EDGE_FIELDS}
+    return arrays
+
+
+NODE_FIELDS = ("number", "stamp_s", "local", "map", "path_m", "part")
+EDGE_FIELDS = ("first", "second", "pose", "information", "spread", "loop")
+
+
+def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
+    """The state that was saved.
+
+    Raises:
+        NotASavedState: with what is wrong.
+    """
+    try:
+        if int(arrays["format"]) != FORMAT:
+            raise NotASavedState(f"a saved state has format {FORMAT}, got {int(arrays['format'])}")
+        return _restored(arrays)
+    except KeyError as missing:
+        raise NotASavedState(f"a saved state has an array {missing}, which is missing") from missing
+    except (IndexError, TypeError) as error:
+        raise NotASavedState(f"the arrays of a saved state fit together, but: {error}") from error
+
+
+def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
+    nodes = _nodes(arrays)
+    misfits, part, tried, unsolved, next_number = (int(count) for count in arrays["counts"])
+    path_m, tried_at_m = (float(way) for way in arrays["path_m"])
+    return SlamState(
+        nodes=nodes,
+        edges=Edges(*(arrays[f"edge_{name}"] for name in EDGE_FIELDS)),
+        submaps=tuple(Submap(int(first), int(last)) for first, last in arrays["submaps"]),
+        active=tuple(_active(nodes, int(first), float(travel_m)) for first, travel_m in arrays["active"]),
+        local_pose=arrays["local_pose"],
+        odometry=arrays["odometry"],
+        path_m=path_m,
+        mode=SlamMode(str(arrays["mode"])),
+        misfits=misfits,
+        part=part,
+        tried_at_m=tried_at_m,
+        tried=tried,
+        candidates=_candidates(arrays),
+        unsolved=unsolved,
+        next_number=next_number,
+    )
+
+
+def _nodes(arrays: Mapping[str, NDArray[Any]]) -> Nodes:
+    ends = np.cumsum(arrays["scan_sizes"])
+    if len(ends) and ends[-1] != len(arrays["scan_points"]):
+        raise NotASavedState(f"the scans have {ends[-1]} points, but {len(arrays['scan_points'])} are saved")
+    scans = [
+        Scan(points, normals(points, sensor_m), sensor_m)
+        for points, sensor_m in zip(
+            np.split(arrays["scan_points"], ends[:-1]), arrays["scan_sensors"], strict=False
+        )
+    ]
+    fields = [arrays[f"node_{name}"] for name in NODE_FIELDS]
+    if any(len(field) != len(scans) for field in fields):
+        raise NotASavedState(
+            f"each node has a scan: {[len(field) for field in fields]} nodes, {len(scans)} scans"
+        )
+    number, stamp_s, local, placed, path_m, part = fields
+    return Nodes(number, stamp_s, local, placed, path_m, part, tuple(scans))
+
+
+def _active(nodes: Nodes, first: int, travel_m: float) -> Active:
+    """A growing submap, with its grids filled again, scan by scan as at the first time."""
+    grids = empty()
+    for node in range(first, len(nodes)):
+        scan = nodes.scans[node]
+        grids = inserted(grids, nodes.local[node], scan.sensor_m, scan.points, scan.facing)
+    return Active(first, travel_m, grids)
+
+
+def _candidates(arrays: Mapping[str, NDArray[Any]]) -> tuple[Candidate, ...]:
+    rows = zip(
+        arrays["candidates"],
+        arrays["candidate_poses"],
+        arrays["candidate_covariances"],
+        arrays["candidate_corrections"],
+        strict=True,
+    )
+    return tuple(
+        Candidate(int(node), int(anchor), pose, covariance, correction, float(drift_m))
+        for (node, anchor, drift_m), pose, covariance, correction in rows
+    )

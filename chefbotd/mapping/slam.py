@@ -1,0 +1,285 @@
+"""Simultaneous localization and mapping, a pure step per scan: the same input gives the same map, bit for bit.
+
+A scan is matched against a submap of the last metres' travel (``tracking``). If the robot moved since the last
+kept scan, it becomes a node of the graph, bound to the node before and to its submap's anchor. Now and then the
+last node is searched in older submaps (``loops``); what is believed becomes a loop, and the graph is solved.
+Where scans cease to fit, nothing is added: what follows is kept apart, and joined once its place is recognised.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from chefbotd.mapping.graph import (
+    NO_EDGES,
+    REJECTED_BELOW,
+    SCALE,
+    Edges,
+    edge,
+    optimised,
+    squared_errors,
+    weights,
+)
+from chefbotd.mapping.local_map import empty, inserted
+from chefbotd.mapping.loops import believed, is_due, recognised
+from chefbotd.mapping.parameters import SlamParameters, SubmapParameters
+from chefbotd.mapping.poses import Floats, between, compose
+from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
+from chefbotd.mapping.tracking import Tracked, tracked
+
+TURN_M_PER_RAD = 0.5
+"""What a turn counts for as travel."""
+
+STEP_SIGMA_M, STEP_SIGMA_RAD = 0.005, 0.002
+"""How well a step is known at best, whatever the match says: its errors are not all independent."""
+
+NEEDS_SOLVING = 6.0
+"""A loop that is off by more (squared, normalised) has the graph solved at once; else it waits for others."""
+
+UNSOLVED_AT_MOST = 20
+
+
+class Report(NamedTuple):
+    """What a step found: where the robot is in the map, how surely, and how well the scan fits (0 to 1).
+
+    ``overlap`` is how much of the scan lay on known ground. ``node`` is the number of the last kept scan, and
+    ``node_from_base`` the pose as seen from it: to place this scan again once the graph has been solved.
+    """
+
+    mode: SlamMode
+    map_pose: Floats
+    covariance: Floats
+    fit: float
+    overlap: float
+    node: int
+    node_from_base: Floats
+    kept: bool
+    loops: int
+    solved: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    state: SlamState
+    loops: int = 0
+    solved: bool = False
+
+
+def step(
+    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan
+) -> tuple[SlamState, Report]:
+    """Take in a scan; ``odometry`` is the pose of the robot in any frame that does not jump. Uses up ``state``."""
+    if not len(state.nodes):
+        state = replace(state, odometry=odometry.copy(), active=(Active(0, 0.0, empty()),))
+        first = _with_node(params.submaps, state, stamp_s, scan, None)
+        return first, _report(first, None, _Kept(first), kept=True)
+    moved = between(state.odometry, odometry)
+    found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan)
+    if not found.fits:
+        return _misfit(params, state, stamp_s, odometry, scan, found)
+    travel_m = _travel_m(between(state.local_pose, found.fit.pose))
+    mode = SlamMode.SLIPPED if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
+    state = replace(
+        state,
+        local_pose=found.fit.pose,
+        odometry=odometry.copy(),
+        path_m=state.path_m + travel_m,
+        active=tuple(a._replace(travel_m=a.travel_m + travel_m) for a in state.active),
+        mode=mode,
+        misfits=0,
+    )
+    kept = _is_keyframe(params.submaps, state)
+    result = _Kept(state)
+    if kept:
+        state = _with_node(params.submaps, state, stamp_s, scan, found)
+        result = _looked_around(params, _rolled(params.submaps, state))
+    return result.state, _report(result.state, found, result, kept=kept)
+
+
+def map_from_local(state: SlamState, local_pose: Floats) -> Floats:
+    """A pose of the front end's frame in the map, by the last node."""
+    return compose(state.nodes.map[-1], between(state.nodes.local[-1], local_pose))
+
+
+def _travel_m(motion: Floats) -> float:
+    return math.hypot(motion[0], motion[1]) + TURN_M_PER_RAD * abs(float(motion[2]))
+
+
+def _is_keyframe(params: SubmapParameters, state: SlamState) -> bool:
+    since = between(state.nodes.local[-1], state.local_pose)
+    far = math.hypot(since[0], since[1]) >= params.keyframe_m
+    return far or abs(float(since[2])) >= params.keyframe_rad
+
+
+def _misfit(
+    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan, found: Tracked
+) -> tuple[SlamState, Report]:
+    """The scan contradicts the map: go by odometry and add nothing; after some of these, begin a part of its own."""
+    moved = between(state.odometry, odometry)
+    mode = SlamMode.LOST if state.part else SlamMode.DOUBTFUL
+    state = replace(
+        state,
+        local_pose=compose(state.local_pose, moved),
+        odometry=odometry.copy(),
+        path_m=state.path_m + _travel_m(moved),
+        misfits=state.misfits + 1,
+        mode=mode,
+    )
+    if state.misfits < params.matching.lost_after_scans:
+        return state, _report(state, found, _Kept(state), kept=False)
+    state = apart(state)
+    state = _with_node(params.submaps, state, stamp_s, scan, None)
+    result = _looked_around(params, state)
+    return result.state, _report(result.state, found, result, kept=True)
+
+
+def apart(state: SlamState) -> SlamState:
+    """Begin a part of its own: the robot may be anywhere, as after a kidnapping or when going on with a saved map.
+
+    A part that was never joined is forgotten.
+    """
+    ended = tuple(Submap(a.first, len(state.nodes) - 1) for a in state.active[:1])
+    state = replace(state, submaps=state.submaps + ended, active=(), candidates=())
+    if state.part:
+        state = _without_part(state, state.part)
+    return replace(
+        state,
+        part=state.part + 1,
+        active=(Active(len(state.nodes), 0.0, empty()),),
+        mode=SlamMode.LOST,
+        misfits=0,
+        tried_at_m=-math.inf,
+        built=(),
+    )
+
+
+def _without_part(state: SlamState, part: int) -> SlamState:
+    """Forget the nodes of a part; they are the last ones."""
+    count = int(np.searchsorted(state.nodes.part, part))
+    kept = state.edges.only((state.edges.first < count) & (state.edges.second < count))
+    submaps = tuple(s for s in state.submaps if s.last < count)
+    nodes = state.nodes
+    fewer = Nodes(
+        nodes.number[:count],
+        nodes.stamp_s[:count],
+        nodes.local[:count],
+        nodes.map[:count],
+        nodes.path_m[:count],
+        nodes.part[:count],
+        nodes.scans[:count],
+    )
+    return replace(state, nodes=fewer, edges=kept, submaps=submaps)
+
+
+def _with_node(
+    params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, found: Tracked | None
+) -> SlamState:
+    """Keep the scan: a node, edges to the node before and to the submap's anchor, and its place in the grids."""
+    nodes, node = state.nodes, len(state.nodes)
+    placed = map_from_local(state, state.local_pose) if node else state.local_pose
+    grown = Nodes(
+        np.append(nodes.number, state.next_number),
+        np.append(nodes.stamp_s, stamp_s),
+        np.vstack([nodes.local, state.local_pose]),
+        np.vstack([nodes.map, placed]),
+        np.append(nodes.path_m, state.path_m),
+        np.append(nodes.part, state.part),
+        (*nodes.scans, scan),
+    )
+    edges = state.edges
+    if found is not None:
+        for first in dict.fromkeys((node - 1, state.active[0].first)):
+            edges = edges.joined(_course(params, grown, first, found.covariance))
+    active = tuple(
+        a._replace(grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
+        for a in state.active
+    )
+    return replace(state, nodes=grown, edges=edges, active=active, next_number=state.next_number + 1)
+
+
+def _course(params: SubmapParameters, nodes: Nodes, first: int, covariance: Floats) -> Edges:
+    """The edge from an earlier node to the last one: as surely as it matched, and less the longer the way."""
+    way_m = nodes.path_m[-1] - nodes.path_m[first]
+    place = STEP_SIGMA_M**2 + params.drift_m_per_root_m**2 * way_m
+    heading = STEP_SIGMA_RAD**2 + params.drift_rad_per_root_m**2 * way_m
+    grown = covariance + np.diag([place, place, heading])
+    return edge(first, len(nodes) - 1, between(nodes.local[first], nodes.local[-1]), grown, loop=False)
+
+
+def _rolled(params: SubmapParameters, state: SlamState) -> SlamState:
+    """Begin the next submap when the growing one is half done, and end it when it is."""
+    active, submaps = state.active, state.submaps
+    last = len(state.nodes) - 1
+    if len(active) == 1 and active[0].travel_m >= params.length_m / 2:
+        scan = state.nodes.scans[last]
+        grids = inserted(empty(), state.local_pose, scan.sensor_m, scan.points, scan.facing)
+        active = (*active, Active(last, 0.0, grids))
+    if active[0].travel_m >= params.length_m:
+        submaps = (*submaps, Submap(active[0].first, last))
+        active = active[1:]
+    return replace(state, active=active, submaps=submaps)
+
+
+def _looked_around(params: SlamParameters, state: SlamState) -> _Kept:
+    """Search older submaps if it is time, close the loops that are believed, and solve the graph if that pays."""
+    if not is_due(params.loops, state):
+        return _Kept(state)
+    state, found = recognised(params, state)
+    accepted, waiting = believed(params.loops, state, found)
+    state = replace(state, candidates=waiting)
+    if not accepted:
+        return _Kept(state)
+    if state.part:
+        state = _joined(state, accepted[-1].correction)
+    return closed(state, accepted)
+
+
+def _joined(state: SlamState, correction: Floats) -> SlamState:
+    """Move the part that was apart to where it belongs; its nodes are the map's now."""
+    nodes, moved = state.nodes, state.nodes.part == state.part
+    poses = np.where(moved[:, None], compose(correction, nodes.map), nodes.map)
+    joined = replace(nodes, map=poses, part=np.zeros_like(nodes.part))
+    return replace(state, nodes=joined, part=0, mode=SlamMode.MAPPING, candidates=(), built=())
+
+
+def closed(state: SlamState, accepted: tuple[Candidate, ...]) -> _Kept:
+    """The state with these loops in its graph, which is solved if they are off by much or if there are many."""
+    new = NO_EDGES
+    for c in accepted:
+        new = new.joined(edge(c.anchor, c.node, c.pose, c.covariance, loop=True))
+    squared = squared_errors(state.nodes.map, new)
+    count = len(new)
+    state = replace(state, edges=state.edges.joined(new), unsolved=state.unsolved + count)
+    if squared.max() < NEEDS_SOLVING and state.unsolved < UNSOLVED_AT_MOST:
+        return _Kept(state, loops=count)
+    return _Kept(solved(state, max(SCALE, float(squared.max()))), loops=count, solved=True)
+
+
+def solved(state: SlamState, scale: float = SCALE) -> SlamState:
+    """The state with the graph's poses made to fit; loops that do not are taken out, and it is solved without them."""
+    fixed = np.unique(state.nodes.part, return_index=True)[1]
+    poses, edges = optimised(state.nodes.map, state.edges, fixed, scale), state.edges
+    good = ~edges.loop | (weights(squared_errors(poses, edges), edges.loop, SCALE) >= REJECTED_BELOW)
+    if not good.all():
+        edges = edges.only(good)
+        poses = optimised(poses, edges, fixed)
+    nodes = replace(state.nodes, map=poses)
+    return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=())
+
+
+def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: bool) -> Report:
+    from_node = between(state.nodes.local[-1], state.local_pose)
+    return Report(
+        mode=state.mode,
+        map_pose=compose(state.nodes.map[-1], from_node),
+        covariance=found.covariance if found else np.zeros((3, 3)),
+        fit=found.fit.share if found else 1.0,
+        overlap=found.fit.overlap if found else 0.0,
+        node=int(state.nodes.number[-1]),
+        node_from_base=from_node,
+        kept=kept,
+        loops=result.loops,
+        solved=result.solved,
+    )

@@ -1,0 +1,83 @@
+"""Where the robot moved since the last scan: odometry, searched around and polished against the growing submap."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from chefbotd.mapping.correlate import Window, search
+from chefbotd.mapping.local_map import LocalMap
+from chefbotd.mapping.parameters import MatchingParameters
+from chefbotd.mapping.poses import Floats, compose, inverted
+from chefbotd.mapping.refine import Fit, Prior, polish
+from chefbotd.mapping.state import Scan
+
+PENALTY = 0.01
+"""What a pose one sigma off the odometry loses in score: ties in a bare corridor are for the odometry to break."""
+
+CAPTURE = 0.3
+"""A match that scores less is none."""
+
+
+class Tracked(NamedTuple):
+    """The pose in the local frame with its covariance, and how the scan fits there.
+
+    ``fits`` is whether it may be believed; ``slipped`` whether it lies where the odometry did not expect it.
+    """
+
+    fit: Fit
+    covariance: Floats
+    fits: bool
+    slipped: bool = False
+
+
+def tracked(params: MatchingParameters, grids: LocalMap, last: Floats, moved: Floats, scan: Scan) -> Tracked:
+    """The robot's pose: it was at ``last`` in the map's frame, and has moved by ``moved`` says the odometry."""
+    sigma_m, sigma_rad = odometry_sigmas(params, moved)
+    guess = compose(last, moved)
+    information = np.diag([sigma_m**-2, sigma_m**-2, sigma_rad**-2])
+    window = Window(
+        min(3 * sigma_m, params.window_at_most_m),
+        min(3 * sigma_rad, params.window_at_most_rad),
+        PENALTY / sigma_m**2,
+        PENALTY / sigma_rad**2,
+    )
+    found = search(grids, scan.points, guess, window)
+    begin = guess if found is None else found.pose
+    fit = polish(grids, scan.points, scan.facing, begin, Prior(guess, information), params.laser_noise_m)
+    covariance = inverted(fit.information + information)
+    if fit.overlap < params.least_overlap:
+        return Tracked(fit, covariance, fits=fit.contradictions <= fit.inliers)
+    if fit.share < params.suspicious_share:
+        elsewhere = _slipped(params, grids, (last, guess), scan)
+        if elsewhere is not None and elsewhere.fit.share >= fit.share + params.better_share:
+            return elsewhere
+    return Tracked(fit, covariance, fits=fit.share >= params.fits_share)
+
+
+def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, float]:
+    """One sigma of place (m) and heading (rad) after such a motion."""
+    way_m, turn_rad = math.hypot(moved[0], moved[1]), abs(moved[2])
+    return (
+        params.odometry_m + params.odometry_m_per_m * way_m + params.odometry_m_per_rad * turn_rad,
+        params.odometry_rad + params.odometry_rad_per_rad * turn_rad + params.odometry_rad_per_m * way_m,
+    )
+
+
+def _slipped(
+    params: MatchingParameters, grids: LocalMap, guesses: tuple[Floats, ...], scan: Scan
+) -> Tracked | None:
+    """Look further around, without the odometry: where the robot was, too, since wheels that slip get nowhere."""
+    window = Window(params.slipped_window_m, params.slipped_window_rad)
+    score, found = CAPTURE, None
+    for guess in guesses:
+        better = search(grids, scan.points, guess, window, above=score)
+        if better is not None:
+            score, found = better.score, better
+    if found is None:
+        return None
+    prior = Prior(found.pose, np.diag([1.0, 1.0, 1.0]))
+    fit = polish(grids, scan.points, scan.facing, found.pose, prior, params.laser_noise_m)
+    if fit.share < params.slipped_share or fit.overlap < 2 * params.least_overlap:
+        return None
+    return Tracked(fit, inverted(fit.information + prior.information), fits=True, slipped=True)

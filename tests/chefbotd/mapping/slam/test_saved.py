@@ -1,0 +1,65 @@
+"""What is saved is restored, and what is not a saved state is refused with its reason."""
+
+import numpy as np
+import pytest
+
+from chefbotd.mapping.occupancy import occupancy
+from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.mapping.state import SlamState, start
+from tests.chefbotd.mapping.slam.drives import drive
+from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
+
+TRUTH = poses_along(TOUR)[:60]
+
+
+@pytest.fixture(scope="module")
+def driven() -> SlamState:
+    """The first metres of a tour."""
+    lidar = Lidar(furnished_flat(), 1)
+    return drive(odometry(TRUTH, 1), lambda k: lidar.points(TRUTH[k]), finish=False).state
+
+
+def test_everything_is_restored(driven: SlamState) -> None:
+    """Each array of the restored state, saved again, is the same; the growing grids too."""
+    arrays = saved(driven)
+    again = saved(restored(arrays))
+    assert arrays.keys() == again.keys()
+    for name, array in arrays.items():
+        assert np.array_equal(array, again[name]), name
+        assert array.dtype == again[name].dtype, name
+    back = restored(arrays)
+    for one, other in zip(driven.active, back.active, strict=True):
+        for grid, same in zip(one.grids, other.grids, strict=True):
+            assert np.array_equal(grid, same)
+
+
+def test_an_empty_state_is_restored() -> None:
+    """Saved before the first scan, it begins anew."""
+    assert len(restored(saved(start())).nodes) == 0
+
+
+def without(arrays: Arrays, name: str) -> Arrays:
+    """All but one."""
+    return {key: array for key, array in arrays.items() if key != name}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda arrays: without(arrays, "node_map"), "node_map"),
+        (lambda arrays: arrays | {"format": np.array(7)}, "format 1, got 7"),
+        (lambda arrays: arrays | {"scan_points": arrays["scan_points"][:-1]}, "points"),
+        (lambda arrays: arrays | {"node_path_m": arrays["node_path_m"][:-1]}, "each node has a scan"),
+    ],
+)
+def test_what_is_not_a_saved_state_is_refused(driven: SlamState, change: object, reason: str) -> None:
+    """The reason names what is missing or does not fit."""
+    assert callable(change)
+    with pytest.raises(NotASavedState, match=reason):
+        restored(change(saved(driven)))
+
+
+def test_a_map_of_nothing_is_refused() -> None:
+    """With a sentence that says what is missing."""
+    with pytest.raises(ValueError, match="a map is made of scans, but part 0 has none"):
+        occupancy(start().nodes)

@@ -1,0 +1,216 @@
+"""SLAM in a simulated flat: the map is right, and stays right whatever happens to odometry, lidar and robot."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chefbotd.mapping.occupancy import occupancy
+from chefbotd.mapping.poses import transform
+from chefbotd.mapping.saved import restored, saved
+from chefbotd.mapping.slam import apart
+from chefbotd.mapping.state import SlamMode
+from tests.chefbotd.mapping.slam.drives import Drive, drive, off_m, walls_off_m
+from tests.chefbotd.mapping.slam.flat import (
+    TOUR,
+    Floats,
+    Lidar,
+    box,
+    furnished_flat,
+    odometry,
+    poses_along,
+    walking,
+    wall,
+)
+
+WALLS, TRUTH = furnished_flat(), poses_along(TOUR)
+
+
+def toured(seed: int, finish: bool = True) -> Drive:
+    """The whole tour, with nothing special happening."""
+    lidar = Lidar(WALLS, seed)
+    return drive(odometry(TRUTH, seed), lambda k: lidar.points(TRUTH[k]), finish=finish)
+
+
+@pytest.fixture(scope="module")
+def tour() -> Drive:
+    """One for all the tests that only look at it."""
+    return toured(3)
+
+
+def test_the_odometry_alone_would_be_of_no_use() -> None:
+    """It ends a metre and twenty degrees off, so what follows is not its merit."""
+    assert off_m(odometry(TRUTH, 3), TRUTH)[-1] > 0.5
+    assert abs(odometry(TRUTH, 3)[-1, 2] - (TRUTH[-1, 2] - TRUTH[0, 2])) > math.radians(20)
+
+
+def test_the_map_lies_on_the_walls(tour: Drive) -> None:
+    """Occupied cells are within 0.03 m of the true walls in the median, and within 0.06 m at p95."""
+    off = walls_off_m(tour.state, TRUTH, WALLS)
+    assert len(off) > 1000
+    assert np.median(off) < 0.03
+    assert np.percentile(off, 95) < 0.06
+
+
+def test_every_pose_is_known_to_two_centimetres(tour: Drive) -> None:
+    """The loops are closed: the second visit of each room agrees with the first."""
+    assert sum(report.loops for report in tour.reports) > 10
+    assert off_m(tour.poses(), TRUTH).max() < 0.02
+    assert set(tour.modes()) == {"mapping"}
+
+
+def test_a_scan_that_fits_says_so(tour: Drive) -> None:
+    """Nearly all points lie on known surfaces where everything is right."""
+    assert np.median([report.fit for report in tour.reports]) > 0.95
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_other_drives_of_the_flat_map_it_as_well(seed: int) -> None:
+    """Nothing hangs on the seed of odometry and lidar."""
+    found = toured(seed)
+    assert np.median(walls_off_m(found.state, TRUTH, WALLS)) < 0.03
+    assert off_m(found.poses(), TRUTH).max() < 0.03
+
+
+def test_the_same_input_gives_the_same_map_bit_for_bit(tour: Drive) -> None:
+    """There is no clock, no order of a set and no chance in it."""
+    again = toured(3)
+    assert again.state.nodes.map.tobytes() == tour.state.nodes.map.tobytes()
+    assert again.state.edges.information.tobytes() == tour.state.edges.information.tobytes()
+
+
+def test_a_saved_state_goes_on_as_if_nothing_had_been() -> None:
+    """Saved in the middle, restored and driven on, the map is the same bit for bit."""
+    middle, lidar, odom = 300, Lidar(WALLS, 5), odometry(TRUTH, 5)
+    scans = [lidar.points(pose) for pose in TRUTH[:500]]
+    whole = drive(odom[:500], lambda k: scans[k], finish=False)
+    first = drive(odom[:middle], lambda k: scans[k], finish=False)
+    kept = {name: array.copy() for name, array in saved(first.state).items()}
+    rest = drive(odom[middle:500], lambda k: scans[middle + k], restored(kept), finish=False)
+    assert rest.state.nodes.map.tobytes() == whole.state.nodes.map.tobytes()
+    assert rest.state.edges.pose.tobytes() == whole.state.edges.pose.tobytes()
+
+
+def test_people_who_walk_about_leave_no_smear() -> None:
+    """Three people cross the rooms all the time: nothing is occupied away from walls, and poses stay right."""
+    lidar, odom = Lidar(WALLS, 7), odometry(TRUTH, 7)
+    people = list(
+        walking(len(TRUTH), ((1.0, 3.9), (9.8, 3.8)), ((4.9, 5.2), (7.2, 6.9)), ((0.6, 1.5), (3.9, 2.6)))
+    )
+    apart_m = [np.hypot(*(who[:, :2] - pose[:2]).T) for who, pose in zip(people, TRUTH, strict=True)]
+    seen = [who[away > 0.5] for who, away in zip(people, apart_m, strict=True)]
+    found = drive(odom, lambda k: lidar.points(TRUTH[k], seen[k]))
+    assert off_m(found.poses(), TRUTH).max() < 0.06
+    off = walls_off_m(found.state, TRUTH, WALLS)
+    assert (off > 0.15).sum() <= 3
+    assert np.median(off) < 0.03
+
+
+def test_wheels_that_slip_are_told_and_survived() -> None:
+    """At a doorstep the wheels roll on by 0.8 m and 0.5 rad while the robot stands: it says so, and the map stays."""
+    lidar, odom, at = Lidar(WALLS, 9), odometry(TRUTH, 9), 210
+    here, turn = odom[at - 1].copy(), 0.5
+    cos, sin = math.cos(turn), math.sin(turn)
+    odom[at:, :2] = (odom[at:, :2] - here[:2]) @ np.array([[cos, sin], [-sin, cos]]) + here[:2]
+    odom[at:, 2] += turn
+    odom[at:, :2] += 0.8 * np.array([math.cos(here[2]), math.sin(here[2])])
+    found = drive(odom, lambda k: lidar.points(TRUTH[k]))
+    assert "slipped" in found.modes()[at : at + 2]
+    assert "lost" not in found.modes()
+    assert off_m(found.poses(), TRUTH).max() < 0.03
+
+
+def test_a_lidar_that_pauses_for_two_seconds_is_survived() -> None:
+    """Twenty scans are missing in the middle of a drive, again and again; odometry bridges them."""
+    lidar, odom = Lidar(WALLS, 4), odometry(TRUTH, 4)
+    kept = np.array([k for k in range(len(TRUTH)) if k % 100 < 80])
+    found = drive(odom[kept], lambda k: lidar.points(TRUTH[kept[k]]))
+    assert "lost" not in found.modes()
+    assert off_m(found.poses(), TRUTH[kept]).max() < 0.04
+
+
+def kidnapped(there: Floats, seed: int) -> tuple[Drive, Floats, int]:
+    """The tour, then the robot is carried to where ``there`` begins, and drives on; odometry notices nothing."""
+    truth = np.vstack([TRUTH, there])
+    before, after = odometry(TRUTH, seed), odometry(there, seed + 1)
+    here = before[-1]
+    cos, sin = math.cos(here[2]), math.sin(here[2])
+    moved = after[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + here[:2]
+    odom = np.vstack([before, np.column_stack([moved, after[:, 2] + here[2]])])
+    lidar = Lidar(WALLS, seed)
+    return drive(odom, lambda k: lidar.points(truth[k])), truth, len(TRUTH)
+
+
+def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
+    """Carried into another room it soon says so, adds nothing to the map, and knows where it is some metres later."""
+    there = poses_along([(9.2, 7.5), (9.25, 5.3), (9.2, 3.95), (6.0, 3.9)], heading_rad=-1.2)
+    found, truth, at = kidnapped(there, 21)
+    modes = found.modes()
+    assert set(modes[:at]) == {"mapping"}
+    assert modes.index("lost") < at + 10
+    assert modes[-1] == "mapping"
+    known = np.array([k for k, mode in enumerate(modes) if mode == "mapping"])
+    from_map = np.array([report.map_pose for report in found.reports])
+    assert off_m(from_map[known], truth[known] if known[0] == 0 else truth)[-10:].max() < 0.05
+    assert np.median(walls_off_m(found.state, truth, WALLS)) < 0.03
+    assert np.percentile(walls_off_m(found.state, truth, WALLS), 99) < 0.12
+
+
+def test_a_map_is_gone_on_with_from_anywhere() -> None:
+    """Restored, and the robot put down in another room: it is lost until it has seen enough, then maps on."""
+    first = toured(31)
+    state = apart(restored(saved(first.state)))
+    there = poses_along([(1.2, 6.2), (3.3, 5.3), (3.35, 3.9), (6.5, 3.9)], heading_rad=0.9)
+    lidar = Lidar(WALLS, 32)
+    nodes = len(state.nodes)
+    found = drive(odometry(there, 32), lambda k: lidar.points(there[k]), state)
+    assert found.reports[0].mode is SlamMode.LOST
+    assert found.reports[-1].mode is SlamMode.MAPPING
+    truth = np.vstack([TRUTH[:1], there])
+    poses = np.vstack([np.zeros((1, 3)), found.poses()[:]])
+    assert off_m(poses, truth)[-10:].max() < 0.05
+    assert len(found.state.nodes) > nodes
+    assert set(found.state.nodes.part.tolist()) == {0}
+
+
+def look_alike_corridor() -> Floats:
+    """A corridor of 22 m with five rooms of exactly the same shape along it, every 4.4 m, and nothing else."""
+    rooms = []
+    for k in range(5):
+        x = 4.4 * k
+        rooms += [
+            wall((x, 0), (x, -4), (x + 4.4, -4), (x + 4.4, 0)),
+            wall((x, 0), (x + 1.7, 0)),
+            wall((x + 2.7, 0), (x + 4.4, 0)),
+            box(x + 0.4, -3.7, 1.1, 0.5),
+            box(x + 3.3, -2.6, 0.6, 0.9, 0.3),
+        ]
+    return np.vstack([wall((0, 0), (0, 2), (22, 2), (22, 0)), *rooms])
+
+
+def test_rooms_that_look_alike_are_not_taken_for_each_other() -> None:
+    """Five equal rooms along a corridor: each visited room is its own, and the way back leads to the first one."""
+    walls = look_alike_corridor()
+    way = [(2.2, 1.0)]
+    for k in (0, 1, 3, 4, 2, 0):
+        x = 4.4 * k + 2.2
+        way += [(x, 1.05), (x, -1.6), (x + 0.4, -2.2), (x, -1.0), (x, 0.95)]
+    truth = poses_along(way)
+    lidar = Lidar(walls, 2)
+    found = drive(odometry(truth, 2), lambda k: lidar.points(truth[k]))
+    assert sum(report.loops for report in found.reports) > 10
+    assert off_m(found.poses(), truth).max() < 0.15
+    assert np.median(walls_off_m(found.state, truth, walls)) < 0.05
+
+
+def test_free_space_is_free_and_the_unseen_is_unknown(tour: Drive) -> None:
+    """Where the robot drove is free, and beyond the outer walls nothing is known."""
+    grid = occupancy(tour.state.nodes)
+    rows, columns = np.nonzero(grid.percent >= 0)
+    origin = np.array([grid.map_from_grid.x_m, grid.map_from_grid.y_m])
+    known = transform(TRUTH[0], np.stack([columns + 0.5, rows + 0.5], axis=1) * grid.resolution_m + origin)
+    outside = (known < -0.15).any(axis=1) | (known > [10.55, 8.25]).any(axis=1)
+    assert outside.mean() < 0.001
+    driven = tour.state.nodes.map[:, :2] - origin
+    cells = (driven / grid.resolution_m).astype(int)
+    assert (grid.percent[cells[:, 1], cells[:, 0]] < 20).all()
