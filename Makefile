@@ -33,10 +33,10 @@ test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
 	@echo "Every test, with all examples and long scenarios; about five minutes on two cores."
-	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL)
+	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL)
 
 coverage: $(VENV)/ready  ## The same with branch coverage
-	CHEFBOTD_TESTS=all $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
+	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
 check: lint coverage wheel-test audit  ## All that has to hold: lint, coverage, wheel-test, audit
 lint: $(VENV)/ready  ## Check format, style, strict types and import rules
@@ -65,7 +65,7 @@ wheel-test: wheel  ## Run the tests against the installed wheel
 	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,navigation,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
-	cd build/wheel-test && CHEFBOTD_TESTS=all ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
+	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-IS_FULL = os.environ.get("CHEFBOTD_TESTS") == "all"
+IS_FULL = os.environ.get("TEST_TIER") == "full"
 FAST_EXAMPLES = 20
 
 

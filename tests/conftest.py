@@ -1,6 +1,6 @@
 """How much is tried: a fast tier for every change, and everything for `make test-all`, `make check` and .ci/run.
 
-`CHEFBOTD_TESTS=all` in the environment gives Hypothesis its full budget. What is marked `slow` is chosen by pytest's own
+`TEST_TIER=full` in the environment gives Hypothesis its full budget. What is marked `slow` is chosen by pytest's own
 `-m`, as in `make test`.
 """
 
