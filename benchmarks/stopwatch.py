@@ -14,17 +14,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from chefbotd.api.dispatch import Dispatcher
-from chefbotd.api.fanout import Feed
-from chefbotd.api.outbox import Outbox
 from chefbotd.cli.daemon import main
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.session import BoardSession
 from chefbotd.motion import encoder, odometry
 from chefbotd.motion.drive import Drive
+from chefbotd.rpc.dispatch import Dispatcher
+from chefbotd.rpc.fanout import Feed
 from chefbotd.safety import gate
 from chefbotd.sensing import battery, imu, ultrasonic
+from chefbotd.transport.tcp.outbox import Outbox
 from firmware_protocol.decoder import Decoder
 
 DOORS: dict[str, tuple[tuple[Any, str], ...]] = {

@@ -9,30 +9,30 @@ from typing import Any
 
 import structlog
 
-from chefbotd.api.access import load_guard
-from chefbotd.api.server import Server
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import StatsSampled
+from chefbotd.features.driving.motor_watch import MotorWatch
+from chefbotd.features.driving.quadrature import QuadratureService
+from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.driving.wheel_reader import WheelReader
+from chefbotd.features.odometry.service import OdometryService
+from chefbotd.features.sensors.service import SensorService
+from chefbotd.features.statistics.service import StatsService
+from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import BoardLink, Opener
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
-from chefbotd.motion.allowance import Allowance
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.limit_preview import Allowance
 from chefbotd.robot import WiredRobot
-from chefbotd.services.drive import DriveService
+from chefbotd.rpc.access import load_guard
+from chefbotd.rpc.server import Server
 from chefbotd.services.latch import LatchFile, path_of
-from chefbotd.services.motor_watch import MotorWatch
-from chefbotd.services.odometry import OdometryService
-from chefbotd.services.quadrature import QuadratureService
-from chefbotd.services.safety import SafetyKeeper
-from chefbotd.services.sensors import SensorService
-from chefbotd.services.stats import StatsService
 from chefbotd.services.supervisor import Supervisor
-from chefbotd.services.tuning import Tuning
 from chefbotd.services.watchdog import Watchdog
-from chefbotd.services.wheel_reader import WheelReader
 from chefbotd.settings import Settings
 from chefbotd.urdf import urdf_of
 from firmware_protocol.codec import VARIANTS

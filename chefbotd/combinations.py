@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from chefbotd.features.tuning.tuning import ALL_WHEELS
 from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.ramp import braking_distance
 from chefbotd.safety.guard import mount
-from chefbotd.services.tuning import ALL_WHEELS
 from chefbotd.urdf import joint_names
 from firmware_protocol.codec import VARIANTS
 from firmware_protocol.messages import (

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.odometry.service import OdometryService
+from chefbotd.features.statistics.service import StatsService
+from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.link.session import BoardSession
-from chefbotd.motion.allowance import Allowance
+from chefbotd.motion.limit_preview import Allowance
 from chefbotd.motion.pid import PidParameters
-from chefbotd.services.drive import DriveService
-from chefbotd.services.odometry import OdometryService
-from chefbotd.services.stats import StatsService
-from chefbotd.services.tuning import Tuning
 
 
 @dataclass(frozen=True, slots=True)
 class WiredRobot:
-    """Implements ``chefbotd.api.robot.Robot``."""
+    """Implements ``chefbotd.rpc.robot.Robot``."""
 
     driving: DriveService
     odometry: OdometryService

@@ -15,10 +15,10 @@ from typing import Any, Self
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from chefbotd.api.parameters import ApiParameters
 from chefbotd.combinations import complaints
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.features.driving.service import ControlParameters
 from chefbotd.layers import Keys, Misplaced, from_environment, place, read, variable
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
@@ -27,15 +27,15 @@ from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
-from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
+from chefbotd.motion.same_side import MatesParameters
+from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
-from chefbotd.services.drive import ControlParameters
 from chefbotd.services.latch import LatchParameters
 from chefbotd.services.watchdog import WatchdogParameters
 from chefbotd.settings_errors import SettingsError, explain

@@ -4,7 +4,7 @@ import sys
 
 import atheris
 
-with atheris.instrument_imports(include=["chefbotd.api", "firmware_protocol"]):
+with atheris.instrument_imports(include=["chefbotd.rpc", "firmware_protocol"]):
     from fuzz.properties import TARGETS
 
 

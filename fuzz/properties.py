@@ -4,11 +4,11 @@ import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
 
-from chefbotd.api.arrivals import Arrival
-from chefbotd.api.backlog import Backlog
-from chefbotd.api.jsonrpc import Failure, Request, error, parse
-from chefbotd.api.urgent import read_leniently
 from chefbotd.core.commands import RefusalKind
+from chefbotd.rpc.backlog import Backlog
+from chefbotd.rpc.jsonrpc import Failure, Request, error, parse
+from chefbotd.rpc.lenient import read_leniently
+from chefbotd.transport.tcp.arrivals import Arrival
 from firmware_protocol.codec import VARIANTS, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.levels import unpack

@@ -5,10 +5,10 @@ from itertools import cycle
 
 from structlog.testing import capture_logs
 
-from chefbotd.api.connection import Connection
-from chefbotd.api.session import Session
 from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
+from chefbotd.rpc.session import Session
+from chefbotd.transport.tcp.connection import Connection
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
 

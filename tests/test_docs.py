@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.features.driving.safety_keeper import ENCODERS_STALE, OBSTACLE
 from chefbotd.safety.faults import PASSING, FaultKind
 from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
-from chefbotd.services.safety import ENCODERS_STALE, OBSTACLE
 from chefbotd.services.watchdog import WatchdogParameters
 
 ROOT = Path(__file__).parents[1]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.api.access import load_guard
 from chefbotd.cli.control import _token
+from chefbotd.rpc.access import load_guard
 from chefbotd.settings import load, packaged
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from chefbotd import __version__, signals, start
+from chefbotd import __version__, start
 from chefbotd.cli.arguments import Address, address, configuration
 from chefbotd.cli.completion import completion
 from chefbotd.cli.echo import echo
@@ -19,6 +19,7 @@ from chefbotd.cli.init import init, urdf
 from chefbotd.cli.load import load_valid
 from chefbotd.cli.load import simulation as simulation_of
 from chefbotd.cli.program import Program, wants_json
+from chefbotd.process import signals
 
 EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
@@ -71,7 +72,8 @@ def run(
     settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
     if simulated:
         simulation_of(settings)
-    from chefbotd import logs, process
+    from chefbotd import logs
+    from chefbotd.process import run as process
 
     logs.configure(settings.log.level)
     ctx.exit(process.run(settings, simulated=simulated))

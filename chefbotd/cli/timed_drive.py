@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from chefbotd.client import Client
 from chefbotd.client.state import State
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
-from chefbotd.messages.answers import Driven, Limited, WheelsDriven
+from chefbotd.messages.results import Driven, Limited, WheelsDriven
 from chefbotd.messages.telemetry import OdometryData, SimData, WheelsData
 
 PERIOD_S = 0.05

@@ -17,7 +17,7 @@ from chefbotd.client.reading import read
 
 if TYPE_CHECKING:
     from chefbotd.client.state import State
-    from chefbotd.messages import answers
+    from chefbotd.messages import results
     from chefbotd.messages.telemetry import StatsData
     from chefbotd.motion.pid import PidParameters
 
@@ -61,16 +61,16 @@ class Methods(ABC):
 
     async def drive(
         self, linear_m_s: float, angular_rad_s: float, source: str | None = None
-    ) -> answers.Driven:
+    ) -> results.Driven:
         """Ask for a velocity: forward in m/s, turning in rad/s (CCW positive). The answer is what the limits allow.
 
         It holds for the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``. Without a
         source it is the robot's default one that asks.
         """
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
         velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
-        return read(answers.Driven, await self.call("drive", **velocity, **_named(source)))
+        return read(results.Driven, await self.call("drive", **velocity, **_named(source)))
 
     async def drive_for(
         self,
@@ -78,7 +78,7 @@ class Methods(ABC):
         linear_m_s: float = 0.0,
         angular_rad_s: float = 0.0,
         source: str | None = None,
-    ) -> answers.Driven:
+    ) -> results.Driven:
         """Drive for some seconds by repeating ``drive`` within the dead-man time, then brake until the robot stands.
 
         The robot brakes on every way out: the end, an error, a cancellation.
@@ -111,13 +111,13 @@ class Methods(ABC):
 
     async def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> answers.WheelsDriven:
+    ) -> results.WheelsDriven:
         """Ask for a speed of each wheel by name, in rad/s; the others stand. It holds as long as a ``drive`` does."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
         asked = {"name": names, "velocity_rad_s": velocities}
-        return read(answers.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
+        return read(results.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
 
     async def stop(self) -> dict[str, str]:
         """Bring the robot to rest within the deceleration limit, whoever drives it; by source, who did.
@@ -142,23 +142,23 @@ class Methods(ABC):
         """Say what this client is called where others see who drives: 1 to 64 characters."""
         await self.call("introduce", client=client)
 
-    async def authenticate(self, token: str) -> answers.Known:
+    async def authenticate(self, token: str) -> results.Known:
         """Show a token; ``connect(token=...)`` does so by itself."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.Known, await self.call("authenticate", token=token))
+        return read(results.Known, await self.call("authenticate", token=token))
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.Taken, await self.call("take_control", **_named(source))).taken_from
+        return read(results.Taken, await self.call("take_control", **_named(source))).taken_from
 
     async def release_control(self) -> list[str]:
         """Give back every source that we have, and name them; our commands are withdrawn."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.Released, await self.call("release_control")).sources
+        return read(results.Released, await self.call("release_control")).sources
 
     # state
 
@@ -196,21 +196,21 @@ class Methods(ABC):
 
     async def get_description(self) -> str | None:
         """The robot's links and joints as a URDF document; None where the configuration names none."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.RobotDescription, await self.call("get_description")).urdf
+        return read(results.RobotDescription, await self.call("get_description")).urdf
 
-    async def describe(self) -> answers.Description:
+    async def describe(self) -> results.Description:
         """Methods, topics and error kinds with their JSON Schemas."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.Description, await self.call("describe"))
+        return read(results.Description, await self.call("describe"))
 
-    async def ping(self) -> answers.Pong:
+    async def ping(self) -> results.Pong:
         """Whether the daemon answers; ``stamp_s`` is its monotonic clock."""
-        from chefbotd.messages import answers
+        from chefbotd.messages import results
 
-        return read(answers.Pong, await self.call("ping"))
+        return read(results.Pong, await self.call("ping"))
 
     # tuning and resets
 
@@ -244,9 +244,9 @@ def _missing_to_move(state: State) -> str:
 
 
 def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
-    from chefbotd.messages import answers
+    from chefbotd.messages import results
 
-    return read(answers.Wheels, answer).wheels
+    return read(results.Wheels, answer).wheels
 
 
 def _named(source: str | None) -> dict[str, str]:

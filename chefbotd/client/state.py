@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from chefbotd.client.errors import NotReported
 from chefbotd.client.event import Event
 from chefbotd.client.reading import read
-from chefbotd.messages.answers import Result
+from chefbotd.messages.results import Result
 from chefbotd.messages.telemetry import (
     DATA_BY_TOPIC,
     BatteryData,

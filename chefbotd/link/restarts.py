@@ -7,9 +7,9 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
+from chefbotd.link.board_writer import Speech
 from chefbotd.link.reset import ResetRequest, ResetStage
 from chefbotd.link.restart_watch import RestartWatch
-from chefbotd.link.speech import Speech
 
 log = structlog.get_logger(component="link")
 

@@ -22,16 +22,16 @@ from chefbotd.core.events import (
     TextReceived,
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
+from chefbotd.link.board_writer import FIRST_STOPS, Port, Speech
 from chefbotd.link.cycle_clock import CycleClock
 from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import Condition, show
-from chefbotd.link.hearing import Hearing
+from chefbotd.link.link_monitor import Hearing
 from chefbotd.link.readings import READINGS, refusal
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.ring import LineRing
 from chefbotd.link.send_window import SendWindow
 from chefbotd.link.setpoint import SetpointWriter
-from chefbotd.link.speech import FIRST_STOPS, Port, Speech
 from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board

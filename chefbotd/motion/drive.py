@@ -12,12 +12,12 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.motion import pid, reference
 from chefbotd.motion.drive_state import DriveParameters, DriveState
-from chefbotd.motion.following import followed, heard
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.reference import Asked
 from chefbotd.motion.setpoints import Setpoints, is_rest
+from chefbotd.motion.substitution import followed, heard
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""

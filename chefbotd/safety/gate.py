@@ -21,13 +21,13 @@ from pydantic import Field, model_validator
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters
-from chefbotd.safety.charge import ChargeParameters
+from chefbotd.safety.battery_monitor import ChargeParameters
 from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
+from chefbotd.safety.encoder_timeout import SilenceParameters
 from chefbotd.safety.faults import PASSING, UNSTOPPED, FaultKind
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.overspeed import OverspeedParameters
-from chefbotd.safety.silence import SilenceParameters
 from chefbotd.safety.wheels import WheelWatchParameters
 
 

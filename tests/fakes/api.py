@@ -8,9 +8,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from chefbotd.api import ApiParameters, Guard, Server
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock
+from chefbotd.rpc import ApiParameters, Guard, Server
 from tests.fakes.robot import WHEELS, FakeRobot
 
 

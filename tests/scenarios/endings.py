@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from chefbotd.client import ChefbotError, Client
-from chefbotd.signals import name_of
+from chefbotd.process.signals import name_of
 from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, latched
 from tests.scenarios.instruments import MOVING_M_S
 from tests.scenarios.process import (

@@ -39,7 +39,7 @@ except BlockingIOError:
 os.dup2(full, 2)
 """
 BROKEN_SERVICE = """
-from chefbotd.services import odometry
+from chefbotd.features.odometry import service as odometry
 async def broken(self): raise RuntimeError("broken")
 odometry.OdometryService.run = broken
 """

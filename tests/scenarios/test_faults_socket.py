@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from chefbotd import process
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
+from chefbotd.process import run as process
 from chefbotd.settings import SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 

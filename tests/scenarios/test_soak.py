@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from chefbotd.motion import limits
-from chefbotd.safety import gate, silence
+from chefbotd.safety import gate
 from tests.scenarios.soak import soak
 
 
@@ -35,7 +35,7 @@ def always_armed(check: Callable[..., Any]) -> Callable[..., Any]:
             "on the wire while|because it was armed",
         ),
         pytest.param(
-            silence,
+            encoder_timeout,
             {"is_stale": lambda params, state, now_s: False},
             "drives without being able to see",
             marks=pytest.mark.slow,

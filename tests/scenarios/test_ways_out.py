@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.client import CallError
-from chefbotd.signals import SUSPENDING
+from chefbotd.process.signals import SUSPENDING
 from tests.budget import sample
 from tests.scenarios.process import (
     BLOCKED,

@@ -7,15 +7,15 @@ import socket
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from chefbotd.api.arrivals import Arrivals
-from chefbotd.api.control import Control
-from chefbotd.api.describe import describe
-from chefbotd.api.fanout import Fanout
-from chefbotd.api.methods import Methods
-from chefbotd.api.topics import topics
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.describe import describe
+from chefbotd.rpc.fanout import Fanout
+from chefbotd.rpc.methods import Methods
+from chefbotd.rpc.topics import topics
+from chefbotd.transport.tcp.arrivals import Arrivals
 from tests.fakes.robot import FakeRobot
 
 T = TypeVar("T")

@@ -10,11 +10,11 @@ import trustme
 from click.testing import CliRunner, Result
 from structlog.testing import capture_logs
 
-from chefbotd.api import Guard
-from chefbotd.api.access import Keyring
 from chefbotd.cli.control import main
 from chefbotd.cli.exits import Exit
 from chefbotd.clock import run_virtual
+from chefbotd.rpc import Guard
+from chefbotd.rpc.access import Keyring
 from tests.fakes.api import free_port, serving
 
 TOKEN = "d" * 32

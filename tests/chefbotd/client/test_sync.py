@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from chefbotd.api.topics import topics
 from chefbotd.client import CallError, CallTimeout, CannotConnect, Client, ConnectionLost, SyncClient
 from chefbotd.messages.telemetry import DATA_BY_TOPIC
+from chefbotd.rpc.topics import topics
 from tests.chefbotd.client.real_time import simulated_daemon
 from tests.fakes.api import free_port
 

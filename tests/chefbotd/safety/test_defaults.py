@@ -3,12 +3,12 @@
 import pytest
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.motion.mates import MatesParameters
 from chefbotd.motion.odometry import OdometryParameters
-from chefbotd.safety.charge import ChargeParameters
+from chefbotd.motion.same_side import MatesParameters
+from chefbotd.safety.battery_monitor import ChargeParameters
+from chefbotd.safety.encoder_timeout import SilenceParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.guard import GuardParameters
-from chefbotd.safety.silence import SilenceParameters
 from chefbotd.safety.wheels import WheelWatchParameters
 
 DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [

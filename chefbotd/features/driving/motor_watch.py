@@ -1,0 +1,82 @@
+"""What the motors do, held against what they were told: too fast, or although told to stand, or not what was said."""
+
+from collections.abc import Iterator
+
+from chefbotd.core.events import DutyEchoed
+from chefbotd.features.driving.wheel_reader import WheelsRead
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.safety import deaf, echo, overspeed
+from chefbotd.safety.faults import Fault
+from chefbotd.safety.gate import SafetyParameters
+
+ECHO_AGE_S = 1.5
+"""An echo older than this says nothing of now: the sketch's cycle lasts a second at most."""
+
+
+class MotorWatch:
+    """Holds what the detectors remember from one reading to the next."""
+
+    def __init__(self, parameters: SafetyParameters, chassis: ChassisParameters) -> None:
+        self._parameters, self._kinematics = parameters, Kinematics(chassis)
+        self._names = tuple(wheel.name for wheel in chassis.wheels)
+        self._dragged = len(self._names) > 2
+        self._echo = echo.UNKNOWN
+        self.start_anew()
+
+    def start_anew(self) -> None:
+        """The robot is armed, or its board another: nothing is held against it."""
+        self._overspeed = overspeed.at_rest(len(self._names))
+        self._deaf = deaf.DRIVEN
+
+    def connected(self) -> None:
+        """Whether the board's echo can be believed has to be seen."""
+        self._echo = echo.UNKNOWN
+        self.start_anew()
+
+    def tell(self, now_s: float, duty: tuple[int, ...]) -> None:
+        """A command goes to the board."""
+        self._deaf = deaf.told(self._deaf, now_s, driven=any(duty))
+        self._echo = echo.say(self._echo, now_s, duty)
+
+    def hear(self, event: DutyEchoed) -> Fault | None:
+        """What the board says is in force."""
+        self._echo, fault = echo.hear(self._parameters.echo, self._echo, event.stamp_s, event.duty)
+        return fault
+
+    def watch(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
+        """A good reading, after a while in which the rims were asked for these speeds."""
+        travel_m = self._kinematics.rims_at_m_s(seen.reading.travel_rad)
+        speed_m_s = self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s)
+        self._overspeed, fault = overspeed.watch(
+            self._parameters.overspeed,
+            self._names,
+            self._overspeed,
+            self._asked_m_s(setpoint_m_s),
+            travel_m,
+            seen.dt_s,
+            seen.mates.left_out,
+        )
+        if fault is not None:
+            yield fault
+        self._deaf, fault = deaf.watch(
+            self._parameters.deaf,
+            self._deaf,
+            now_s,
+            travel_m,
+            speed_m_s,
+            seen.dt_s,
+            echoes_motion=self._echoes_motion(now_s),
+        )
+        if fault is not None:
+            yield fault
+
+    def _asked_m_s(self, setpoint_m_s: tuple[float, ...]) -> tuple[float, ...]:
+        """Wheels of a robot with more than two may be dragged along by the others, as fast as these go."""
+        if not self._dragged:
+            return setpoint_m_s
+        return (max(map(abs, setpoint_m_s)),) * len(setpoint_m_s)
+
+    def _echoes_motion(self, now_s: float) -> bool:
+        state = self._echo
+        fresh = now_s - state.shown_s <= ECHO_AGE_S
+        return fresh and any(state.shown) and echo.is_believed(self._parameters.echo, state)

@@ -1,0 +1,256 @@
+"""The keeper of the robot's safety: holds the gate and the fault detectors, and says what may be driven.
+
+It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import structlog
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import (
+    BatteryMeasured,
+    BoardRestarted,
+    DutyEchoed,
+    LinkClosed,
+    LinkOpened,
+    RangeMeasured,
+    SafetyChanged,
+)
+from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.features.driving.motor_watch import MotorWatch
+from chefbotd.features.driving.wheel_reader import WheelsRead
+from chefbotd.logs import RateLimitedLog
+from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, wheels
+from chefbotd.safety.encoder_timeout import SilenceState
+from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
+from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.services.latch import LatchFile
+
+log = structlog.get_logger(component="safety")
+
+Looked = RangeMeasured | BatteryMeasured | DutyEchoed
+
+ENCODERS_STALE = "encoders_stale"
+OBSTACLE = "obstacle:"
+NO_BOARD = "no_board"
+"""The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
+
+WAITING = "waiting for the board"
+
+
+class SafetyKeeper:
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
+
+    ``latch`` remembers the mode beyond the end of the process; ``motors`` says whether the board does as it is told.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: SafetyParameters,
+        *,
+        wheel_names: tuple[str, ...],
+        counts_per_turn: float,
+        mounts: Mapping[str, Pose2D],
+        latch: LatchFile,
+        motors: MotorWatch,
+    ) -> None:
+        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
+        self._latch, self._motors = latch, motors
+        self._gate, self._decision = latch.recall(), HALT
+        self._silence = SilenceState()
+        self._wheels = wheels.at_rest(len(wheel_names))
+        self._critical_since_s: float | None = None
+        self._beams = guard.mount(mounts)
+        self._link_open = False
+        self._reported: Fault | None = None
+        self._announced: SafetyChanged | None = None
+        self._said: tuple[str | None, ...] = ()
+        self._limited_log = RateLimitedLog(log)
+        # Nobody waits for these: they are looked at whenever a decision is made.
+        self._readings: Inbox[Looked] = bus.subscribe(RangeMeasured, BatteryMeasured, DutyEchoed)
+
+    @property
+    def armed(self) -> bool:
+        """Whether the robot may move at all."""
+        return self._gate.mode is Mode.ARMED
+
+    # What is asked of the robot
+
+    def accept(self, command: Command) -> None:
+        """Take a command into account.
+
+        Raises:
+            Refused: the link is down, the robot is not armed, or there is no such source.
+        """
+        self._take_report()
+        accepted = gate.accept(self._parameters, self._gate, command)
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+        self._gate = accepted
+
+    def stop(self) -> None:
+        """Forget every command."""
+        self._gate = gate.stop(self._gate)
+
+    def release(self, source: str) -> None:
+        """Forget a source's command."""
+        self._gate = gate.release(self._gate, source)
+
+    def estop(self, reason: str) -> None:
+        """Latch, until ``arm``."""
+        self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
+
+    def arm(self) -> None:
+        """Allow motion again; every detector starts anew. What is armed already stays as it is, its detectors too.
+
+        Raises:
+            Refused: the link is down.
+        """
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
+        if self.armed:
+            return
+        self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        self._wheels = wheels.at_rest(len(self._wheel_names))
+        self._motors.start_anew()
+        self._silence = replace(self._silence, interrupted=False)
+
+    # What happens to the robot
+
+    def fail(self, fault: Fault) -> None:
+        """A fault has happened: it latches."""
+        self._gate = gate.change_mode(self._gate, Trigger.FAULT, fault.reason, fault.kind)
+
+    def report_from_thread(self, fault: Fault) -> None:
+        """Let a fault latch before the next decision or command; may be called from any thread."""
+        self._reported = fault
+
+    def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        """The board is back, gone, or another: a fault that is left by arming, or by itself where configured."""
+        if isinstance(event, LinkOpened):
+            self._link_open = True
+            self._silence = SilenceState()
+            self._motors.connected()
+            self._recover("the link is back")
+        elif isinstance(event, LinkClosed):
+            self._link_open = False
+            self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
+        else:
+            self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
+            self._recover("the board is back")
+
+    def watch_wheels(
+        self, now_s: float, effort: tuple[float, ...], travel_rad: tuple[float, ...], dt_s: float
+    ) -> None:
+        """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``).
+
+        Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
+        """
+        self._silence = SilenceState(now_s)
+        dt_s = min(dt_s, self._parameters.encoders.max_age_s)
+        self._wheels, fault = wheels.watch(
+            self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad
+        )
+        if fault is not None:
+            self.fail(fault)
+
+    def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
+        """A command goes to the board."""
+        self._motors.tell(now_s, duty)
+
+    def watch_motors(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> None:
+        """A good encoder reading, after a while in which the rims were asked for these speeds."""
+        for fault in self._motors.watch(now_s, setpoint_m_s, seen):
+            self.fail(fault)
+
+    def note_jump(self, jumped: tuple[int, ...]) -> None:
+        """An encoder reading was refused because of these wheels."""
+        self._wheels, fault = wheels.note_jump(
+            self._parameters.wheels, self._wheel_names, self._wheels, jumped
+        )
+        if fault is not None:
+            self.fail(fault)
+
+    # What it comes to
+
+    def decide(self, now_s: float, *, driven: bool) -> Decision:
+        """What to do now; ``driven`` tells whether a duty is in force."""
+        self._take_report()
+        while len(self._readings):
+            self._take_reading(self._readings.take())
+        decision = gate.decide(self._parameters, self._gate, now_s)
+        if not decision.halted:
+            decision = self._within_sight(decision, now_s, driven)
+        self._decision = decision
+        return decision
+
+    def announce(self, now_s: float) -> None:
+        """Publish the gate's state if it has changed, leave word of it for the next daemon, and log a change of mode."""
+        state, decision, told = self._gate, self._decision, self._announced
+        mode, reason = (state.mode, state.reason) if self._link_known() else (NO_BOARD, WAITING)
+        said = (mode, reason, decision.source, state.fault, decision.limited_by)
+        if said == self._said:
+            return
+        self._said, limited_by, fault = said, decision.limited_by, state.fault
+        event = SafetyChanged(now_s, *said)
+        self._announced = event
+        self._latch.keep(state)
+        self._bus.publish(event)
+        if limited_by is not None and (told is None or told.limited_by != limited_by):
+            self._limited_log.warning("motion limited", by=limited_by)
+        if told is not None and told.mode != mode:
+            logged = log.info if self.armed else log.warning
+            logged("safety mode changed", mode=str(mode), reason=reason, fault=fault)
+        elif fault in UNSTOPPED and (told is None or told.fault != fault):
+            log.error("the robot moves though it must not", reason=reason, fault=fault)
+
+    def _link_known(self) -> bool:
+        """Not before the board is first connected: the gate is armed already, but there is nothing that could move."""
+        return self._link_open or not self.armed
+
+    def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
+        """No motion without encoders, and none that an obstacle forbids."""
+        if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
+            self._silence, fault = encoder_timeout.endure(
+                self._parameters.encoders, self._silence, now_s, driven=driven
+            )
+            if fault is not None:
+                self.fail(fault)
+                return HALT
+            limited_by = None if decision.source is None else ENCODERS_STALE
+            return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
+        if not self._parameters.guard.enabled or decision.motion == STANDING:
+            return decision
+        motion, sensor = guard.restrain(self._parameters.guard, self._beams, decision.motion, now_s)
+        if sensor is None:
+            return decision
+        return Decision(motion, decision.source, halted=False, limited_by=OBSTACLE + sensor)
+
+    def _take_report(self) -> None:
+        if self._reported is not None:
+            fault, self._reported = self._reported, None
+            self.fail(fault)
+
+    def _take_reading(self, event: Looked) -> None:
+        if isinstance(event, RangeMeasured):
+            self._beams = guard.see(self._beams, event)
+            return
+        if isinstance(event, DutyEchoed):
+            fault = self._motors.hear(event)
+        else:
+            self._critical_since_s, fault = battery_monitor.judge(
+                self._parameters.battery, self._critical_since_s, event
+            )
+        if fault is not None:
+            self.fail(fault)
+
+    def _recover(self, reason: str) -> None:
+        if self._parameters.rearm is Rearm.AUTO:
+            self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)

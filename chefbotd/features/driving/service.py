@@ -1,0 +1,273 @@
+"""The control loop: encoder counts in, motor duties out, with the gate between every wish and the wire.
+
+Commands come in by direct call, so that a stop goes from the socket to the wire in one call stack. What the wheels do
+goes out as events.
+"""
+
+from collections.abc import Callable, Mapping
+
+import structlog
+from pydantic import Field
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import Clock
+from chefbotd.core.events import (
+    BoardRestarted,
+    EncodersCounted,
+    LinkClosed,
+    LinkOpened,
+    WheelsDriven,
+    WheelsMeasured,
+)
+from chefbotd.core.geometry import Motion, WheelVelocities
+from chefbotd.core.parameters import Parameters
+from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
+from chefbotd.motion import ceiling
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.pid import PidParameters
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.gate import Command, Decision
+
+log = structlog.get_logger(component="drive")
+
+Heard = EncodersCounted | LinkOpened | LinkClosed | BoardRestarted
+
+
+class ControlParameters(Parameters):
+    """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
+
+    watch_period_s: float = Field(default=0.02, gt=0, le=0.1)
+
+
+class DriveService:
+    """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
+
+    ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels. ``duty_ceiling`` is
+    the hardest that each wheel may be pushed while commands that are faster are held back on the way to the board.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        send_duty: Callable[[tuple[int, ...]], None],
+        drive: Drive,
+        keeper: SafetyKeeper,
+        *,
+        reader: WheelReader,
+        wheel_names: tuple[str, ...],
+        control: ControlParameters,
+        duty_ceiling: Callable[[], tuple[int, ...] | None] = lambda: None,
+    ) -> None:
+        self._bus, self._clock, self._write_duty = bus, clock, send_duty
+        self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
+        self._reader, self._wheel_names = reader, wheel_names
+        self._duty_ceiling = duty_ceiling
+        self._watch_period_s = control.watch_period_s
+        link = (LinkOpened, LinkClosed, BoardRestarted)  # safety hangs on these, counts accumulate
+        self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, *link, kept=link)
+        self.steps = 0
+        self.internal_errors = 0
+        self.acted_s = float("-inf")
+
+    # Commands
+
+    def command(self, source: str, motion: Motion) -> None:
+        """Move so from now until the command is too old, a higher source speaks, or a stop.
+
+        Raises:
+            Refused: the link is down, the robot is not armed, or there is no such source.
+        """
+        now_s = self._clock.now_s()
+        self._keeper.accept(Command(source, motion, now_s))
+        self._obey(now_s)
+
+    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
+        """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
+        return self._drive.wheel_velocities(velocity_rad_s)
+
+    def release(self, source: str) -> None:
+        """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
+        self._keeper.release(source)
+        self._obey(self._clock.now_s())
+
+    def brake(self) -> None:
+        """Zero on the wire now, every source's command forgotten, and no motion before the next one."""
+        self._keeper.stop()
+        self._halt()
+
+    def stop(self) -> None:
+        """Come to rest within the deceleration limit; every source's command is forgotten."""
+        self._keeper.stop()
+        self._obey(self._clock.now_s())
+
+    def estop(self, reason: str) -> None:
+        """Zero on the wire now, and until ``arm``."""
+        self._keeper.estop(reason)
+        self._obey(self._clock.now_s())
+
+    def arm(self) -> None:
+        """Allow motion again; nothing moves before the next command.
+
+        Raises:
+            Refused: the link is down.
+        """
+        self._keeper.arm()
+        self._obey(self._clock.now_s())
+
+    def fail(self, fault: Fault) -> None:
+        """Another part has failed: zero on the wire now, and until ``arm``."""
+        self._keeper.fail(fault)
+        self._obey(self._clock.now_s())
+
+    def report_from_thread(self, fault: Fault) -> None:
+        """The same, as soon as the loop goes on; may be called from any thread."""
+        self._keeper.report_from_thread(fault)
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the last duty was not zero; may be read from any thread."""
+        return any(self._state.duty)
+
+    def gains(self) -> dict[str, PidParameters]:
+        """The present gains by wheel name."""
+        return dict(zip(self._wheel_names, self._drive.gains, strict=True))
+
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Exchange the gains of every wheel without a bump."""
+        self._state = self._drive.retune(self._state, tuple([gains[name] for name in self._wheel_names]))
+
+    @property
+    def readings_refused(self) -> int:
+        """Encoder readings that were not believed."""
+        return self._reader.refused
+
+    # The loop
+
+    async def run(self) -> None:
+        """Control until cancelled; whatever ends it, the last thing sent is a stop."""
+        self._keeper.announce(self._clock.now_s())
+        try:
+            while True:
+                event = await self._inbox.get_within(self._watch_period_s)
+                try:
+                    self._on(event)
+                except Exception as error:
+                    if self._keeper.armed:
+                        log.exception("a control step failed")
+                    self._on_internal_error(error)
+        finally:
+            self._inbox.close()
+            self._halt()
+
+    def _on(self, event: Heard | None) -> None:
+        if isinstance(event, EncodersCounted):
+            self._on_encoders(event)
+        elif event is None:
+            self._act(self._clock.now_s(), repeat=False)
+        else:
+            self._on_link(event)
+
+    def _on_encoders(self, event: EncodersCounted) -> None:
+        """The story of one tick: decode, ask the keeper, regulate, put it on the wire, tell the others."""
+        seen = self._reader.read(event, self._state.setpoint_m_s)
+        reading, now_s = seen.reading, self._clock.now_s()
+        if reading.refused:
+            if reading.jumped:
+                self._keeper.note_jump(reading.jumped)
+            self._act(now_s)
+            return
+        effort = self._reader.effort(seen, self._drive.effort(self._state))
+        self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
+        self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
+        self._regulate(now_s, seen)
+        self._send_duty(self._state.duty)
+        self.steps += 1
+        self._keeper.announce(now_s)
+        self._publish(event, seen)
+
+    def _regulate(self, now_s: float, seen: WheelsRead) -> None:
+        decision = self._decide(now_s)
+        if decision.halted:
+            self._state = self._drive.halt(self._state)
+            return
+        apart = decision.limited_by is not None
+        before = self._state
+        after = self._drive.regulate(
+            before,
+            decision.motion,
+            now_s,
+            seen.reading.velocity_rad_s,
+            seen.dt_s,
+            measured_over_s=seen.reading.measured_over_s,
+            apart=apart,
+            led=seen.mates.led,
+        )
+        self._state = ceiling.under(self._duty_ceiling(), before, after)
+
+    def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
+        stamp_s, left_out = event.stamp_s, seen.mates.left_out
+        position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
+        self._bus.publish(
+            WheelsMeasured(
+                stamp_s, event.board_s, position_rad, seen.reading.travel_rad, velocity_rad_s, left_out
+            )
+        )
+        targets = self._drive.targets_rad_s(self._state)
+        self._bus.publish(
+            WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, self._state.duty, left_out)
+        )
+
+    def _act(self, now_s: float, *, repeat: bool = True) -> None:
+        """Step without a measurement; ``repeat`` writes the duty even when it has not changed. A stop always is.
+
+        One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
+        """
+        decision, before = self._decide(now_s), self._state
+        if decision.halted:
+            self._state = self._drive.halt(self._state)
+        else:
+            apart = decision.limited_by is not None
+            after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
+            self._state = ceiling.under(self._duty_ceiling(), before, after)
+        if repeat or self._state.duty != before.duty or not any(self._state.duty):
+            self._send_duty(self._state.duty)
+        self._keeper.announce(now_s)
+
+    def _decide(self, now_s: float) -> Decision:
+        self.acted_s = now_s
+        return self._keeper.decide(now_s, driven=self.is_driving)
+
+    # Faults
+
+    def _obey(self, now_s: float) -> None:
+        """Act on a call from outside, which hears of an error as well."""
+        try:
+            self._act(now_s)
+        except Exception as error:
+            self._on_internal_error(error)
+            raise
+
+    def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        if isinstance(event, BoardRestarted):
+            self._reader.rebase()
+        if not isinstance(event, LinkOpened):
+            self._halt()
+        self._keeper.on_link(event)
+        self._act(self._clock.now_s())
+
+    def _on_internal_error(self, error: Exception) -> None:
+        self.internal_errors += 1
+        reason = f"the control loop failed and is stopped: {error!r}; its log says where"
+        self._keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
+        self._halt()
+        self._keeper.announce(self._clock.now_s())
+
+    def _send_duty(self, duty: tuple[int, ...]) -> None:
+        self._keeper.tell_motors(self._clock.now_s(), duty)
+        self._write_duty(duty)
+
+    def _halt(self) -> None:
+        self._state = self._drive.halt(self._state)
+        self._send_duty(self._state.duty)

@@ -1,0 +1,74 @@
+"""Encoder frames in, what the wheels did out: decoded, and with the choice made between mates that disagree."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import structlog
+
+from chefbotd.core.events import EncodersCounted
+from chefbotd.logs import RateLimitedLog
+from chefbotd.motion import encoder
+from chefbotd.motion.encoder import EncoderParameters, Reading
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.motion.same_side import Mates, MatesParameters, MatesState
+
+log = structlog.get_logger(component="drive")
+
+
+class WheelsRead(NamedTuple):
+    """A reading, the board time since the last good one, and how the mates compare."""
+
+    reading: Reading
+    dt_s: float
+    mates: MatesState
+
+
+class WheelReader:
+    """Holds what decoding and comparing remember from one frame to the next."""
+
+    def __init__(
+        self, chassis: ChassisParameters, encoders: EncoderParameters, mates: MatesParameters
+    ) -> None:
+        self._names = tuple(wheel.name for wheel in chassis.wheels)
+        self._signs = tuple(wheel.encoder_sign for wheel in chassis.wheels)
+        self._parameters, self._encoders = encoders, encoder.START
+        self._mates = Mates(mates, Kinematics(chassis), encoders.counts_per_turn)
+        self._compared = self._mates.start
+        self._board_s: float | None = None
+        self._log = RateLimitedLog(log)
+        self.refused = 0
+
+    def read(self, event: EncodersCounted, setpoint_m_s: Sequence[float]) -> WheelsRead:
+        """The next frame, after a while in which the wheels' rims were asked for these speeds."""
+        self._encoders, reading = encoder.decode(
+            self._parameters, self._signs, self._encoders, event.counts, event.board_s, event.rate_counts_s
+        )
+        if reading.refused:
+            self._refuse(event, reading)
+            return WheelsRead(reading, 0.0, self._compared)
+        dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
+        self._board_s = event.board_s
+        before = self._compared.led
+        self._compared = self._mates.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
+        if self._compared.led not in (before, ()):
+            names = [self._names[index] for index in self._compared.left_out]
+            self._log.warning("wheels disagree with their mates and are left out of odometry", wheels=names)
+        return WheelsRead(reading, dt_s, self._compared)
+
+    def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
+        """How hard each wheel was pushed (see ``Drive.effort``), for whoever judges what came of it."""
+        return self._mates.credit(seen.mates, effort)
+
+    def rebase(self) -> None:
+        """The board has restarted, and its counters and its time with it."""
+        self._encoders = encoder.rebase(self._encoders)
+        self._board_s = None
+
+    def _refuse(self, event: EncodersCounted, reading: Reading) -> None:
+        self.refused += 1
+        if reading.unconfirmed:  # no fault of anyone's until the next reading has spoken
+            return
+        names = [self._names[index] for index in reading.jumped]
+        self._log.warning(
+            "impossible encoder jump refused", wheels=names, counts=event.counts, rebased=reading.rebased
+        )

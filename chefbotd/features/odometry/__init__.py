@@ -1,0 +1,1 @@
+"""Odometry: where the wheels say the robot is."""

@@ -1,0 +1,1 @@
+"""Sensors: ranges, IMU and battery in SI units."""

@@ -1,0 +1,1 @@
+"""Statistics: what was counted, once a second."""

@@ -1,0 +1,1 @@
+"""Tuning: gains that change while the robot drives."""

@@ -1,0 +1,110 @@
+"""The process around the daemon: its loop, its signals, its exit code, and a simulated robot where one is asked for."""
+
+import asyncio
+import gc
+import os
+from collections.abc import Iterator
+
+import structlog
+import uvloop
+
+from chefbotd.app import Daemon, Loop
+from chefbotd.clock import SystemClock
+from chefbotd.process import signals, systemd
+from chefbotd.rpc.access import AccessError
+from chefbotd.services.latch import LatchParameters
+from chefbotd.settings import Settings
+from chefbotd.simulation import simulation_of
+from chefbotd.transport.tcp.listener import CannotListen
+
+log = structlog.get_logger(component="app")
+
+
+def run(settings: Settings, *, simulated: bool) -> int:
+    """Run the daemon until a signal ends it; returns the exit code.
+
+    0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
+    """
+    try:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(_until_signalled(settings, simulated=simulated))
+    except BaseExceptionGroup as failures:
+        for failure in _leaves(failures):
+            if isinstance(failure, CannotListen):
+                log.error("cannot serve", error=str(failure))
+            else:
+                log.error("cannot go on", error=repr(failure), exc_info=failure)
+        return 1
+    except AccessError as problem:
+        log.error("cannot serve", error=str(problem))
+        return os.EX_CONFIG
+    return 0
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
+
+
+async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
+    task = asyncio.current_task()
+    assert task is not None  # noqa: S101 - a coroutine that runs has a task
+    received: list[str] = []
+
+    def end(name: str) -> None:
+        received.append(name)
+        task.cancel()
+
+    signals.handle(end)
+    try:
+        await (_serve_simulated(settings) if simulated else _serve_real(settings))
+    except asyncio.CancelledError:
+        if not received:
+            raise
+    finally:
+        systemd.notify("STOPPING=1")
+    log.info("stopped", signal=received[0])
+
+
+async def _serve(daemon: Daemon, *more: Loop) -> None:
+    async def report_ready() -> None:
+        host, port = await daemon.server.address()
+        settle()
+        systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
+
+    with daemon.watchdog:
+        await daemon.run(report_ready, *more)
+
+
+async def _serve_real(settings: Settings) -> None:
+    """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
+    folder = settings.latch.folder or systemd.runtime_folder()
+    settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
+    daemon = Daemon(settings, clock=SystemClock())
+    if folder is None:
+        log.info(
+            "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
+        )
+    await _serve(daemon)
+
+
+def settle() -> None:
+    """Let the garbage collector pass over what has been built: it lives as long as the process does.
+
+    A full collection would stop the control loop for as long as it takes to look at every module, class and service.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+async def _serve_simulated(settings: Settings) -> None:
+    # Imported here: what simulates a robot has no place in the memory of a daemon on a real one.
+    from chefbotd.sim.embedded import EmbeddedBoard
+
+    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
+        link = settings.link.model_copy(update={"device": str(board.device)})
+        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
+        await _serve(daemon, lambda: board.run(daemon.bus.publish))

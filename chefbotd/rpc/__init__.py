@@ -1,0 +1,8 @@
+"""JSON-RPC 2.0: requests, results, topics, roles and leases."""
+
+from chefbotd.rpc.access import AccessError, Guard, load_guard
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.robot import Robot
+from chefbotd.rpc.server import Server
+
+__all__ = ["AccessError", "ApiParameters", "Guard", "Robot", "Server", "load_guard"]

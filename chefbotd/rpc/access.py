@@ -1,0 +1,139 @@
+"""The tokens and the certificate that the socket is guarded with, read from files that nobody else can read.
+
+A token file has a line per token, ``ROLE TOKEN``; lines that are empty or begin with ``#`` are passed over. Tokens are
+kept as digests: neither the memory after start-up nor a log nor an error message holds one.
+"""
+
+import hashlib
+import hmac
+import os
+import ssl
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from chefbotd.messages.roles import Role
+from chefbotd.rpc.parameters import ApiParameters
+
+MIN_TOKEN_CHARACTERS = 16
+MAX_FILE_BYTES = 65_536
+MAKE_ONE = '(umask 077; echo "admin $(openssl rand -hex 32)" > {path})'
+
+
+class AccessError(Exception):
+    """The socket cannot be guarded as configured; the text says what to do, and never holds a token."""
+
+
+class Keyring:
+    """The tokens that open the socket, each with the role that it gives."""
+
+    def __init__(self, tokens: Mapping[str, Role]) -> None:
+        self._roles = [(_digest(token), role) for token, role in tokens.items()]
+
+    @classmethod
+    def parse(cls, text: str, name: str) -> Self:
+        """A token file's text; raises ``AccessError``, which calls the file by ``name``."""
+        tokens: dict[str, Role] = {}
+        for number, line in enumerate(text.splitlines(), start=1):
+            if line.strip() and not line.lstrip().startswith("#"):
+                role, token = _entry(line.split(), f"{name}, line {number}")
+                tokens[token] = role
+        if not tokens:
+            raise AccessError(f"{name}: holds no token; make one: {MAKE_ONE.format(path=name)}")
+        return cls(tokens)
+
+    def role_of(self, token: str) -> Role | None:
+        """The role that a token gives, or None; how long it takes says nothing about the tokens."""
+        offered, found = _digest(token), None
+        for known, role in self._roles:
+            if hmac.compare_digest(known, offered):
+                found = role
+        return found
+
+
+def _digest(token: str) -> bytes:
+    return hashlib.sha256(token.encode()).digest()
+
+
+def _entry(words: list[str], where: str) -> tuple[Role, str]:
+    if len(words) != 2 or words[0] not in list(Role):
+        raise AccessError(f"{where}: expected a role ({', '.join(Role)}), a space, and a token")
+    role, token = words
+    if len(token) < MIN_TOKEN_CHARACTERS:
+        raise AccessError(f"{where}: a token has at least {MIN_TOKEN_CHARACTERS} characters")
+    return Role(role), token
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """What stands before the socket: the tokens (None: nobody is asked), and TLS."""
+
+    keyring: Keyring | None = None
+    tls: ssl.SSLContext | None = None
+
+
+UNGUARDED = Guard()
+
+
+def load_guard(parameters: ApiParameters, environment: Mapping[str, str]) -> Guard:
+    """The configured tokens and certificate; a systemd credential is looked for by way of ``environment``.
+
+    Raises:
+        AccessError: a file cannot be read or used, or others could read it; nothing may be served then.
+    """
+    return Guard(_keyring(parameters, environment), _tls(parameters))
+
+
+def _keyring(parameters: ApiParameters, environment: Mapping[str, str]) -> Keyring | None:
+    if parameters.token_file is not None:
+        return Keyring.parse(_read(parameters.token_file, private=True), str(parameters.token_file))
+    if parameters.token_credential is not None:
+        path = _credential(parameters.token_credential, environment)
+        # systemd keeps credentials in a directory of the service's own; their mode shows an ACL's mask.
+        return Keyring.parse(_read(path, private=False), str(path))
+    return None
+
+
+def _credential(name: str, environment: Mapping[str, str]) -> Path:
+    folder = environment.get("CREDENTIALS_DIRECTORY")
+    if folder is None:
+        raise AccessError(
+            f"api.token_credential is {name!r}, but systemd has passed no credentials: add "
+            f"LoadCredential={name}:/etc/chefbotd/tokens to the unit, or set api.token_file instead"
+        )
+    return Path(folder, name)
+
+
+def _read(path: Path, *, private: bool) -> str:
+    try:
+        with path.open("rb") as file:
+            if private:
+                _require_private(os.fstat(file.fileno()), path)
+            return file.read(MAX_FILE_BYTES).decode()
+    except OSError as error:
+        hint = f"; make it: {MAKE_ONE.format(path=path)}" if isinstance(error, FileNotFoundError) else ""
+        raise AccessError(f"{path}: cannot be read: {error.strerror}{hint}") from error
+    except UnicodeDecodeError:
+        raise AccessError(f"{path}: is not UTF-8 text") from None  # the error would hold the file's bytes
+
+
+def _require_private(status: os.stat_result, path: Path) -> None:
+    if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise AccessError(f"{path}: others than its owner have access to it; run: chmod 600 {path}")
+
+
+def _tls(parameters: ApiParameters) -> ssl.SSLContext | None:
+    """What proves to clients that they talk to this robot."""
+    certificate, key = parameters.tls_certificate, parameters.tls_key
+    if certificate is None or key is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        _require_private(key.stat(), key)
+        context.load_cert_chain(certificate, key)
+    except OSError as error:  # ssl.SSLError is one
+        raise AccessError(f"TLS with {certificate} and {key} is not possible: {error}") from error
+    return context

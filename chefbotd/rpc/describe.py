@@ -1,0 +1,65 @@
+"""The interface, described by the models that check it."""
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any, Literal, TypeAlias
+
+from pydantic import BaseModel
+
+from chefbotd.messages import results
+from chefbotd.rpc.jsonrpc import ERRORS
+from chefbotd.rpc.method import Method
+from chefbotd.rpc.topics import Topic
+
+Mode: TypeAlias = Literal["validation", "serialization"]
+
+NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
+    "hello": results.Hello,
+    "event": results.Event,
+    "dropped": results.Dropped,
+}
+
+
+def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> results.Description:
+    """What ``describe`` answers, for these methods and topics."""
+    return results.Description(
+        protocol=results.PROTOCOL,
+        methods={name: _method(method) for name, method in methods.items()},
+        topics={name: _topic(topic) for name, topic in topics.items()},
+        notifications={name: _schema(model, "validation") for name, model in NOTIFICATIONS.items()},
+        errors={
+            str(kind): results.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
+            for kind, e in ERRORS.items()
+        },
+    )
+
+
+def prepare(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> Iterator[None]:
+    """Build the schemas that ``describe`` needs, one per step, so that no step takes longer than a few milliseconds."""
+    models: list[tuple[type[BaseModel], Mode]] = [(m.params, "validation") for m in methods.values()]
+    models += [(m.result, "serialization") for m in methods.values()]
+    models += [(t.model, "serialization") for t in topics.values()]
+    models += [(model, "validation") for model in NOTIFICATIONS.values()]
+    for model, mode in models:
+        _schema(model, mode)
+        yield
+
+
+def _method(method: Method) -> results.MethodDescription:
+    return results.MethodDescription(
+        summary=method.summary,
+        role=method.role,
+        params=_schema(method.params, "validation"),
+        result=_schema(method.result, "serialization"),
+    )
+
+
+def _topic(topic: Topic) -> results.TopicDescription:
+    summary = (topic.model.__doc__ or "").partition("\n")[0]
+    return results.TopicDescription(summary=summary, data=_schema(topic.model, "serialization"))
+
+
+@cache
+def _schema(model: type[BaseModel], mode: Mode) -> dict[str, Any]:
+    """A model's JSON Schema, built once in a process: it depends on the class alone."""
+    return model.model_json_schema(mode=mode, by_alias=False)

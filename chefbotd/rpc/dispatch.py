@@ -1,0 +1,182 @@
+"""From a request's line to its answer: parse, admit, check, carry out; every way to fail has an answer."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+
+import structlog
+from pydantic import ValidationError
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import Refused
+from chefbotd.logs import RateLimitedLog
+from chefbotd.messages.params import Params
+from chefbotd.rpc import jsonrpc, lenient
+from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
+from chefbotd.rpc.method import Caller, Method, Unserved
+from chefbotd.rpc.session import Session
+from chefbotd.rpc.validation import explain
+from chefbotd.transport.tcp.arrivals import Arrival, Arrivals
+
+log = structlog.get_logger(__name__)
+
+FOREIGN = re.compile(rb"HTTP/[0-9]|\ASSH-|[\x00-\x08\x0e-\x1f]")
+"""What no line of JSON that was merely mistyped has in it."""
+
+NOT_JSON = {kind for kind, error in ERRORS.items() if error.code == ERRORS[ErrorKind.PARSE_ERROR].code}
+WASTED = NOT_JSON | {ErrorKind.INVALID_REQUEST, ErrorKind.RATE_LIMITED}
+
+
+class Dispatcher:
+    """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have.
+
+    ``void`` counts, by the kind of error, commands that came too late; one moves the robot for ``command_timeout_s``.
+    ``hint`` is found in every line that ``early`` has a method of, however it is escaped.
+    """
+
+    def __init__(
+        self, methods: Mapping[str, Method], clock: Clock, arrivals: Arrivals, command_timeout_s: float
+    ) -> None:
+        self._methods, self._clock = methods, clock
+        self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
+        self.faults: Counter[str] = Counter()
+        self.void: Counter[str] = Counter()
+        self._limited_log = RateLimitedLog(log)
+        self._constants: dict[str, bytes] = {}
+        early = [
+            re.escape(n.encode()) for n, method in methods.items() if method.urgent or method.role is None
+        ]
+        self.hint = re.compile(rb'"(?:%b)"|\\u' % b"|".join(early))
+
+    def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
+        """Carry out one line, and answer it unless it is a notification; without an arrival it has come just now.
+
+        What moves the robot is not carried out when it came before a stop, or too long ago.
+        """
+        request = self._read(line)
+        if isinstance(request, Failure):
+            self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
+            return
+        caller.session.proven = True
+        failure = self._carry_out(caller, request, arrival)
+        if failure is not None:
+            self._refuse(caller, failure, wants_answer=request.wants_answer)
+
+    def early(self, session: Session, line: bytes | bytearray) -> str | None:
+        """The method of a line that need not wait for its turn: a stop, or the token that it takes; else None."""
+        request = self._read(line)
+        method = None if isinstance(request, Failure) else self._methods.get(request.method)
+        if isinstance(request, Failure) or method is None:
+            return None
+        return request.method if method.urgent or (session.role is None and method.role is None) else None
+
+    def is_foreign(self, line: bytes | bytearray) -> bool:
+        """Whether a line is of another protocol."""
+        request = self._read(line)
+        return isinstance(request, Failure) and _is_foreign(line, request)
+
+    def _read(self, line: bytes | bytearray) -> Request | Failure:
+        request = jsonrpc.parse(line)
+        return (self._urgent_in(line) or request) if isinstance(request, Failure) else request
+
+    def _urgent_in(self, line: bytes | bytearray) -> Request | None:
+        """A request to stop, in a line that was refused for its form."""
+        request = lenient.read_leniently(line) if self.hint.search(line) is not None else None
+        method = self._methods.get(request.method) if request is not None else None
+        return request if method is not None and method.urgent else None
+
+    def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool, foreign: bool = False) -> None:
+        """Say what is wrong, and end a connection that is hopeless: one that has only ever spoken another protocol."""
+        session = caller.session
+        if failure.kind in WASTED and not session.forgive(self._clock.now_s()):
+            failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this went on for too long", failure.id)
+        if ERRORS[failure.kind].closes or (foreign and not session.proven):
+            caller.end(failure)
+        elif wants_answer:
+            caller.reply(jsonrpc.error(failure))
+
+    def _carry_out(self, caller: Caller, request: Request, arrival: Arrival | None) -> Failure | None:
+        answered = False
+        try:
+            method = self._admit(caller.session, request)
+            if method.moves and arrival is not None:
+                self._require_fresh(caller.session, request.method, arrival)
+            params = _checked(method, request)
+            body = (
+                self._constants.get(request.method)
+                or method.handle(caller, params).model_dump_json().encode()
+            )
+            if method.constant:
+                self._constants[request.method] = body
+            if request.wants_answer:
+                caller.reply(jsonrpc.result(request.id, body))
+            answered = True
+            if method.afterwards is not None:
+                method.afterwards(caller, params)
+        except Unserved as problem:
+            return Failure(problem.kind, str(problem), request.id, problem.details)
+        except Refused as refusal:
+            return Failure(refusal.kind, str(refusal), request.id)
+        except Exception:
+            self.faults[request.method] += 1
+            log.exception("handler_fault", method=request.method)
+            if not answered:
+                return Failure(
+                    ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id
+                )
+        return None
+
+    def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
+        """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""
+        age_s = self._arrivals.age_s(arrival)
+        if self._arrivals.is_before_a_stop(arrival):
+            kind = ErrorKind.OVERTAKEN
+            message = f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it still holds"
+        elif age_s > self._command_timeout_s:
+            kind = ErrorKind.TOO_OLD
+            message = (
+                f"this {method} waited for up to {age_s:.2f} s, more than the {self._command_timeout_s:g} s for which "
+                "a command moves the robot; send it again if it still holds"
+            )
+        else:
+            return
+        self.void[kind] += 1
+        self._limited_log.warning(
+            "command_void", client=str(session), method=method, kind=str(kind), reason=message
+        )
+        raise Unserved(kind, message)
+
+    def _admit(self, session: Session, request: Request) -> Method:
+        """The method, if there is one and the client may call it now."""
+        method = self._methods.get(request.method)
+        if session.role is None and (method is None or method.role is not None):
+            raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
+        if session.stops_only and (method is None or not method.when_crowded):
+            raise Unserved(
+                ErrorKind.TOO_MANY_CLIENTS, f"{session.stops_only}; this place is kept for stop and estop"
+            )
+        hurried = method is not None and method.urgent
+        if not hurried and not session.admit(self._clock.now_s()):
+            raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
+        if method is None:
+            raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")
+        if method.role is not None and session.role is not None and not session.role.allows(method.role):
+            raise Unserved(
+                ErrorKind.FORBIDDEN, f"{request.method} needs the role {method.role}, not {session.role}"
+            )
+        return method
+
+
+def _is_foreign(line: bytes | bytearray, failure: Failure) -> bool:
+    """Whether a refused line is of another protocol: of a browser made to post commands here, of TLS, of noise."""
+    if failure.kind is ErrorKind.NOT_UTF8:
+        return True
+    return failure.kind is ErrorKind.PARSE_ERROR and FOREIGN.search(line) is not None
+
+
+def _checked(method: Method, request: Request) -> Params:
+    try:
+        return method.params.model_validate(request.params)
+    except ValidationError as problem:
+        message, fields = explain(problem, confidential=method.params.confidential)
+        raise Unserved(ErrorKind.INVALID_PARAMS, message, {"fields": fields}) from None

@@ -1,0 +1,251 @@
+"""One event in, the same bytes out to everyone who asked for it.
+
+Clients who want the same topic at the same rate under the same policy form a group; whether an event is due is
+decided once per group, and its JSON is made once for all. A value that comes too soon is not lost: the latest
+one follows when its time has come. Who has just had a snapshot skips the group's turns until a whole interval has
+passed, and is in step with the others from then on. For a topic without subscribers only the latest state is kept.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import structlog
+
+from chefbotd.clock import Clock
+from chefbotd.messages.results import TopicState
+from chefbotd.messages.telemetry import TopicData
+from chefbotd.rpc.topics import Topic
+
+log = structlog.get_logger(__name__)
+
+
+class Receiver(Protocol):
+    """Where a client's telemetry goes."""
+
+    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+        """Take a line now; never waits."""
+        ...
+
+
+class Feed:
+    """A topic's latest state, and its JSON once someone has asked for it."""
+
+    def __init__(self, topic: Topic) -> None:
+        self.topic = topic
+        self.state: Any = None
+        self.seq = 0
+        self.stamp_s = 0.0
+        self.groups: dict[tuple[str, float], Group] = {}
+        self._json: bytes | None = None
+        self._faulty = False
+
+    def take(self, event: Any) -> None:
+        """Remember an event; nothing is converted."""
+        self.state = self.topic.join(self.state, event)
+        self.seq += 1
+        self.stamp_s = event.stamp_s
+        self._json = None
+
+    def data(self) -> TopicData | None:
+        """The state as the topic's model; None when there is none or (logged once) it does not fit."""
+        if self.state is None:
+            return None
+        try:
+            data = self.topic.data(self.state)
+        except Exception:
+            if not self._faulty:
+                log.exception("telemetry_fault", topic=self.topic.name, state=self.state)
+            self._faulty = True
+            return None
+        self._faulty = False
+        return data
+
+    def line(self, now_s: float) -> bytes | None:
+        """The state as an event notification; the data in it is encoded once, however often this is called."""
+        if self._json is None:
+            data = self.data()
+            if data is None:
+                return None
+            self._json = data.model_dump_json().encode()
+        return _EVENT % (
+            self.topic.name.encode(),
+            self.seq,
+            self.stamp_s,
+            max(0.0, now_s - self.stamp_s),
+            self._json,
+        )
+
+
+_EVENT = (
+    b'{"jsonrpc":"2.0","method":"event","params":'
+    b'{"topic":"%b","seq":%d,"stamp_s":%.6f,"age_s":%.6f,"data":%b}}\n'
+)
+
+
+TIMER_RESOLUTION_S = 0.002
+"""How much too early a timer of uvloop's, which counts whole milliseconds, may be."""
+
+
+@dataclass(slots=True)
+class Member:
+    """The last event that a member has had, and when its snapshot is old enough for the next."""
+
+    seen: int = 0
+    due_s: float = float("-inf")
+
+
+class Group:
+    """Everyone who takes a topic at one rate under one policy."""
+
+    def __init__(self, feed: Feed, policy: str, interval_s: float, clock: Clock) -> None:
+        self._feed, self._clock = feed, clock
+        self._latest, self._interval_s = policy == "latest", interval_s
+        self._members: dict[Receiver, Member] = {}
+        self._due_s = float("-inf")
+        self._timer: asyncio.TimerHandle | None = None
+
+    def __contains__(self, receiver: Receiver) -> bool:
+        return receiver in self._members
+
+    def __bool__(self) -> bool:
+        return bool(self._members)
+
+    def add(self, receiver: Receiver) -> None:
+        """A new member, which has seen nothing yet."""
+        self._members[receiver] = Member()
+
+    def remove(self, receiver: Receiver) -> None:
+        """A member leaves; without members nothing stays scheduled."""
+        del self._members[receiver]
+        if not self._members:
+            self._cancel_timer()
+
+    def snapshot(self, receiver: Receiver) -> None:
+        """The latest value, for one member."""
+        now_s = self._clock.now_s()
+        line = self._feed.line(now_s)
+        if line is not None:
+            self._members[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
+            receiver.telemetry(self._feed.topic.name, self._latest, line)
+
+    def offer(self, now_s: float) -> None:
+        """There is a new value: send it if it is due, else when it will be."""
+        if self._interval_s == 0.0 or now_s >= self._due_s:
+            self._send(now_s)
+        elif self._timer is None:
+            self._send_when_due(now_s)
+
+    def _send_when_due(self, now_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(self._due_s - now_s, lambda: self._send(self._clock.now_s()))
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _send(self, now_s: float) -> None:
+        self._cancel_timer()
+        self._due_s = now_s + self._interval_s
+        line = self._feed.line(now_s)
+        if line is None:
+            return
+        name, seq, latest, early = self._feed.topic.name, self._feed.seq, self._latest, False
+        for receiver, member in self._members.items():
+            if member.seen == seq:  # a snapshot may have brought it already
+                continue
+            if now_s < member.due_s:
+                early = True
+                continue
+            member.seen = seq
+            receiver.telemetry(name, latest, line)
+        if early:
+            self._send_when_due(now_s)
+
+
+class Fanout:
+    """The topics, their groups, and who is in which.
+
+    ``on_demand`` hears when the first client wants, and the last one leaves, a topic whose events cost something.
+    """
+
+    def __init__(
+        self, topics: Mapping[str, Topic], clock: Clock, on_demand: Callable[[Topic, bool], None]
+    ) -> None:
+        self._clock, self._on_demand = clock, on_demand
+        self._feeds = {name: Feed(topic) for name, topic in topics.items()}
+        self._by_event = {event: feed for feed in self._feeds.values() for event in feed.topic.events}
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """The table behind it."""
+        return {name: feed.topic for name, feed in self._feeds.items()}
+
+    def publish(self, event: object) -> None:
+        """Hand an event of one of the topics to whoever it is due for."""
+        feed = self._by_event[type(event)]
+        feed.take(event)
+        if feed.groups:
+            now_s = self._clock.now_s()
+            for group in feed.groups.values():
+                group.offer(now_s)
+
+    def subscribe(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
+        """Put a receiver into these topics' groups, out of any other; an unknown topic raises ``KeyError``."""
+        for feed in [self._feeds[name] for name in names]:
+            wanted = bool(feed.groups)
+            self._leave(receiver, feed)
+            key = (policy, interval_s)
+            group = feed.groups.setdefault(key, Group(feed, policy, interval_s, self._clock))
+            group.add(receiver)
+            self._tell_demand(feed, wanted)
+
+    def snapshot(self, receiver: Receiver, names: Iterable[str]) -> None:
+        """The latest value of each of these topics that the receiver is subscribed to."""
+        for name in names:
+            for group in self._feeds[name].groups.values():
+                if receiver in group:
+                    group.snapshot(receiver)
+
+    def unsubscribe(self, receiver: Receiver, names: Iterable[str] | None = None) -> None:
+        """Take a receiver out of these topics, or of all; raises ``KeyError`` for an unknown topic."""
+        for feed in [self._feeds[name] for name in (self._feeds if names is None else names)]:
+            wanted = bool(feed.groups)
+            self._leave(receiver, feed)
+            self._tell_demand(feed, wanted)
+
+    def _leave(self, receiver: Receiver, feed: Feed) -> None:
+        for key, group in list(feed.groups.items()):
+            if receiver in group:
+                group.remove(receiver)
+                if not group:
+                    del feed.groups[key]
+
+    def _tell_demand(self, feed: Feed, wanted_before: bool) -> None:
+        wanted = bool(feed.groups)
+        if feed.topic.on_demand and wanted != wanted_before:
+            self._on_demand(feed.topic, wanted)
+
+    def subscribed(self, receiver: Receiver) -> list[str]:
+        """The topics that a receiver takes, in the table's order."""
+        return [n for n, feed in self._feeds.items() if any(receiver in g for g in feed.groups.values())]
+
+    def is_subscribed(self, receiver: Receiver) -> bool:
+        """Whether a receiver takes any topic."""
+        return any(receiver in group for feed in self._feeds.values() for group in feed.groups.values())
+
+    def state(self, topic: str) -> Any:
+        """A topic's latest state, unconverted; None before its first event."""
+        return self._feeds[topic].state
+
+    def states(self) -> dict[str, TopicState]:
+        """The latest value of each topic that has one."""
+        now_s = self._clock.now_s()
+        found = ((name, feed, feed.data()) for name, feed in self._feeds.items())
+        return {
+            name: TopicState(seq=f.seq, stamp_s=f.stamp_s, age_s=max(0.0, now_s - f.stamp_s), data=data)
+            for name, f, data in found
+            if data is not None
+        }

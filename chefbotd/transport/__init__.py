@@ -1,0 +1,1 @@
+"""How requests and events travel: each transport is a user of ``chefbotd.rpc``."""

@@ -1,0 +1,131 @@
+"""What one client has yet to read, bounded: telemetry gives way, replies never do, who reads nothing is cut off.
+
+While the transport takes bytes they go straight to it. When it says that the client is behind, telemetry waits
+here; under the policy ``latest`` an event replaces its topic's older one, and beyond ``outbox_bytes`` the oldest
+goes. What was given up is counted, and told to the client as soon as there is room again. Replies always go to the
+transport: of a client that is behind nothing is served but stops, and their answers are the only ones for which there
+may be no room: beyond twice the buffer they are left out.
+"""
+
+import asyncio
+import itertools
+from collections import Counter, OrderedDict
+from collections.abc import Callable
+
+from chefbotd.messages.results import Dropped
+from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.parameters import ApiParameters
+
+FULL_S = 1.0
+"""How long a client may read nothing once as many of its requests wait as may."""
+
+
+class Outbox:
+    """The way out to one client; ``drops`` counts, by topic, what all clients together have lost.
+
+    ``give_up`` is called when the client has read nothing for ``patience_s``, and ends the connection.
+    """
+
+    def __init__(
+        self,
+        transport: asyncio.Transport,
+        parameters: ApiParameters,
+        drops: Counter[str],
+        give_up: Callable[[], None],
+    ) -> None:
+        self._transport, self._parameters, self._all_drops = transport, parameters, drops
+        self._give_up = give_up
+        self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
+        self._waiting_bytes = 0
+        self._order = itertools.count(1)
+        self._dropped: Counter[str] = Counter()
+        self._watch: asyncio.TimerHandle | None = None
+        self._unread_bytes = 0
+        self.patience_s = parameters.stuck_s
+        self.blocked = self.closing = False
+        transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
+
+    def reply(self, line: bytes) -> None:
+        """An answer: written at once, if need be beyond the buffer's limit, within another of the same size."""
+        room = 2 * self._parameters.write_buffer_bytes
+        if self.closing or (self.blocked and self._transport.get_write_buffer_size() > room):
+            return
+        self._unread_bytes += len(line)
+        self._transport.write(line)
+
+    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+        """An event: written at once, or kept for later by the policy."""
+        if self.closing:
+            return
+        if not self.blocked:
+            self._transport.write(line)
+            return
+        key = (topic, 0 if latest else next(self._order))
+        if key in self._waiting:
+            self._drop(key)
+        self._waiting[key] = line
+        self._waiting_bytes += len(line)
+        while self._waiting_bytes > self._parameters.outbox_bytes:
+            self._drop(next(iter(self._waiting)))
+
+    def _drop(self, key: tuple[str, int]) -> None:
+        self._waiting_bytes -= len(self._waiting.pop(key))
+        self._dropped[key[0]] += 1
+        self._all_drops[key[0]] += 1
+
+    def pause(self) -> None:
+        """The client is behind; from now on it is watched."""
+        self.blocked = True
+        self._expect_progress(self._parameters.stuck_s)
+
+    def hurry(self) -> None:
+        """No more can be taken from the client until it reads; that is not waited for as long."""
+        if self.patience_s > FULL_S:
+            self._expect_progress(FULL_S)
+
+    def resume(self) -> None:
+        """The client has caught up: it hears what it lost, then what waited."""
+        self.blocked = False
+        if self.closing:
+            return
+        self._stop_watching()
+        if self._dropped:
+            notice = Dropped(topics=dict(self._dropped), total=self._dropped.total())
+            self._dropped.clear()
+            self._transport.write(jsonrpc.notification("dropped", notice.model_dump_json().encode()))
+        while self._waiting and not self.blocked:
+            _, line = self._waiting.popitem(last=False)
+            self._waiting_bytes -= len(line)
+            self._transport.write(line)
+
+    def shut(self) -> None:
+        """Take no more."""
+        self.closing = True
+        self._waiting.clear()
+
+    def close(self) -> None:
+        """Send what the transport already has, and no more; give up after ``stuck_s`` without progress."""
+        self.shut()
+        self._transport.close()
+        self._expect_progress(self._parameters.stuck_s)
+
+    def lost(self) -> None:
+        """The connection is gone."""
+        self.closing = True
+        self._stop_watching()
+
+    def _expect_progress(self, patience_s: float) -> None:
+        self._stop_watching()
+        self.patience_s, self._unread_bytes = patience_s, self._transport.get_write_buffer_size()
+        self._watch = asyncio.get_running_loop().call_later(patience_s, self._check_progress)
+
+    def _check_progress(self) -> None:
+        if self._transport.get_write_buffer_size() < self._unread_bytes:
+            self._expect_progress(self.patience_s)
+        else:
+            self._give_up()
+
+    def _stop_watching(self) -> None:
+        if self._watch is not None:
+            self._watch.cancel()
+            self._watch = None

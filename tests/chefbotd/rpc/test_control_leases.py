@@ -1,0 +1,219 @@
+"""Who drives: the leases on sources of commands, with time as an argument."""
+
+import pytest
+
+from chefbotd.core.events import ControlChanged
+from chefbotd.messages.roles import Role
+from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.jsonrpc import ErrorKind
+from chefbotd.rpc.method import Unserved
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.session import Session
+
+
+def client(name: str, port: int) -> Session:
+    """A client with a name."""
+    session = Session(ApiParameters(), "10.0.0.7", port, Role.DRIVE, 0.0)
+    session.client = name
+    return session
+
+
+ANN, BOB = client("Ann", 1), client("Bob", 2)
+
+
+class Desk:
+    """Leases of three seconds, and what they led to."""
+
+    def __init__(self) -> None:
+        self.withdrawn: list[str] = []
+        self.told: list[ControlChanged] = []
+        self.control = Control(3.0, 1.0, self.withdrawn.append, self.told.append)
+
+    def drive(self, session: Session, now_s: float, source: str = "teleop") -> None:
+        """What a drive does."""
+        self.control.require(source, session, now_s)
+        self.control.renew(source, session, now_s)
+
+    def holders(self) -> list[dict[str, str]]:
+        """All that was told of who drives."""
+        return [event.holders for event in self.told]
+
+
+def test_the_first_drive_takes_the_lease_and_says_so_once() -> None:
+    """A hundred drives of one client are one announcement."""
+    desk = Desk()
+    for i in range(100):
+        desk.drive(ANN, i / 10)
+    assert desk.told == [ControlChanged(0.0, {"teleop": "Ann (10.0.0.7:1)"})]
+    assert desk.withdrawn == []
+
+
+def test_a_second_driver_is_refused_and_told_who_drives() -> None:
+    """Kind, source and holder are in the error; the lease stays where it is."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    with pytest.raises(Unserved, match=r"driven by Ann .*take_control") as caught:
+        desk.drive(BOB, 1.0)
+    assert caught.value.kind == ErrorKind.LEASE_HELD
+    assert caught.value.details == {"source": "teleop", "holder": "Ann (10.0.0.7:1)"}
+    assert desk.control.holder("teleop", 1.0) is ANN
+
+
+def test_each_source_has_a_lease_of_its_own() -> None:
+    """Ann at the joystick and Bob's navigation do not get in each other's way here."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    desk.drive(BOB, 0.0, "navigation")
+    assert desk.holders()[-1] == {"teleop": "Ann (10.0.0.7:1)", "navigation": "Bob (10.0.0.7:2)"}
+
+
+def test_a_lease_ends_three_seconds_after_the_last_drive() -> None:
+    """At 3.0 s it still holds, later it does not, whether or not anyone has swept."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    with pytest.raises(Unserved):
+        desk.drive(BOB, 3.0)
+    desk.drive(BOB, 3.1)
+    assert desk.control.holder("teleop", 3.1) is BOB
+    assert desk.withdrawn == []
+
+
+def test_a_swept_lease_is_told() -> None:
+    """What has ended with time disappears from the topic; what has not stays."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    desk.drive(BOB, 2.0, "navigation")
+    desk.control.expire(2.9)
+    assert len(desk.told) == 2
+    desk.control.expire(3.1)
+    assert desk.told[-1] == ControlChanged(3.1, {"navigation": "Bob (10.0.0.7:2)"})
+
+
+def test_control_is_taken_over_explicitly() -> None:
+    """Who had it is named, its command is withdrawn, and its next drive is refused."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    assert desk.control.take("teleop", BOB, 1.0) is ANN
+    assert desk.withdrawn == ["teleop"]
+    with pytest.raises(Unserved, match="driven by Bob"):
+        desk.drive(ANN, 1.1)
+    desk.drive(BOB, 1.1)
+
+
+@pytest.mark.parametrize("holder", [None, BOB])
+def test_taking_what_is_free_or_ones_own_withdraws_nothing(holder: Session | None) -> None:
+    """Nobody's motion ends; the lease is renewed."""
+    desk = Desk()
+    if holder is not None:
+        desk.drive(holder, 0.0)
+    assert desk.control.take("teleop", BOB, 2.0) is holder
+    assert desk.withdrawn == []
+    assert desk.control.holder("teleop", 5.0) is BOB
+
+
+def test_the_end_of_a_client_withdraws_all_it_drives() -> None:
+    """Its sources are free at once; another client's are not touched; one announcement."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    desk.drive(ANN, 0.0, "safety")
+    desk.drive(BOB, 0.0, "navigation")
+    before = len(desk.told)
+    assert desk.control.release(ANN, 1.0) == ["teleop", "safety"]
+    assert desk.withdrawn == ["teleop", "safety"]
+    assert desk.holders()[before:] == [{"navigation": "Bob (10.0.0.7:2)"}]
+
+
+def test_a_client_that_drives_nothing_ends_quietly() -> None:
+    """No announcement, nothing withdrawn."""
+    desk = Desk()
+    assert desk.control.release(ANN, 1.0) == []
+    assert (desk.told, desk.withdrawn) == ([], [])
+
+
+def test_at_the_daemons_end_nothing_is_withdrawn() -> None:
+    """The robot is stopped by others then; a withdrawn command could let a lower one through."""
+    desk = Desk()
+    desk.drive(ANN, 0.0)
+    desk.control.forget()
+    assert desk.control.release(ANN, 0.1) == []
+    assert desk.withdrawn == []
+
+
+def test_a_new_name_is_told_of_those_who_drive() -> None:
+    """A driver's name changes on the topic; others' names are nobody's business."""
+    desk, carol = Desk(), client("", 3)
+    desk.control.renamed(carol, 0.0)
+    assert desk.told == []
+    desk.drive(carol, 0.0)
+    carol.client = "Carol"
+    desk.control.renamed(carol, 0.5)
+    assert desk.told[-1] == ControlChanged(0.5, {"teleop": "Carol (10.0.0.7:3)"})
+
+
+def test_a_stop_holds_who_goes_on_driving_and_lets_go_of_who_lets_go() -> None:
+    """At 20 Hz for 5 s it is refused each time, and told why; 1.0 s after the last attempt it drives again."""
+    desk = Desk()
+    desk.drive(ANN, 10.0)
+    assert desk.control.drivers(10.02) == {"teleop": "Ann (10.0.0.7:1)"}
+    desk.control.hold(BOB, 10.02)
+    for i in range(1, 101):
+        with pytest.raises(Unserved, match=r"stopped by Bob .*1 s, or send arm") as caught:
+            desk.drive(ANN, 10.0 + i / 20)
+        assert caught.value.kind == ErrorKind.STOPPED
+    assert caught.value.details == {"source": "teleop", "stopped_by": "Bob (10.0.0.7:2)", "let_go_s": 1.0}
+    with pytest.raises(Unserved):
+        desk.drive(ANN, 15.999)
+    desk.drive(ANN, 17.0)
+    desk.drive(ANN, 17.05)
+
+
+def test_a_stop_does_not_hold_its_own_client_nor_who_had_let_go() -> None:
+    """Ann drives teleop and stops: she goes on at once. Bob's navigation, silent for 1.1 s, had let go already."""
+    desk = Desk()
+    desk.drive(BOB, 8.95, "navigation")
+    desk.drive(ANN, 10.0)
+    assert desk.control.drivers(10.05) == {"teleop": "Ann (10.0.0.7:1)"}
+    desk.control.hold(ANN, 10.05)
+    desk.drive(ANN, 10.06)
+    desk.drive(BOB, 10.06, "navigation")
+
+
+def test_every_source_of_every_other_client_is_held() -> None:
+    """Bob drives two, Ann stops: both are refused, and asking anew with arm frees both; Ann's arm frees neither."""
+    desk = Desk()
+    for source in ("navigation", "safety"):
+        desk.drive(BOB, 10.0, source)
+    desk.control.hold(ANN, 10.1)
+    desk.control.resume(ANN)
+    for source in ("navigation", "safety"):
+        with pytest.raises(Unserved):
+            desk.drive(BOB, 10.2, source)
+    desk.control.resume(BOB)
+    for source in ("navigation", "safety"):
+        desk.drive(BOB, 10.3, source)
+
+
+def test_a_hold_outlasts_a_lease_that_is_shorter() -> None:
+    """With leases of 0.2 s, who tries every 0.6 s is still held, and its source is still its own."""
+    control = Control(0.2, 1.0, lambda _: None, lambda _: None)
+    control.renew("teleop", ANN, 10.0)
+    control.hold(BOB, 10.1)
+    for i in range(1, 4):
+        control.expire(10.0 + 0.6 * i)
+        with pytest.raises(Unserved) as caught:
+            control.require("teleop", ANN, 10.0 + 0.6 * i)
+        assert caught.value.kind == ErrorKind.STOPPED
+    assert control.holder("teleop", 12.0) is ANN
+    assert control.holder("teleop", 13.0) is None
+
+
+def test_who_takes_a_held_source_over_may_drive_it() -> None:
+    """The hold was for Ann, who is told that Bob drives now."""
+    desk = Desk()
+    desk.drive(ANN, 10.0)
+    desk.control.hold(BOB, 10.1)
+    desk.control.take("teleop", BOB, 10.2)
+    desk.drive(BOB, 10.2)
+    with pytest.raises(Unserved) as caught:
+        desk.drive(ANN, 10.3)
+    assert caught.value.kind == ErrorKind.LEASE_HELD

@@ -1,0 +1,79 @@
+"""The schemas of ``describe``: none is built by a server's construction, and none when somebody asks a running one."""
+
+import asyncio
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from chefbotd.clock import run_virtual
+from chefbotd.rpc import describe
+from chefbotd.rpc.server import SCHEMA_PERIOD_S
+from tests.fakes.api import line_client, new_server, serving
+
+SCHEMAS = (
+    60  # 22 methods have parameters and a result, and there are 11 topics and 3 notifications: 58 at most
+)
+
+
+@pytest.fixture
+def built(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[type[BaseModel]]]:
+    """Every model whose schema is built during the test, in a process that has built none before."""
+    models: list[type[BaseModel]] = []
+
+    original = BaseModel.model_json_schema.__func__
+
+    def count(model: type[BaseModel], **options: Any) -> dict[str, Any]:
+        models.append(model)
+        return original(model, **options)
+
+    monkeypatch.setattr(BaseModel, "model_json_schema", classmethod(count))
+    describe._schema.cache_clear()
+    yield models
+    describe._schema.cache_clear()
+
+
+def test_a_new_server_builds_no_schema(built: list[type[BaseModel]]) -> None:
+    """A start does not wait for what nobody has asked for yet."""
+    new_server(simulated=True)
+    assert built == []
+
+
+def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel]]) -> None:
+    """None holds up the loop for as long as all of them together; after that ``describe`` has none left to build."""
+
+    async def scenario() -> None:
+        async with serving(simulated=True) as served, line_client(served) as client:
+            at_once = [len(built)]
+            for _ in range(SCHEMAS):
+                await asyncio.sleep(SCHEMA_PERIOD_S)
+                at_once.append(len(built))
+            assert max(after - before for before, after in pairwise(at_once)) <= 2
+            prepared = len(built)
+            assert prepared > 30
+            assert "drive" in (await client.ask("describe"))["result"]["methods"]
+            assert len(built) == prepared
+
+    run_virtual(scenario())
+
+
+def test_describe_before_all_is_prepared_has_everything(built: list[type[BaseModel]]) -> None:
+    """Whoever asks at once gets what whoever asks later gets, and a second server builds nothing anew."""
+
+    async def answer(wait_s: float) -> dict[str, Any]:
+        async with serving(simulated=True) as served, line_client(served) as client:
+            await asyncio.sleep(wait_s)
+            return (await client.ask("describe"))["result"]
+
+    answers: list[dict[str, Any]] = []
+
+    async def scenario() -> None:
+        answers.append(await answer(0.0))
+        first = len(built)
+        answers.append(await answer(5.0))
+        assert len(built) == first
+
+    run_virtual(scenario())
+    assert answers[0] == answers[1]

@@ -1,0 +1,360 @@
+"""A socket behind tokens and TLS: what opens it, who may do what, and what never leaves it."""
+
+import asyncio
+import contextlib
+import json
+import socket
+import ssl
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import trustme
+import uvloop
+from structlog.testing import capture_logs
+
+from chefbotd.client import CallError, CannotConnect, Client, ConnectionLost
+from chefbotd.clock import run_virtual
+from chefbotd.core.geometry import Twist2D
+from chefbotd.rpc import Guard
+from chefbotd.rpc.access import Keyring
+from tests.fakes.api import line_client, serving
+
+TOKENS = {"observe": "o" * 32, "drive": "d" * 32, "admin": "a" * 32}
+KEYRING = Keyring.parse("\n".join(f"{role} {token}" for role, token in TOKENS.items()), "tokens")
+GUARD = Guard(KEYRING)
+AUTHORITY = trustme.CA()
+BOTH_LOOPS = pytest.mark.parametrize("run", [run_virtual, uvloop.run])
+
+Run = Callable[[Any], None]
+
+
+def tls_guard() -> Guard:
+    """Tokens, and a certificate for 127.0.0.1 from our authority."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    AUTHORITY.issue_cert("127.0.0.1").configure_cert(context)
+    return Guard(KEYRING, context)
+
+
+def trusting() -> ssl.SSLContext:
+    """A client that trusts our authority."""
+    context = ssl.create_default_context()
+    AUTHORITY.configure_trust(context)
+    return context
+
+
+CALLS: dict[str, dict[str, Any]] = {
+    "describe": {},
+    "get_description": {},
+    "ping": {},
+    "get_state": {},
+    "get_stats": {},
+    "subscribe": {"topics": ["text"]},
+    "unsubscribe": {},
+    "introduce": {"client": "someone"},
+    "stop": {},
+    "estop": {},
+    "get_pid": {},
+    "drive": {"linear_m_s": 0.1, "angular_rad_s": 0.0},
+    "set_wheel_velocities": {"name": ["left"], "velocity_rad_s": [0.1]},
+    "take_control": {},
+    "release_control": {},
+    "arm": {},
+    "reset_odometry": {},
+    "set_pid": {"wheel": "all", "kp": 1.0},
+    "undo_pid": {},
+    "reset_board": {},
+}
+LISTS = list(CALLS)
+OBSERVING, DRIVING = set(LISTS[:11]), set(LISTS[:17])
+
+
+@pytest.mark.parametrize(
+    ("role", "allowed"), [("observe", OBSERVING), ("drive", DRIVING), ("admin", set(CALLS))]
+)
+def test_each_role_may_do_its_part(role: str, allowed: set[str]) -> None:
+    """Every method with every role: it is carried out, or refused as forbidden and does nothing."""
+
+    async def main() -> None:
+        async with (
+            serving(guard=GUARD) as served,
+            Client.connect(served.host, served.port, token=TOKENS[role]) as robot,
+        ):
+            assert {m for m in CALLS if await carried_out(robot, m)} == allowed
+
+    run_virtual(main())
+
+
+async def carried_out(robot: Client, method: str) -> bool:
+    """Whether a method is carried out; only ``forbidden`` is a reason why it is not."""
+    try:
+        await robot.call(method, **CALLS[method])
+    except CallError as error:
+        if error.kind != "forbidden":
+            raise
+        return False
+    return True
+
+
+def test_no_method_is_left_out() -> None:
+    """The table above has every method but ``authenticate``."""
+
+    async def main() -> None:
+        async with (
+            serving(guard=GUARD) as served,
+            Client.connect(served.host, served.port, token=TOKENS["admin"]) as robot,
+        ):
+            described = (await robot.describe()).methods
+            roles = {name: method.role for name, method in described.items()}
+            assert roles.pop("authenticate") is None
+            assert {name for name, role in roles.items() if role == "observe"} == OBSERVING
+            assert {name for name, role in roles.items() if role == "drive"} == DRIVING - OBSERVING
+            assert roles.keys() == CALLS.keys()
+
+    run_virtual(main())
+
+
+def test_who_may_arm_is_configured() -> None:
+    """With ``arm_role`` admin a driver may not; with observe anyone may."""
+
+    async def may_arm(role: str, arm_role: str) -> bool:
+        async with (
+            serving(guard=GUARD, arm_role=arm_role) as served,
+            Client.connect(served.host, served.port, token=TOKENS[role]) as robot,
+        ):
+            return await carried_out(robot, "arm")
+
+    async def main() -> None:
+        assert not await may_arm("drive", "admin")
+        assert await may_arm("observe", "observe")
+
+    run_virtual(main())
+
+
+def test_without_tokens_everyone_has_the_default_role() -> None:
+    """On loopback nobody is asked; ``default_role`` observe makes a socket to look at."""
+
+    async def main() -> None:
+        async with (
+            serving(default_role="observe") as served,
+            Client.connect(served.host, served.port, token="not asked for") as robot,
+        ):
+            assert robot.hello.auth == "none"
+            assert (await robot.call("authenticate", token="x"))["role"] == "observe"
+            assert {m for m in CALLS if await carried_out(robot, m)} == OBSERVING
+
+    run_virtual(main())
+
+
+@pytest.mark.parametrize("method", [*CALLS, "fly"])
+def test_nothing_is_carried_out_before_the_token(method: str) -> None:
+    """Not even a stop, nor is it told whether a method exists."""
+
+    async def main() -> None:
+        async with serving(guard=GUARD) as served, line_client(served) as stranger:
+            error = (await stranger.ask(method))["error"]
+            assert error["data"]["kind"] == "unauthenticated"
+            assert served.robot.calls == []
+            assert "result" in await stranger.ask("authenticate", token=TOKENS["drive"])
+            assert "result" in await stranger.ask("ping")
+
+    run_virtual(main())
+
+
+def test_the_greeting_says_that_a_token_is_wanted() -> None:
+    """A client that has none is told on its first call what to do."""
+
+    async def main() -> None:
+        async with serving(guard=GUARD) as served, Client.connect(served.host, served.port) as robot:
+            assert robot.hello.auth == "token"
+            with pytest.raises(CallError, match="send authenticate") as caught:
+                await robot.ping()
+            assert caught.value.kind == "unauthenticated"
+
+    run_virtual(main())
+
+
+def test_a_wrong_token_ends_the_connection() -> None:
+    """The error names no token, the refusal is counted, and the right token works on a new connection."""
+
+    async def main() -> None:
+        async with serving(guard=GUARD) as served:
+            with pytest.raises(CallError) as caught:
+                async with Client.connect(served.host, served.port, token="w" * 32):
+                    pytest.fail("the wrong token opened the socket")
+            assert caught.value.kind == "wrong_token"
+            await asyncio.sleep(0.01)
+            assert (served.server.clients, served.server.refused) == (0, {"wrong_token": 1})
+            async with Client.connect(served.host, served.port, token=TOKENS["drive"]) as robot:
+                await robot.ping()
+
+    with capture_logs():
+        run_virtual(main())
+
+
+def test_who_does_not_authenticate_in_time_is_cut_off() -> None:
+    """Five seconds; asking for something else meanwhile does not help."""
+
+    async def main() -> None:
+        async with serving(guard=GUARD) as served, line_client(served) as stranger:
+            for _ in range(4):
+                await asyncio.sleep(1.2)
+                await stranger.ask("ping")
+            assert served.server.clients == 1
+            await asyncio.sleep(0.6)
+            assert (await stranger.read())["error"]["data"]["kind"] == "timed_out"
+            with pytest.raises(EOFError):
+                await stranger.read()
+            assert served.server.clients == 0
+
+    with capture_logs():
+        run_virtual(main())
+
+
+@pytest.mark.parametrize(("host", "warned"), [("127.0.0.1", False), ("0.0.0.0", True)])
+def test_tokens_that_can_be_overheard_are_warned_of(host: str, warned: bool) -> None:
+    """Beyond loopback without TLS the log says so; it is allowed, for a network that is trusted."""
+
+    async def main() -> None:
+        async with (
+            serving(guard=GUARD, host=host, token_file="tokens") as served,
+            Client.connect("127.0.0.1", served.port, token=TOKENS["drive"]) as robot,
+        ):
+            await robot.ping()
+
+    with capture_logs() as logs:
+        run_virtual(main())
+    assert ("api_not_encrypted" in [entry["event"] for entry in logs]) is warned
+
+
+SECRET = "s3cret-s3cret-s3cret"
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"token": SECRET},
+        {"tokn": SECRET},
+        {"token": [SECRET]},
+        {"token": SECRET * 50},
+        {"token": SECRET, "other": SECRET},
+        {SECRET: 1},
+    ],
+)
+def test_a_token_is_never_repeated(params: dict[str, Any]) -> None:
+    """Wrong, misspelt, in a list or too long: neither the answer nor the log has it."""
+
+    async def main() -> None:
+        async with serving(guard=GUARD) as served, line_client(served) as client:
+            answers.append(await client.ask("authenticate", **params))
+
+    answers: list[dict[str, Any]] = []
+    with capture_logs() as logs:
+        run_virtual(main())
+    assert "error" in answers[0]
+    assert SECRET not in json.dumps(answers) + repr(logs)
+
+
+@BOTH_LOOPS
+def test_tls_from_end_to_end(run: Run) -> None:
+    """A client that trusts the authority talks to the robot, on either loop."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard()) as served:
+            async with Client.connect(
+                served.host, served.port, token=TOKENS["drive"], tls=trusting(), name="Ann"
+            ) as robot:
+                await robot.drive(0.1, 0.0)
+                assert served.robot.calls == [("drive", "teleop", Twist2D(0.1, 0.0))]
+            await asyncio.sleep(0.05)
+            assert (served.server.clients, served.robot.calls[-1]) == (0, ("release", "teleop"))
+
+    run(main())
+
+
+@BOTH_LOOPS
+def test_an_untrusted_certificate_is_refused_by_the_client(run: Run) -> None:
+    """Whoever does not know the authority does not send its token; the daemon serves on."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard()) as served:
+            with pytest.raises(CannotConnect, match="certificate verify failed") as refused:
+                async with Client.connect(
+                    served.host, served.port, token=TOKENS["admin"], tls=ssl.create_default_context()
+                ):
+                    pytest.fail("trusted a stranger")
+            assert isinstance(refused.value.__cause__, ssl.SSLCertVerificationError)
+            await asyncio.sleep(0.05)
+            assert served.server.clients == 0
+            async with Client.connect(
+                served.host, served.port, token=TOKENS["admin"], tls=trusting()
+            ) as robot:
+                await robot.ping()
+
+    with capture_logs():
+        run(main())
+
+
+def test_plain_text_on_a_tls_port_gets_nothing() -> None:
+    """No greeting, no answer, and the client is gone."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard()) as served:
+            with pytest.raises(ConnectionLost):
+                async with Client.connect(served.host, served.port, timeout_s=1.0) as robot:
+                    await robot.ping()
+            reader, writer = await asyncio.open_connection(served.host, served.port)
+            writer.write(b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n')
+            assert b"jsonrpc" not in await reader.read()
+            writer.close()
+            await asyncio.sleep(0.05)
+            assert (served.server.clients, served.robot.calls) == (0, [])
+
+    with capture_logs():
+        run_virtual(main())
+
+
+def test_a_tls_handshake_that_never_comes_is_cut_off_and_counts_meanwhile() -> None:
+    """A silent connection on a TLS port has five seconds, takes one client's room, and then gives it back."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard(), max_clients=1, stop_places=0) as served:
+            with socket.create_connection((served.host, served.port)) as silent:
+                await asyncio.sleep(0.1)
+                assert served.server.clients == 1
+                with socket.create_connection((served.host, served.port)) as second:
+                    await asyncio.sleep(0.1)
+                    assert second.recv(100) == b""  # refused, and not in plain text
+                await asyncio.sleep(5.0)
+                assert silent.recv(100) == b""
+            assert served.server.clients == 0
+
+    with capture_logs():
+        run_virtual(main())
+
+
+@BOTH_LOOPS
+def test_silent_tls_handshakes_keep_nobody_from_stopping(run: Run) -> None:
+    """Ten connections that say nothing fill the room and the places kept for stops: the oldest there give way."""
+
+    async def main() -> None:
+        async with serving(guard=tls_guard(), max_clients=1, stop_places=4) as served:
+            with contextlib.ExitStack() as stack:
+                silent = [
+                    stack.enter_context(socket.create_connection((served.host, served.port), timeout=1.0))
+                    for _ in range(10)
+                ]
+                await asyncio.sleep(0.1)
+                assert served.server.clients == 5
+                assert [gone.recv(1) for gone in silent[1:6]] == [b""] * 5
+                async with Client.connect(
+                    served.host, served.port, token=TOKENS["observe"], tls=trusting()
+                ) as robot:
+                    await robot.estop("smoke")
+                    assert served.robot.calls == [("estop", "smoke")]
+                    assert served.server.clients == 5
+                await asyncio.sleep(0.1)
+                assert (served.server.clients, served.server.refused) == (4, {"too_many_clients": 6})
+
+    with capture_logs():
+        run(main())

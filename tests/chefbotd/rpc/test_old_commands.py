@@ -1,0 +1,230 @@
+"""Old intent moves nothing: what was sent before a stop, or waited too long, is not carried out and is told why."""
+
+import asyncio
+import json
+import socket
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import ExitStack
+
+import pytest
+import uvloop
+from structlog.testing import capture_logs
+
+from chefbotd.clock import run_virtual
+from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
+from tests.fakes.api import Served, line_client, serving
+
+GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
+DESCRIBE = b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n'
+PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
+ARM = b'{"jsonrpc":"2.0","id":9,"method":"arm"}\n'
+DRIVE = b'{"jsonrpc":"2.0","id":9,"method":"drive","params":{"linear_m_s":0.17,"angular_rad_s":-0.3}}\n'
+WHEELS = (
+    b'{"jsonrpc":"2.0","id":9,"method":"set_wheel_velocities",'
+    b'"params":{"name":["left"],"velocity_rad_s":[1.5]}}\n'
+)
+ESTOP = b'{"jsonrpc":"2.0","id":2,"method":"estop","params":{"reason":"smoke"}}\n'
+STOP = b'{"jsonrpc":"2.0","id":2,"method":"stop"}\n'
+MOVES = pytest.mark.parametrize("command", [ARM, DRIVE, WHEELS])
+Scenario = Callable[[Served], Awaitable[None]]
+LOOPS = pytest.mark.parametrize("run", [asyncio.run, uvloop.run])
+
+
+def serve(run: Callable[..., None], scenario: Scenario, **limits: object) -> None:
+    """Run a scenario with a served fake robot, in real time: kernels have no other."""
+
+    async def main() -> None:
+        async with serving(**limits) as served:
+            await scenario(served)
+
+    with capture_logs():
+        run(main())
+
+
+def connect(served: Served, stack: ExitStack) -> socket.socket:
+    """A client whose bytes are in the daemon's kernel when ``sendall`` returns, on loopback."""
+    client = stack.enter_context(socket.create_connection((served.host, served.port)))
+    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return client
+
+
+async def answer(client: socket.socket, request_id: int) -> str:
+    """``ok``, or the kind of the error, of the answer to one request."""
+    client.setblocking(False)
+    seen = b""
+    async with asyncio.timeout(10.0):
+        while True:
+            seen += await asyncio.get_running_loop().sock_recv(client, 1 << 20)
+            for line in seen.split(b"\n")[:-1]:
+                message = json.loads(line)
+                if message.get("id") == request_id:
+                    return str(message["error"]["data"]["kind"]) if "error" in message else "ok"
+
+
+def names(served: Served) -> list[object]:
+    """What the robot was asked to do, by name."""
+    return [name for name, *_ in served.robot.calls]
+
+
+@LOOPS
+def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., None]) -> None:
+    """20 clients ask 50 times and arm, another one's e-stop overtakes them: none of the twenty arms follows it."""
+
+    async def scenario(served: Served) -> None:
+        with ExitStack() as stack:
+            crowd = [connect(served, stack) for _ in range(20)]
+            stopper = connect(served, stack)
+            await asyncio.sleep(0.1)
+            for client in crowd:
+                client.sendall(GET_STATE * 50 + ARM)
+            stopper.sendall(ESTOP)
+            assert await answer(stopper, 2) == "ok"
+            told = [await answer(client, 9) for client in crowd]
+            calls = names(served)
+            assert "arm" not in calls[calls.index("estop") :]
+            assert told.count("overtaken") + calls.count("arm") == 20
+            assert served.server.void_commands == {"overtaken": told.count("overtaken")}
+            stopper.sendall(ARM)
+            assert await answer(stopper, 9) == "ok"
+
+    serve(run, scenario)
+
+
+@LOOPS
+@MOVES
+@pytest.mark.parametrize("stop", [ESTOP, STOP])
+def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
+    run: Callable[..., None], command: bytes, stop: bytes
+) -> None:
+    """Both are there when the loop comes back from 0.1 s: whichever is read first, no motion follows the stop."""
+
+    async def scenario(served: Served) -> None:
+        for mover_first in (True, False):
+            with ExitStack() as stack:
+                mover, stopper = connect(served, stack), connect(served, stack)
+                await asyncio.sleep(0.1)
+                served.robot.calls.clear()
+                pair: Sequence[tuple[socket.socket, bytes]] = [(mover, PING * 60 + command), (stopper, stop)]
+                for client, said in pair if mover_first else pair[::-1]:
+                    client.sendall(said)
+                time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
+                assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
+                assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]
+                mover.sendall(command)
+                assert await answer(mover, 9) == "ok"
+
+    serve(run, scenario)
+
+
+@LOOPS
+def test_who_waits_at_the_door_has_come_before_the_stop(run: Callable[..., None]) -> None:
+    """Five clients connect and arm while the loop stands still, and another one stops: none of them arms it again."""
+
+    async def scenario(served: Served) -> None:
+        with ExitStack() as stack:
+            stopper = connect(served, stack)
+            await asyncio.sleep(0.1)
+            newcomers = [connect(served, stack) for _ in range(5)]
+            for client in newcomers:
+                client.sendall(ARM)
+            stopper.sendall(ESTOP)
+            time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
+            assert await answer(stopper, 2) == "ok"
+            told = [await answer(client, 9) for client in newcomers]
+            calls = names(served)
+            assert "arm" not in calls[calls.index("estop") :]
+            assert told.count("overtaken") >= 4  # one may have been let in before
+
+    serve(run, scenario)
+
+
+@LOOPS
+@MOVES
+def test_what_came_while_the_loop_stood_still_is_not_carried_out(
+    run: Callable[..., None], command: bytes
+) -> None:
+    """Five of them behind a stand of 0.7 s are refused as too old; the same sent again is carried out."""
+
+    async def scenario(served: Served) -> None:
+        with ExitStack() as stack:
+            client = connect(served, stack)
+            await asyncio.sleep(0.1)
+            for _ in range(5):
+                client.sendall(command)
+            time.sleep(0.7)  # noqa: ASYNC251 - the loop stands still
+            assert await answer(client, 9) == "too_old"
+            await asyncio.sleep(0.1)
+            assert (served.robot.calls, served.server.void_commands) == ([], {"too_old": 5})
+            client.sendall(command)
+            await asyncio.sleep(0.2)
+            assert len(served.robot.calls) == 1
+
+    serve(run, scenario)
+
+
+def test_and_so_through_tls() -> None:
+    """Where what the kernel holds is encrypted."""
+
+    async def scenario(served: Served) -> None:
+        _, mover = await asyncio.open_connection(served.host, served.port, ssl=trusting())
+        _, stopper = await asyncio.open_connection(served.host, served.port, ssl=trusting())
+        for writer in (mover, stopper):
+            writer.write(
+                b'{"jsonrpc":"2.0","id":1,"method":"authenticate","params":{"token":"%b"}}\n'
+                % TOKENS["admin"].encode()
+            )
+        await asyncio.sleep(0.2)
+        mover.write(PING * 60 + ARM)
+        stopper.write(ESTOP)
+        time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
+        await asyncio.sleep(0.3)
+        calls = names(served)
+        assert calls.count("arm") == len(calls[: calls.index("estop")])
+        mover.write(ARM)
+        await asyncio.sleep(0.2)
+        assert names(served)[-1] == "arm"
+        mover.write(ARM + DRIVE)
+        time.sleep(0.8)  # noqa: ASYNC251 - the loop stands still
+        count = len(served.robot.calls)
+        await asyncio.sleep(0.3)
+        assert len(served.robot.calls) == count
+        assert served.server.void_commands["too_old"] == 2
+        for writer in (mover, stopper):
+            writer.transport.abort()
+
+    serve(uvloop.run, scenario, guard=tls_guard())
+
+
+@pytest.mark.parametrize("run", [run_virtual, uvloop.run])
+def test_a_drive_behind_answers_that_nobody_reads_is_old_when_they_are_read(run: Callable[..., None]) -> None:
+    """400 long answers unread for 0.8 s, then read: the drive behind them moves nothing any more."""
+
+    async def scenario(served: Served) -> None:
+        async with line_client(served) as client:
+            client.stop_reading()
+            client.send_raw(DESCRIBE * 400 + DRIVE)
+            await asyncio.sleep(0.8)
+            client.read_on()
+            message = await client.read()
+            while message["id"] != 9:
+                message = await client.read()
+            assert (message["error"]["data"]["kind"], served.robot.calls) == ("too_old", [])
+
+    serve(run, scenario)
+
+
+@pytest.mark.parametrize("behind", [b"", PING * 100, GET_STATE * 200])
+def test_what_a_client_sends_behind_its_own_stop_is_carried_out(behind: bytes) -> None:
+    """E-stop, arm and drive in one piece, also behind more requests than a turn serves: in this order."""
+
+    async def scenario(served: Served) -> None:
+        with ExitStack() as stack:
+            client = connect(served, stack)
+            client.sendall(DRIVE.replace(b'"id":9', b'"id":8') + behind + ESTOP + ARM + DRIVE)
+            assert await answer(client, 9) == "ok"
+            await asyncio.sleep(0.2)
+            calls = names(served)
+            assert calls[calls.index("estop") :] == ["estop", "arm", "drive"]
+
+    serve(uvloop.run, scenario)
