@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from chefbotd.motion import limits
-from chefbotd.safety import gate
+from chefbotd.safety import encoder_timeout, gate
 from tests.scenarios.soak import soak
 
 

@@ -10,7 +10,7 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import Rearm, SafetyParameters
 from chefbotd.services.latch import LatchFile
-from tests.chefbotd.services.test_drive import CHASSIS
+from tests.chefbotd.features.driving.test_service import CHASSIS
 
 
 class Kept:

@@ -12,7 +12,7 @@ from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
-from tests.chefbotd.rpc.test_urgent import STOPS
+from tests.chefbotd.rpc.test_lenient import STOPS
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
 from tests.fakes.transport import FakeTransport
