@@ -138,7 +138,7 @@ def _deaf(count: int, port: int) -> None:
 
 def _deaf_flood(count: int, port: int) -> None:
     """Ask without reading for as fast as it is taken, for three seconds, with new clients for those that are cut off."""
-    flood, over_s = _CALL + b'"introduce","params":{"client":"stop"}}\n', time.monotonic() + 3.0
+    flood, over_s = _CALL + b'"set_client_name","params":{"client":"stop"}}\n', time.monotonic() + 3.0
     crowd: list[socket.socket] = []
     while time.monotonic() < over_s:
         while len(crowd) < count:

@@ -26,7 +26,7 @@ from chefbotd.link.reconnect import BoardLink, Opener
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.motion.drive import Drive
-from chefbotd.motion.limit_preview import Allowance
+from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.robot import WiredRobot
 from chefbotd.rpc.access import load_guard
 from chefbotd.rpc.server import Server
@@ -105,7 +105,7 @@ class Daemon:
                 settings.safety.default_source,
                 _description(settings),
                 tuple(settings.safety.sources),
-                Allowance(settings.drive, settings.chassis, settings.limits),
+                LimitPreview(settings.drive, settings.chassis, settings.limits),
             ),
             self.bus,
             clock,
@@ -130,20 +130,20 @@ class Daemon:
             raise
 
     async def _run(self, *more: Loop) -> None:
-        kept, insist = self._supervisor.keep, self._supervisor.insist
+        kept, run_critical = self._supervisor.keep, self._supervisor.run_critical
         async with asyncio.TaskGroup() as group:
             try:
-                group.create_task(insist("server", self.server.run))
+                group.create_task(run_critical("server", self.server.run))
                 await self.server.address()
-                group.create_task(insist("drive", self.driving.run))
-                group.create_task(insist("quadrature", self._quadrature.run))
+                group.create_task(run_critical("drive", self.driving.run))
+                group.create_task(run_critical("quadrature", self._quadrature.run))
                 group.create_task(kept("odometry", self._odometry.run))
                 group.create_task(kept("sensors", self._sensors.run))
                 group.create_task(kept("stats", self._stats.run))
                 group.create_task(kept("fault log", self._fault_log.run))
                 for loop in more:
                     group.create_task(loop())
-                group.create_task(insist("link", self._link.run))
+                group.create_task(run_critical("link", self._link.run))
                 await asyncio.Event().wait()
             finally:
                 self.session.close()

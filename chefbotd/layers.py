@@ -12,7 +12,7 @@ Keys: TypeAlias = tuple[str, ...]
 ENVIRONMENT_PREFIX = "CHEFBOTD_"
 
 
-class Misplaced(Exception):
+class UnknownKey(Exception):
     """A key that leads nowhere; its text is ready to be shown."""
 
 
@@ -46,7 +46,7 @@ def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
     A list's entry goes by its ``name``, in any case, or by its number, from 0; with the latter the keys are returned.
 
     Raises:
-        Misplaced: the way leads through a value, or to an entry that the list does not have.
+        UnknownKey: the way leads through a value, or to an entry that the list does not have.
     """
     *sections, name = keys
     inner: Any = values
@@ -60,7 +60,7 @@ def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
             way.append(str(index))
             inner = inner[index]
         if not isinstance(inner, dict | list):
-            raise Misplaced(f"{'.'.join(keys)}: {section} is a value, not a section")
+            raise UnknownKey(f"{'.'.join(keys)}: {section} is a value, not a section")
     if isinstance(inner, dict):
         inner[name] = value
         return (*way, name)
@@ -77,4 +77,4 @@ def _index(entries: list[Any], text: str, keys: Keys) -> int:
     if text and lowered.count(text.lower()) == 1:
         return lowered.index(text.lower())
     told = [f"0 to {len(entries) - 1}", *filter(None, names)]
-    raise Misplaced(f"{'.'.join(keys)}: there is no entry {text}, only {', '.join(told)}")
+    raise UnknownKey(f"{'.'.join(keys)}: there is no entry {text}, only {', '.join(told)}")

@@ -11,7 +11,7 @@ from chefbotd.features.odometry.service import OdometryService
 from chefbotd.features.statistics.service import StatsService
 from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.link.session import BoardSession
-from chefbotd.motion.limit_preview import Allowance
+from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.motion.pid import PidParameters
 
 
@@ -28,7 +28,7 @@ class WiredRobot:
     default_source: str
     description: str | None
     sources: tuple[str, ...]
-    allowance: Allowance
+    allowance: LimitPreview
 
     def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
         """Take a velocity command."""

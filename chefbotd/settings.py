@@ -19,7 +19,7 @@ from chefbotd.combinations import complaints
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.features.driving.service import ControlParameters
-from chefbotd.layers import Keys, Misplaced, from_environment, place, read, variable
+from chefbotd.layers import Keys, UnknownKey, from_environment, place, read, variable
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import Level
 from chefbotd.motion.drive_state import DriveParameters
@@ -29,7 +29,7 @@ from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
-from chefbotd.motion.same_side import MatesParameters
+from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.sensing.battery import BatteryParameters
@@ -82,7 +82,7 @@ class Settings(Parameters):
     body: BodyParameters | None = None
     encoders: EncoderParameters
     quadrature: QuadratureParameters = QuadratureParameters()
-    mates: MatesParameters = MatesParameters()
+    mates: SameSideParameters = SameSideParameters()
     drive: DriveParameters
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}
@@ -173,7 +173,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
         for keys, value in dotted_keys.items():
             origins[keys] = ""
             origins[place(values, keys, value)] = ""
-    except Misplaced as error:
+    except UnknownKey as error:
         raise SettingsError(f"{origins[keys]}{error}") from error
     _locate_description(values, path.parent)
     try:

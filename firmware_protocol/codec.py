@@ -57,14 +57,14 @@ class Variant:
     """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own.
 
     ``banner`` is what its board prints as it starts when all is well, and ``failed_banner`` what may stand in a line's
-    place. ``left_out`` are the classic messages that its board never sends: on its wire such a line is text.
+    place. ``excluded`` are the classic messages that its board never sends: on its wire such a line is text.
     """
 
     name: str
     wheels: int = 2
     banner: tuple[str, ...] = PUBLISHED_BANNER
     failed_banner: tuple[str, ...] = PUBLISHED_FAILURES
-    left_out: tuple[type[Any], ...] = ()
+    excluded: tuple[type[Any], ...] = ()
     extra_from_board: tuple[LineKind, ...] = ()
     extra_to_board: tuple[LineKind, ...] = ()
 
@@ -109,7 +109,7 @@ CLASSIC = Variant("classic", wheels=2)
 FOUR_WHEELS = Variant("four_wheels", wheels=4)
 KHAN = Variant("khan", wheels=4, extra_from_board=(ANALOGUE,))
 KHAN_EDGES = Variant(
-    "khan_edges", wheels=4, left_out=(EncoderCounts,), extra_from_board=(ANALOGUE, *quadrature(4))
+    "khan_edges", wheels=4, excluded=(EncoderCounts,), extra_from_board=(ANALOGUE, *quadrature(4))
 )
 VARIANTS = {variant.name: variant for variant in (CLASSIC, FOUR_WHEELS, KHAN, KHAN_EDGES)}
 
@@ -133,7 +133,7 @@ def _rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
         ),
         LineKind("b", BatteryLevel, (Field("adc", ADC_12_BIT),)),
     )
-    return (*(row for row in classic if row.message not in variant.left_out), *variant.extra_from_board)
+    return (*(row for row in classic if row.message not in variant.excluded), *variant.extra_from_board)
 
 
 def to_board(variant: Variant) -> LineCodec:

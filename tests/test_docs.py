@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.features.driving.safety_keeper import ENCODERS_STALE, OBSTACLE
-from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
 from chefbotd.services.watchdog import WatchdogParameters
 
@@ -55,7 +55,7 @@ def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
     text = PAGE.read_text(encoding="utf-8")
     for mode in Mode:
         assert f"\n- `{mode}`: " in text, mode
-    for kind in PASSING:
+    for kind in RECOVERABLE:
         assert f"`{kind}`" in text.split("\n## The table")[0], kind
 
 

@@ -25,7 +25,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.meeting import CLOSING_PATIENCE_S, PASSING, Door, Greeted, Hello, meet
+from chefbotd.client.meeting import CLOSING_PATIENCE_S, RECOVERABLE, Door, Greeted, Hello, meet
 from chefbotd.client.methods import Methods
 from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
 from chefbotd.client.topics import Topics
@@ -229,7 +229,7 @@ class Client(Methods, Topics):
             for subscription in list(self._subscriptions):
                 subscription.resume(gap)
                 await self.call("subscribe", **subscription.request.params())
-        except PASSING:
+        except RECOVERABLE:
             return False
         return self.connected
 

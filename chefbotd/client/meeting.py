@@ -87,7 +87,7 @@ async def meet(
         if door.token is not None and hello.auth == "token":
             await wire.call("authenticate", {"token": door.token}, door.timeout_s)
         if door.name is not None:
-            await wire.call("introduce", {"client": door.name}, door.timeout_s)
+            await wire.call("set_client_name", {"client": door.name}, door.timeout_s)
         if wire.lost is not None:
             raise ConnectionLost(str(wire.lost))
     except BaseException:
@@ -131,5 +131,5 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
         ) from problem
 
 
-PASSING = (CannotConnect, ConnectionLost, CallTimeout)
+RECOVERABLE = (CannotConnect, ConnectionLost, CallTimeout)
 """What may be over when it is tried again."""

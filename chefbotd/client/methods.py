@@ -138,9 +138,9 @@ class Methods(ABC):
 
     # who drives
 
-    async def introduce(self, client: str) -> None:
+    async def set_client_name(self, client: str) -> None:
         """Say what this client is called where others see who drives: 1 to 64 characters."""
-        await self.call("introduce", client=client)
+        await self.call("set_client_name", client=client)
 
     async def authenticate(self, token: str) -> results.Known:
         """Show a token; ``connect(token=...)`` does so by itself."""

@@ -148,9 +148,9 @@ class SyncClient(SyncTopics):
         """Allow motion again after an emergency stop or a fault."""
         self._run(self._client.arm())
 
-    def introduce(self, client: str) -> None:
+    def set_client_name(self, client: str) -> None:
         """Say what this client is called where others see who drives."""
-        self._run(self._client.introduce(client))
+        self._run(self._client.set_client_name(client))
 
     def authenticate(self, token: str) -> results.Known:
         """Show a token; ``connect(token=...)`` does so by itself."""

@@ -146,7 +146,7 @@ class ClockRelation:
 
     def __init__(self) -> None:
         self._clear()
-        self.left_out = 0
+        self.excluded = 0
 
     def _clear(self) -> None:
         self._weight = self._mean_board = self._mean_host = 0.0
@@ -167,7 +167,7 @@ class ClockRelation:
         if residual_s <= max(self.LATE_FLOOR_S, 6 * self._scatter_s):
             self._left_out_in_a_row = 0
             return False
-        self.left_out += 1
+        self.excluded += 1
         self._left_out_in_a_row += 1
         if self._left_out_in_a_row >= self.MOST_LEFT_OUT:
             self._clear()

@@ -42,7 +42,7 @@ class Port(Protocol):
         """The same once more, and close when they are sent, or after a while."""
 
 
-class Speech:
+class BoardWriter:
     """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:

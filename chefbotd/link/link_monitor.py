@@ -7,7 +7,7 @@ from firmware_protocol.messages import Text
 SAMPLE_BYTES = 128
 
 
-class Hearing:
+class LinkMonitor:
     """Listens beside the decoder, which has seen the same bytes."""
 
     def __init__(self, decoder: Decoder, *, judged_after_s: float) -> None:

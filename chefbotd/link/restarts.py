@@ -7,7 +7,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
-from chefbotd.link.board_writer import Speech
+from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.reset import ResetRequest, ResetStage
 from chefbotd.link.restart_watch import RestartWatch
 
@@ -36,7 +36,7 @@ ENDS_WELL = (ResetStage.STOPPING, ResetStage.ASKED, ResetStage.RESTARTED)
 class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
 
-    def __init__(self, bus: Bus, clock: Clock, speech: Speech, request: bytes) -> None:
+    def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
         self._bus, self._clock, self._speech, self._request_line = bus, clock, speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
         self._timer: asyncio.TimerHandle | None = None

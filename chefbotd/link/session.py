@@ -16,17 +16,17 @@ from chefbotd.core.events import (
     EncodersCounted,
     LineSeen,
     LinkClosed,
-    LinkJudged,
+    LinkHealthChanged,
     LinkNotOpened,
     LinkOpened,
     TextReceived,
 )
 from chefbotd.link.board_clock import BoardClock, Verdict
-from chefbotd.link.board_writer import FIRST_STOPS, Port, Speech
+from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
 from chefbotd.link.cycle_clock import CycleClock
 from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import Condition, show
-from chefbotd.link.link_monitor import Hearing
+from chefbotd.link.link_monitor import LinkMonitor
 from chefbotd.link.readings import READINGS, refusal
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.ring import LineRing
@@ -66,7 +66,7 @@ class BoardSession(asyncio.Protocol):
         self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._still = (0,) * variant.wheels
         self.lines = LineRing()
-        self._speech = Speech(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
+        self._speech = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
         self._restarts = Restarts(bus, clock, self._speech, self._encoder.encode(wire.ResetBoard()))
         self._window = SendWindow(board_buffer_bytes, variant.wheels, lambda duty: len(self._line(duty)))
         self._setpoints = SetpointWriter(
@@ -79,7 +79,7 @@ class BoardSession(asyncio.Protocol):
         self._closed = asyncio.Event()
         self._closed.set()
         self._log = RateLimitedLog(log)
-        self.hearing = Hearing(self._decoder, judged_after_s=judged_after_s)
+        self.hearing = LinkMonitor(self._decoder, judged_after_s=judged_after_s)
         self.is_open = False  # whether a port is connected
         self.opens = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
@@ -142,7 +142,9 @@ class BoardSession(asyncio.Protocol):
         if health is None or not self.is_open:
             return
         healthy = health.condition is Condition.HEALTHY
-        self._bus.publish(LinkJudged(now_s, self._device, healthy, str(health.condition), health.reason))
+        self._bus.publish(
+            LinkHealthChanged(now_s, self._device, healthy, str(health.condition), health.reason)
+        )
         if not healthy:
             log.warning(
                 "this does not sound like the board", condition=health.condition, reason=health.reason

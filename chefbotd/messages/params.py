@@ -36,7 +36,7 @@ class AuthenticateParams(Params):
     token: SecretStr = Field(max_length=512)
 
 
-class IntroduceParams(Params):
+class SetClientNameParams(Params):
     """What the client wants to be called, in letters that can be printed."""
 
     client: str = Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")

@@ -42,7 +42,7 @@ class WheelsData(TopicData):
     velocity_rad_s: tuple[float, ...]
     target_rad_s: tuple[float, ...]
     duty: tuple[int, ...]
-    left_out: tuple[str, ...] = Field(
+    excluded: tuple[str, ...] = Field(
         (), description="wheels that disagree with their mates on the same side, and do not count in odometry"
     )
 

@@ -85,7 +85,7 @@ class Kinematics:
         return tuple([linear_m_s + angular_rad_s * lever_m for lever_m in self._levers_m])
 
     def side_travel_m(
-        self, travel_rad: Sequence[float], left_out: tuple[int, ...] = ()
+        self, travel_rad: Sequence[float], excluded: tuple[int, ...] = ()
     ) -> tuple[float, float]:
         """How far the left and the right side rolled: the mean over each side's wheels, but for those left out.
 
@@ -94,13 +94,13 @@ class Kinematics:
         """
         rolled_m = [angle * radius_m for angle, radius_m in zip(travel_rad, self.radii_m, strict=True)]
         left, right = self.left, self.right
-        if left_out:
-            left, right = without(left, left_out), without(right, left_out)
+        if excluded:
+            left, right = without(left, excluded), without(right, excluded)
         return fmean([rolled_m[i] for i in left]), fmean([rolled_m[i] for i in right])
 
-    def twist(self, velocity_rad_s: Sequence[float], left_out: tuple[int, ...] = ()) -> Twist2D:
+    def twist(self, velocity_rad_s: Sequence[float], excluded: tuple[int, ...] = ()) -> Twist2D:
         """How the robot moves when its wheels turn so and none of them slips, but for those left out."""
-        left_m_s, right_m_s = self.side_travel_m(velocity_rad_s, left_out)
+        left_m_s, right_m_s = self.side_travel_m(velocity_rad_s, excluded)
         return Twist2D((left_m_s + right_m_s) / 2, (right_m_s - left_m_s) / self.track_width_m)
 
     def saturate(self, twist: Twist2D, max_rim_speed_m_s: float) -> Twist2D:
@@ -112,6 +112,6 @@ class Kinematics:
         return Twist2D(twist.linear_m_s * scale, twist.angular_rad_s * scale)
 
 
-def without(wheels: tuple[int, ...], left_out: tuple[int, ...]) -> tuple[int, ...]:
+def without(wheels: tuple[int, ...], excluded: tuple[int, ...]) -> tuple[int, ...]:
     """The wheels that are not left out."""
-    return tuple([i for i in wheels if i not in left_out])
+    return tuple([i for i in wheels if i not in excluded])

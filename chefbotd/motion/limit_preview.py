@@ -14,7 +14,7 @@ from chefbotd.motion.limits import MotionLimits, within_speeds
 from chefbotd.motion.rims import share_of_rims
 
 
-class Allowance:
+class LimitPreview:
     """Computes as ``chefbotd.motion.drive.Drive`` does on every step, but for the steps."""
 
     def __init__(self, drive: DriveParameters, chassis: ChassisParameters, limits: MotionLimits) -> None:

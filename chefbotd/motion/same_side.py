@@ -27,7 +27,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.motion.kinematics import Kinematics, without
 
 
-class MatesParameters(Parameters):
+class SameSideParameters(Parameters):
     """When mates disagree: by more than ``slack_m``, two counts, and ``share`` of what they have rolled lately.
 
     ``memory_s`` is how long "lately" is: the time constant with which travel is forgotten. A wheel that is left out
@@ -62,7 +62,7 @@ class MatesState:
     led: tuple[tuple[int, int], ...] = ()
 
     @property
-    def left_out(self) -> tuple[int, ...]:
+    def excluded(self) -> tuple[int, ...]:
         """The indices of the wheels that are not believed."""
         return tuple([wheel for wheel, _ in self.led])
 
@@ -70,7 +70,7 @@ class MatesState:
 class Mates:
     """Compares the wheels of each side; where there is one a side, there is nothing to compare."""
 
-    def __init__(self, params: MatesParameters, kinematics: Kinematics, counts_per_turn: float) -> None:
+    def __init__(self, params: SameSideParameters, kinematics: Kinematics, counts_per_turn: float) -> None:
         self._params, self._kinematics = params, kinematics
         self._two_counts_m = 2 * max(kinematics.radii_m) * math.tau / counts_per_turn
         self._slack_m = params.slack_m + self._two_counts_m
@@ -101,7 +101,7 @@ class Mates:
         """The wheels' effort, -1 to 1; at least a half for those left out: small as it was, their mates turned by it."""
         if not state.led:
             return effort
-        out = state.left_out
+        out = state.excluded
         return tuple(
             [math.copysign(max(abs(e), 0.5), e) if e and i in out else e for i, e in enumerate(effort)]
         )
@@ -146,7 +146,7 @@ class Mates:
         """How much of what it was asked for a side does: its best wheel, of those believed so far."""
         ratios = [
             state.rolled_m[i] / state.asked_m[i]
-            for i in without(side, state.left_out)
+            for i in without(side, state.excluded)
             if abs(state.asked_m[i]) > self._slack_m
         ]
         best = min(ratios, key=lambda ratio: abs(ratio - 1.0), default=1.0)
@@ -155,7 +155,7 @@ class Mates:
     def _is_apart(self, state: MatesState, wheel: int, reach_m: float) -> bool:
         rolled_m = state.rolled_m[wheel]
         tolerance_m = self._slack_m + self._params.share * max(abs(reach_m), abs(rolled_m))
-        return abs(rolled_m - reach_m) > (tolerance_m / 2 if wheel in state.left_out else tolerance_m)
+        return abs(rolled_m - reach_m) > (tolerance_m / 2 if wheel in state.excluded else tolerance_m)
 
 
 def _faded(lately: Sequence[float], kept: float, newly: Iterable[float]) -> tuple[float, ...]:

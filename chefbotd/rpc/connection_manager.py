@@ -15,9 +15,9 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
 from chefbotd.messages.roles import Role
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.fair_scheduler import Turns
+from chefbotd.rpc.fair_scheduler import FairScheduler
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
@@ -33,7 +33,7 @@ RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 
 
-class Lobby:
+class ConnectionManager:
     """``greet`` makes the greeting; ``role`` is what a newcomer may do, None: nothing before it shows a token.
 
     ``drops`` counts telemetry that slow clients lost by topic, ``refused`` the connections that were refused or ended
@@ -47,12 +47,12 @@ class Lobby:
         dispatcher: Dispatcher,
         arrivals: Arrivals,
         fanout: Fanout,
-        control: Control,
+        control: ControlLeases,
         greet: Callable[[], bytes],
         role: Role | None,
     ) -> None:
         self.parameters, self.clock, self.dispatcher, self.arrivals = parameters, clock, dispatcher, arrivals
-        self.turns = Turns(clock, parameters.requests_per_turn)
+        self.turns = FairScheduler(clock, parameters.requests_per_turn)
         self.drops: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self._fanout, self._control, self._greet, self._role = fanout, control, greet, role

@@ -29,7 +29,7 @@ class Lease:
     stopped_by: str = ""
 
 
-class Control:
+class ControlLeases:
     """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
 
     def __init__(

@@ -24,7 +24,7 @@ class Waiting(Protocol):
         ...
 
 
-class Turns:
+class FairScheduler:
     """One for all clients: in a turn of the loop at most ``requests_per_turn`` are served, for ``TURN_S`` at most."""
 
     def __init__(self, clock: Clock, requests_per_turn: int) -> None:

@@ -14,7 +14,7 @@ from chefbotd.messages import params, results
 from chefbotd.messages.roles import Role
 from chefbotd.messages.telemetry import StatsData, TopicData
 from chefbotd.rpc.access import Keyring
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ErrorKind
@@ -37,7 +37,7 @@ class Methods:
         robot: Robot,
         fanout: Fanout,
         clock: Clock,
-        control: Control,
+        control: ControlLeases,
         arrivals: Arrivals,
         keyring: Keyring | None = None,
         arm_role: Role = Role.DRIVE,
@@ -50,7 +50,9 @@ class Methods:
             "authenticate": Method(
                 None, params.AuthenticateParams, results.Known, self._authenticate, when_crowded=True
             ),
-            "introduce": Method(observe, params.IntroduceParams, done, self._introduce, when_crowded=True),
+            "set_client_name": Method(
+                observe, params.SetClientNameParams, done, self._set_client_name, when_crowded=True
+            ),
             "describe": Method(observe, nothing, results.Description, self._describe, constant=True),
             "get_description": Method(observe, nothing, results.RobotDescription, self._get_description),
             "ping": Method(observe, nothing, results.Pong, self._ping),
@@ -90,7 +92,7 @@ class Methods:
         log.info("client_authenticated", client=str(session), role=str(role))
         return results.Known(client=str(session), role=role)
 
-    def _introduce(self, caller: Caller, params: params.IntroduceParams) -> results.Done:
+    def _set_client_name(self, caller: Caller, params: params.SetClientNameParams) -> results.Done:
         """Say what this client is called where others see who drives."""
         caller.session.client = params.client
         self._control.renamed(caller.session, self._clock.now_s())

@@ -11,8 +11,8 @@ from chefbotd.clock import Clock
 from chefbotd.messages.results import Hello
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import UNGUARDED, Guard
-from chefbotd.rpc.connection_manager import Lobby
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.connection_manager import ConnectionManager
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
@@ -21,7 +21,7 @@ from chefbotd.rpc.parameters import ApiParameters, is_loopback
 from chefbotd.rpc.robot import Robot
 from chefbotd.rpc.topics import Topic, link_data, topics
 from chefbotd.transport.tcp.arrivals import BEAT_PERIOD_S, Arrivals
-from chefbotd.transport.tcp.listener import Doorway
+from chefbotd.transport.tcp.listener import Listener
 
 log = structlog.get_logger(__name__)
 
@@ -58,7 +58,7 @@ class Server:
         self._robot_name, self._session = robot_name, session
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
         let_go_s = max(parameters.let_go_s, robot.command_timeout_s)  # who drives may be that slow to repeat
-        control = Control(parameters.lease_s, let_go_s, robot.release, bus.publish)
+        control = ControlLeases(parameters.lease_s, let_go_s, robot.release, bus.publish)
         self._arrivals = Arrivals(clock)
         methods = Methods(
             robot, self._fanout, clock, control, self._arrivals, guard.keyring, parameters.arm_role
@@ -71,7 +71,7 @@ class Server:
         )
         dispatcher = Dispatcher(self._methods, clock, self._arrivals, robot.command_timeout_s)
         role = parameters.default_role if guard.keyring is None else None
-        self.lobby = Lobby(
+        self.lobby = ConnectionManager(
             parameters, clock, dispatcher, self._arrivals, self._fanout, control, self._greeting, role
         )
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
@@ -85,7 +85,7 @@ class Server:
         Raises:
             CannotListen: the address cannot be listened on.
         """
-        doorway = Doorway(self.lobby, self._guard.tls)
+        doorway = Listener(self.lobby, self._guard.tls)
         self._address = doorway.listen(self._parameters.host, self._parameters.port)
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
         inbox = self._bus.subscribe(*always, size=INBOX_EVENTS)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from chefbotd.messages.roles import Role
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.token_bucket import Bucket
+from chefbotd.rpc.token_bucket import TokenBucket
 from chefbotd.transport.tcp.arrivals import Arrival
 
 
@@ -25,8 +25,8 @@ class Session:
         self.came: Arrival | None = None  # the earliest at which its connection can have come
         self._came_s = self._heard_s = now_s
         self._unfinished_s: float | None = None
-        self._allowance = Bucket(parameters.requests_per_s, parameters.requests_burst, now_s)
-        self._patience = Bucket(parameters.requests_per_s, parameters.requests_burst, now_s)
+        self._allowance = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
+        self._patience = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
 
     def __str__(self) -> str:
         where = f"[{self.host}]:{self._port}" if ":" in self.host else f"{self.host}:{self._port}"

@@ -1,7 +1,7 @@
 """A token bucket (Turner 1986): so many a second in the long run, so many at once."""
 
 
-class Bucket:
+class TokenBucket:
     """Holds up to ``size`` drops and is full at first; ``per_s`` drops flow in."""
 
     def __init__(self, per_s: float, size: float, now_s: float) -> None:

@@ -56,7 +56,7 @@ def topics(wheel_names: tuple[str, ...], *, simulated: bool) -> dict[str, Topic]
         Topic("battery", (events.BatteryMeasured,), BatteryData, _same_fields(BatteryData)),
         Topic(
             "link",
-            (events.LinkOpened, events.LinkJudged, events.LinkNotOpened, events.LinkClosed),
+            (events.LinkOpened, events.LinkHealthChanged, events.LinkNotOpened, events.LinkClosed),
             LinkData,
             link_data,
         ),
@@ -99,7 +99,7 @@ def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
         velocity_rad_s=event.velocity_rad_s,
         target_rad_s=event.target_rad_s,
         duty=event.duty,
-        left_out=tuple([names[index] for index in event.left_out]),
+        excluded=tuple([names[index] for index in event.excluded]),
     )
 
 
@@ -116,7 +116,7 @@ def _ranges(beams: Beams) -> RangesData:
     )
 
 
-LinkEvent = events.LinkOpened | events.LinkJudged | events.LinkNotOpened | events.LinkClosed
+LinkEvent = events.LinkOpened | events.LinkHealthChanged | events.LinkNotOpened | events.LinkClosed
 
 
 def link_data(event: LinkEvent | None) -> LinkData:
@@ -124,7 +124,7 @@ def link_data(event: LinkEvent | None) -> LinkData:
     match event:
         case events.LinkOpened():
             return LinkData(state="up", device=event.device, reason="", healthy=None, condition="judging")
-        case events.LinkJudged():
+        case events.LinkHealthChanged():
             return LinkData(
                 state="up",
                 device=event.device,

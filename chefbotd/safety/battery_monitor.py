@@ -7,7 +7,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.safety.faults import Fault, FaultKind
 
 
-class ChargeParameters(Parameters):
+class BatteryMonitorParameters(Parameters):
     """Critical for ``critical_s`` without a break is a fault, so that a motor that starts (and sags) is none.
 
     Below ``absent_below_v`` there is no battery on the ADC's pin: the board runs on something, after all.
@@ -18,7 +18,7 @@ class ChargeParameters(Parameters):
 
 
 def judge(
-    params: ChargeParameters, critical_since_s: float | None, measured: BatteryMeasured
+    params: BatteryMonitorParameters, critical_since_s: float | None, measured: BatteryMeasured
 ) -> tuple[float | None, Fault | None]:
     """Since when the battery has been critical (None: it is not), and the fault once that is too long.
 

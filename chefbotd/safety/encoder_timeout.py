@@ -14,7 +14,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.safety.faults import Fault, FaultKind
 
 
-class SilenceParameters(Parameters):
+class EncoderTimeoutParameters(Parameters):
     """``max_age_s``: how old the last encoder reading may be for the robot to move. ``latch_after_s``: see above."""
 
     max_age_s: float = Field(default=0.25, gt=0, le=2)
@@ -22,28 +22,28 @@ class SilenceParameters(Parameters):
 
 
 @dataclass(frozen=True, slots=True)
-class SilenceState:
+class EncoderTimeoutState:
     """When the encoders were last heard, and whether the robot was being driven when they fell silent."""
 
     heard_s: float = float("-inf")
     interrupted: bool = False
 
 
-def is_stale(params: SilenceParameters, state: SilenceState, now_s: float) -> bool:
+def is_stale(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float) -> bool:
     """Whether the robot must stand still for want of a reading."""
     return now_s - state.heard_s > params.max_age_s
 
 
 def endure(
-    params: SilenceParameters, state: SilenceState, now_s: float, *, driven: bool
-) -> tuple[SilenceState, Fault | None]:
+    params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float, *, driven: bool
+) -> tuple[EncoderTimeoutState, Fault | None]:
     """The encoders are stale: ``driven`` tells whether there still is a duty to take away."""
     interrupted = state.interrupted or driven
     silent_s = now_s - state.heard_s
     if not interrupted or silent_s <= params.latch_after_s:
-        return SilenceState(state.heard_s, interrupted), None
+        return EncoderTimeoutState(state.heard_s, interrupted), None
     reason = (
         f"no encoder reading for {silent_s:.1f} s while the robot was driven: "
         "check that the board runs and that its sketch still sends 'e' lines"
     )
-    return SilenceState(state.heard_s), Fault(FaultKind.ENCODERS_SILENT, reason)
+    return EncoderTimeoutState(state.heard_s), Fault(FaultKind.ENCODERS_SILENT, reason)

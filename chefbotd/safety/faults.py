@@ -20,10 +20,10 @@ class FaultKind(StrEnum):
     INTERNAL_ERROR = "internal_error"
     SERVICE_FAILED = "service_failed"
     LOOP_BLOCKED = "loop_blocked"
-    ENDED_BADLY = "ended_badly"
+    UNCLEAN_SHUTDOWN = "unclean_shutdown"
 
 
-PASSING = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})
+RECOVERABLE = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})
 """Faults that are over when the board is back, so that ``rearm = "auto"`` may leave them; the others need a person."""
 
 UNSTOPPED = frozenset({FaultKind.BOARD_DEAF})

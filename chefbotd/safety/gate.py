@@ -21,11 +21,11 @@ from pydantic import Field, model_validator
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters
-from chefbotd.safety.battery_monitor import ChargeParameters
+from chefbotd.safety.battery_monitor import BatteryMonitorParameters
 from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
-from chefbotd.safety.encoder_timeout import SilenceParameters
-from chefbotd.safety.faults import PASSING, UNSTOPPED, FaultKind
+from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
+from chefbotd.safety.faults import RECOVERABLE, UNSTOPPED, FaultKind
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.overspeed import OverspeedParameters
 from chefbotd.safety.wheels import WheelWatchParameters
@@ -63,12 +63,12 @@ class SafetyParameters(Parameters):
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
     default_source: str = "teleop"
-    encoders: SilenceParameters = SilenceParameters()
+    encoders: EncoderTimeoutParameters = EncoderTimeoutParameters()
     wheels: WheelWatchParameters = WheelWatchParameters()
     overspeed: OverspeedParameters = OverspeedParameters()
     deaf: DeafParameters = DeafParameters()
     echo: EchoParameters = EchoParameters()
-    battery: ChargeParameters = ChargeParameters()
+    battery: BatteryMonitorParameters = BatteryMonitorParameters()
     guard: GuardParameters = GuardParameters()
 
     @model_validator(mode="after")
@@ -183,18 +183,23 @@ def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKin
     A change forgets every command; a fault or a recovery that changes nothing keeps the reason, so that the first of
     several faults is the one that is told, but for one that needs a person, which takes the place of one that passes.
     One of ``UNSTOPPED`` takes the place of every other, and of an e-stop's reason, which it goes on to tell.
-    Only a ``PASSING`` fault recovers.
+    Only a ``RECOVERABLE`` fault recovers.
     """
     mode = NEXT[state.mode, trigger]
     if fault in UNSTOPPED and state.mode is not Mode.ARMED:
         if state.fault is fault:
             return state
         return GateState(mode, f"{reason} ({state.mode} before that: {state.reason})", fault=fault)
-    if mode is Mode.DISARMED and state.fault in PASSING and fault is not None and fault not in PASSING:
+    if (
+        mode is Mode.DISARMED
+        and state.fault in RECOVERABLE
+        and fault is not None
+        and fault not in RECOVERABLE
+    ):
         return GateState(mode, reason, fault=fault)
     if mode is state.mode and trigger is not Trigger.ESTOP:
         return state
-    if trigger is Trigger.RECOVERY and state.fault not in PASSING:
+    if trigger is Trigger.RECOVERY and state.fault not in RECOVERABLE:
         return state
     return GateState(mode, reason, fault=fault)
 

@@ -12,15 +12,15 @@ from chefbotd.safety.gate import GateState, Mode
 
 MAX_REASON_CHARACTERS = 1000
 
-ENDED_BADLY = GateState(
+UNCLEAN_SHUTDOWN = GateState(
     Mode.DISARMED,
     "the daemon before this one did not end in order; arm when the robot may move",
-    fault=FaultKind.ENDED_BADLY,
+    fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 UNREADABLE = GateState(
     Mode.DISARMED,
     "what the daemon before this one left word of cannot be read, the log says why; arm when the robot may move",
-    fault=FaultKind.ENDED_BADLY,
+    fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 
 
@@ -46,5 +46,5 @@ def read(left: bytes) -> GateState:
     """
     latch = Latch.model_validate_json(left)
     if latch.mode is Mode.ARMED:
-        return ENDED_BADLY
+        return UNCLEAN_SHUTDOWN
     return GateState(latch.mode, latch.reason, fault=latch.fault)

@@ -62,11 +62,11 @@ def watch(
     asked_m_s: tuple[float, ...],
     travel_m: tuple[float, ...],
     dt_s: float,
-    left_out: tuple[int, ...] = (),
+    excluded: tuple[int, ...] = (),
 ) -> tuple[OverspeedState, Fault | None]:
     """A good reading, ``dt_s`` after the last one, in which each rim rolled ``travel_m``, asked for ``asked_m_s``.
 
-    Wheels whose reading is not believed (``left_out``) are not judged, and none is while nothing is asked of any: then
+    Wheels whose reading is not believed (``excluded``) are not judged, and none is while nothing is asked of any: then
     it is not the speed that is wrong (see ``chefbotd.safety.deaf``).
     """
     dt_s, driven = max(dt_s, 0.0), any(asked_m_s)
@@ -74,7 +74,7 @@ def watch(
     after = tuple(
         [
             _add(params, excess, abs(asked), travel, dt_s)
-            if driven and i not in left_out
+            if driven and i not in excluded
             else Excess(_slowed(params, excess, abs(asked), dt_s))
             for i, (excess, asked, travel) in enumerate(wheels)
         ]

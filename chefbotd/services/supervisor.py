@@ -40,7 +40,7 @@ class Supervisor:
         while True:
             self._note(name, await _end_of(name, loop))
 
-    async def insist(self, name: str, loop: Loop) -> None:
+    async def run_critical(self, name: str, loop: Loop) -> None:
         """Run a service that cannot be missed: its error is passed on.
 
         Raises:

@@ -275,13 +275,13 @@ def test_parts_that_do_not_go_together_are_refused(overrides: dict[str, object],
 
 
 @pytest.mark.parametrize(
-    ("section", "left_out"), [("ultrasonic", (UltrasonicDistance,)), ("imu", (Orientation, RawImu))]
+    ("section", "excluded"), [("ultrasonic", (UltrasonicDistance,)), ("imu", (Orientation, RawImu))]
 )
 def test_a_sensor_whose_line_the_board_leaves_out_is_refused(
-    monkeypatch: pytest.MonkeyPatch, section: str, left_out: tuple[type, ...]
+    monkeypatch: pytest.MonkeyPatch, section: str, excluded: tuple[type, ...]
 ):
     """A board of one's own without the line: the section is named, and the wires that have it."""
-    monkeypatch.setitem(VARIANTS, "mute", Variant("mute", left_out=left_out))
+    monkeypatch.setitem(VARIANTS, "mute", Variant("mute", excluded=excluded))
     with pytest.raises(
         SettingsError, match=rf"\[{section}\] needs a line that the wire 'mute' does not have; .*: classic,"
     ):

@@ -46,7 +46,7 @@ async def watch(robot: SimulatedRobot, command: TWIST, is_known: bool, seen: See
         seen.linear_m_s = max(seen.linear_m_s, abs(twist.linear_m_s))
         seen.angular_rad_s = max(seen.angular_rad_s, abs(twist.angular_rad_s))
     if is_known:
-        seen.names.update((await robot.client.call("get_state"))["topics"]["wheels"]["data"]["left_out"])
+        seen.names.update((await robot.client.call("get_state"))["topics"]["wheels"]["data"]["excluded"])
 
 
 def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> Seen:

@@ -54,7 +54,7 @@ def test_behind_a_dead_echo_the_robot_slows_as_ever_and_gets_no_faster(fault):
 
     async def run() -> None:
         async with simulated_robot() as robot:
-            judged = robot.daemon.bus.subscribe(events.LinkJudged)
+            judged = robot.daemon.bus.subscribe(events.LinkHealthChanged)
             await asyncio.sleep(0.5)
             await drive(robot, 0.10, 0.2, 1.5)
             rewire(robot, b"s", fault())
@@ -81,7 +81,7 @@ def test_an_echo_that_comes_back_gives_the_speed_back():
 
     async def run() -> None:
         async with simulated_robot() as robot:
-            judged = robot.daemon.bus.subscribe(events.LinkJudged)
+            judged = robot.daemon.bus.subscribe(events.LinkHealthChanged)
             await asyncio.sleep(0.5)
             await drive(robot, 0.10, 0.2, 1.5)
             feed = robot.device.transport.feed

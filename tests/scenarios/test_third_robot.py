@@ -103,7 +103,7 @@ def test_it_drives_and_turns_and_knows_where_it_is(crawler: Path) -> None:
         await drive(robot, -0.2, 0.5, 1.0)
         await robot.client.stop()
         await asyncio.sleep(1.0)
-        assert (await topic(robot, "wheels"))["left_out"] == []
+        assert (await topic(robot, "wheels"))["excluded"] == []
         assert (await topic(robot, "safety"))["fault"] is None
         odometry, true = await topic(robot, "odometry"), robot.board.truth(0.0).world_from_base
         assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.01
@@ -120,7 +120,7 @@ def test_a_dead_encoder_is_left_out(crawler: Path, order: str, wheel: int) -> No
         await drive(robot, 0.2, 0.0, 1.0)
         rewire(robot, b"e", frozen(wheel))
         await drive(robot, 0.2, 0.3, 1.0)
-        assert (await topic(robot, "wheels"))["left_out"] == [names(order)[wheel]]
+        assert (await topic(robot, "wheels"))["excluded"] == [names(order)[wheel]]
         odometry, true = await topic(robot, "odometry"), robot.board.truth(0.0).world_from_base
         assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.01
 

@@ -195,14 +195,14 @@ def test_a_wheel_that_disagrees_does_not_bend_the_odometry(broken: Callable[[int
     """KHAN drives on for a second and a half: the wheel is named, and odometry stays within 2 cm and 3 degrees."""
 
     async def scenario(robot: SimulatedRobot) -> None:
-        left_out: set[str] = set()
+        excluded: set[str] = set()
         await drive(robot, 0.3, 0.0, 1.0)
         rewire(robot, b"e", broken(wheel))
         for _ in range(10):
             await drive(robot, 0.3, 0.3, 0.15)
-            left_out.update((await topic(robot, "wheels"))["left_out"])
+            excluded.update((await topic(robot, "wheels"))["excluded"])
         off_m, off_rad = await pose_error(robot)
-        assert left_out == {FRONT_AND_REAR[wheel]}
+        assert excluded == {FRONT_AND_REAR[wheel]}
         assert off_m < 0.02
         assert off_rad < math.radians(3.0)
 
@@ -232,6 +232,6 @@ def test_healthy_wheels_agree():
         for linear_m_s, angular_rad_s in [(0.3, 0.0), (0.0, 1.5), (0.2, -1.0), (-0.3, 0.0), (0.02, 0.1)]:
             for _ in range(10):
                 await drive(robot, linear_m_s, angular_rad_s, 0.1)
-                assert (await topic(robot, "wheels"))["left_out"] == []
+                assert (await topic(robot, "wheels"))["excluded"] == []
 
     on_robot(load(packaged("khan")), scenario)

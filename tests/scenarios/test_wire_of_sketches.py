@@ -29,7 +29,7 @@ def test_an_ordinary_drive_is_read_without_a_complaint(sketch: SketchName):
 
     async def run() -> None:
         async with simulated_robot(settings_of(sketch)) as robot:
-            judged = robot.daemon.bus.subscribe(events.LinkJudged)
+            judged = robot.daemon.bus.subscribe(events.LinkHealthChanged)
             await asyncio.sleep(2.0)
             await drive(robot, 0.2, 0.5, 4.0)
             state, stats = await robot.client.get_state(), await robot.client.get_stats()

@@ -31,7 +31,7 @@ class LinkClosed:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkJudged:
+class LinkHealthChanged:
     """What the open device sounds like: ``condition`` is its stable name, ``reason`` for people (empty: healthy)."""
 
     stamp_s: float

@@ -11,7 +11,7 @@ class WheelsMeasured:
     """Where the wheels are and how fast they turn, in the order of the configured wheels.
 
     ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
-    them, and a refused reading adds nothing. ``left_out`` are the indices of wheels that are not to be believed, because
+    them, and a refused reading adds nothing. ``excluded`` are the indices of wheels that are not to be believed, because
     they disagree with their mates on the same side.
     """
 
@@ -20,14 +20,14 @@ class WheelsMeasured:
     position_rad: tuple[float, ...]
     travel_rad: tuple[float, ...]
     velocity_rad_s: tuple[float, ...]
-    left_out: tuple[int, ...] = ()
+    excluded: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class WheelsDriven:
     """A control step: what the wheels did, what they should do, and the duty that was commanded.
 
-    ``left_out`` as in ``WheelsMeasured``.
+    ``excluded`` as in ``WheelsMeasured``.
     """
 
     stamp_s: float
@@ -35,7 +35,7 @@ class WheelsDriven:
     velocity_rad_s: tuple[float, ...]
     target_rad_s: tuple[float, ...]
     duty: tuple[int, ...]
-    left_out: tuple[int, ...] = ()
+    excluded: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

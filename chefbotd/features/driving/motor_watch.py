@@ -54,7 +54,7 @@ class MotorWatch:
             self._asked_m_s(setpoint_m_s),
             travel_m,
             seen.dt_s,
-            seen.mates.left_out,
+            seen.mates.excluded,
         )
         if fault is not None:
             yield fault

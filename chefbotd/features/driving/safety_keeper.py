@@ -25,7 +25,7 @@ from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.logs import RateLimitedLog
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, wheels
-from chefbotd.safety.encoder_timeout import SilenceState
+from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.services.latch import LatchFile
@@ -64,7 +64,7 @@ class SafetyKeeper:
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
-        self._silence = SilenceState()
+        self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
         self._beams = guard.mount(mounts)
@@ -136,7 +136,7 @@ class SafetyKeeper:
         """The board is back, gone, or another: a fault that is left by arming, or by itself where configured."""
         if isinstance(event, LinkOpened):
             self._link_open = True
-            self._silence = SilenceState()
+            self._silence = EncoderTimeoutState()
             self._motors.connected()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
@@ -153,7 +153,7 @@ class SafetyKeeper:
 
         Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
         """
-        self._silence = SilenceState(now_s)
+        self._silence = EncoderTimeoutState(now_s)
         dt_s = min(dt_s, self._parameters.encoders.max_age_s)
         self._wheels, fault = wheels.watch(
             self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad

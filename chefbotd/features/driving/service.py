@@ -207,16 +207,16 @@ class DriveService:
         self._state = ceiling.under(self._duty_ceiling(), before, after)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
-        stamp_s, left_out = event.stamp_s, seen.mates.left_out
+        stamp_s, excluded = event.stamp_s, seen.mates.excluded
         position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
         self._bus.publish(
             WheelsMeasured(
-                stamp_s, event.board_s, position_rad, seen.reading.travel_rad, velocity_rad_s, left_out
+                stamp_s, event.board_s, position_rad, seen.reading.travel_rad, velocity_rad_s, excluded
             )
         )
         targets = self._drive.targets_rad_s(self._state)
         self._bus.publish(
-            WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, self._state.duty, left_out)
+            WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, self._state.duty, excluded)
         )
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:

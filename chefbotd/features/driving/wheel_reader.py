@@ -10,7 +10,7 @@ from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
 from chefbotd.motion.encoder import EncoderParameters, Reading
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.motion.same_side import Mates, MatesParameters, MatesState
+from chefbotd.motion.same_side import Mates, MatesState, SameSideParameters
 
 log = structlog.get_logger(component="drive")
 
@@ -27,7 +27,7 @@ class WheelReader:
     """Holds what decoding and comparing remember from one frame to the next."""
 
     def __init__(
-        self, chassis: ChassisParameters, encoders: EncoderParameters, mates: MatesParameters
+        self, chassis: ChassisParameters, encoders: EncoderParameters, mates: SameSideParameters
     ) -> None:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._signs = tuple(wheel.encoder_sign for wheel in chassis.wheels)
@@ -51,7 +51,7 @@ class WheelReader:
         before = self._compared.led
         self._compared = self._mates.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
         if self._compared.led not in (before, ()):
-            names = [self._names[index] for index in self._compared.left_out]
+            names = [self._names[index] for index in self._compared.excluded]
             self._log.warning("wheels disagree with their mates and are left out of odometry", wheels=names)
         return WheelsRead(reading, dt_s, self._compared)
 

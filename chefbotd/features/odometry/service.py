@@ -34,8 +34,8 @@ class OdometryService:
             self._publish(event.stamp_s)
 
     def _integrate(self, event: WheelsMeasured) -> None:
-        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.left_out)
-        twist = self._kinematics.twist(event.velocity_rad_s, event.left_out)
+        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
+        twist = self._kinematics.twist(event.velocity_rad_s, event.excluded)
         self._state = odometry.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )

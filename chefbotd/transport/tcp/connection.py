@@ -16,7 +16,7 @@ from chefbotd.clock import Clock
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.fair_scheduler import Turns
+from chefbotd.rpc.fair_scheduler import FairScheduler
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.last_look import LAST_LOOK_BYTES, LAST_LOOK_S, LastLook
 from chefbotd.rpc.parameters import ApiParameters
@@ -32,7 +32,7 @@ class House(Protocol):
     dispatcher: Dispatcher
     drops: Counter[str]
     clock: Clock
-    turns: Turns
+    turns: FairScheduler
     arrivals: Arrivals
 
     def welcome(self, connection: "Connection") -> bytes:

@@ -16,7 +16,7 @@ import structlog
 
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.connection_manager import Lobby
+from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.arrivals import Arrival, Arrivals
@@ -54,10 +54,10 @@ class _Queue:
         return came
 
 
-class Doorway:
+class Listener:
     """Lets clients into the lobby; through TLS, if there is a context for it."""
 
-    def __init__(self, lobby: Lobby, tls: ssl.SSLContext | None) -> None:
+    def __init__(self, lobby: ConnectionManager, tls: ssl.SSLContext | None) -> None:
         self._lobby, self._tls = lobby, tls
         self._listeners: list[socket.socket] = []
         self._log = RateLimitedLog(structlog.get_logger(__name__))

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.methods import Methods
@@ -207,7 +207,7 @@ def description(*, simulated: bool) -> dict[str, Any]:
     """What a real daemon says of itself."""
     clock, known = ManualClock(), topics(WHEELS, simulated=simulated)
     fanout = Fanout(known, clock, lambda *_: None)
-    control = Control(1.0, 1.0, lambda _: None, lambda _: None)
+    control = ControlLeases(1.0, 1.0, lambda _: None, lambda _: None)
     table = Methods(FakeRobot(), fanout, clock, control, Arrivals(clock)).table
     return describe(table, known).model_dump(mode="json")
 

@@ -142,7 +142,7 @@ def test_drive_repeats_and_stops(control: Control, daemon: FakeDaemon) -> None:
     assert len(driven) == pytest.approx(20, abs=1)
     assert driven[-1] - driven[0] == pytest.approx(0.95, abs=0.05)
     methods = daemon.methods()
-    assert methods[:3] == ["introduce", "get_state", "drive"]
+    assert methods[:3] == ["set_client_name", "get_state", "drive"]
     assert methods[-2:] == ["stop", "get_state"]
     answer = json.loads(result.stdout)
     assert answer["moved"]["x_m"] == pytest.approx(0.2, abs=0.01)

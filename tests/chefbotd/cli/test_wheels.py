@@ -16,7 +16,7 @@ def test_wheels_are_turned_at_20_hz_and_stopped(control: Control, daemon: FakeDa
     asked = [given for _, name, given in daemon.calls if name == "set_wheel_velocities"]
     assert len(asked) == pytest.approx(20, abs=1)
     assert asked[0] == {"name": ["left_wheel", "right_wheel"], "velocity_rad_s": [1.0, -2.5]}
-    assert daemon.methods() == ["introduce", "get_pid", "set_wheel_velocities", "get_state", "stop"]
+    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", "get_state", "stop"]
     assert result.exit_code == 0
     assert json.loads(result.stdout) == {
         "velocity_rad_s": {"left_wheel": 1.0, "right_wheel": -2.0},
@@ -69,7 +69,7 @@ def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeD
     result = control("wheels", "middle=1", "--for", "1")
     assert result.exit_code == Exit.REFUSED
     assert "unknown_wheel" in result.stderr
-    assert daemon.methods() == ["introduce", "get_pid", "set_wheel_velocities", "stop"]
+    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", "stop"]
 
 
 @pytest.mark.parametrize(

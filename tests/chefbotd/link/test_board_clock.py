@@ -198,7 +198,7 @@ def test_late_readings_do_not_bend_the_line():
     for number in range(2000):
         late_s = 0.05 if number % 20 == 19 else 0.0
         relation.observe(number * 0.02, number * 0.02 + 1000.0 + late_s)
-    assert relation.left_out == 100
+    assert relation.excluded == 100
     assert relation.host_s(40.0) == pytest.approx(1040.0, abs=1e-6)
 
 
@@ -227,7 +227,7 @@ def test_a_clock_that_warms_up_is_followed_and_its_past_forgotten():
     for number in range(3600):
         host_s += 0.1 * (1.0 if number < 1200 else 1.0 + 20e-6)
         relation.observe(50.0 + number * 0.1, host_s + rng.uniform(0.0, 0.002))
-    assert relation.left_out == 0
+    assert relation.excluded == 0
     assert relation.skew_ppm == pytest.approx(20, abs=3)
 
 

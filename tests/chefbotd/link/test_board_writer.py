@@ -7,7 +7,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
 from chefbotd.core.events import LineSeen
-from chefbotd.link.board_writer import Speech
+from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.ring import LineRing
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, Variant, to_board
@@ -51,11 +51,11 @@ class Wire:
         self.closed = True
 
 
-def speaking(variant: Variant = CLASSIC) -> tuple[Speech, Wire, Bus, LineRing]:
+def speaking(variant: Variant = CLASSIC) -> tuple[BoardWriter, Wire, Bus, LineRing]:
     """A speech on an open port."""
     bus, lines, port = Bus(), LineRing(), Wire()
     stop = to_board(variant).encode(wire.SetDuty((0,) * variant.wheels))
-    speech = Speech(bus, ManualClock(5.0), lines, stop)
+    speech = BoardWriter(bus, ManualClock(5.0), lines, stop)
     speech.begin(port)
     return speech, port, bus, lines
 

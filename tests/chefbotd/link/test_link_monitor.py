@@ -1,15 +1,15 @@
 """Listening to whatever comes in."""
 
 from chefbotd.link.health import Condition
-from chefbotd.link.link_monitor import Hearing
+from chefbotd.link.link_monitor import LinkMonitor
 from firmware_protocol.codec import CLASSIC, from_board
 from firmware_protocol.decoder import Decoder
 
 
-def hearing(*chunks: bytes) -> Hearing:
+def hearing(*chunks: bytes) -> LinkMonitor:
     """Listening to these since time 10."""
     decoder = Decoder(from_board(CLASSIC))
-    listening = Hearing(decoder, judged_after_s=2.0)
+    listening = LinkMonitor(decoder, judged_after_s=2.0)
     listening.begin(10.0)
     for chunk in chunks:
         decoder.feed(chunk)

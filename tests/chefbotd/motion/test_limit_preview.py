@@ -9,7 +9,7 @@ from chefbotd.core.geometry import STANDING, Motion, Twist2D
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.motion.limit_preview import Allowance
+from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from tests.budget import examples
@@ -60,7 +60,7 @@ RIM, LINEAR, ANGULAR = "drive.max_rim_speed_m_s", "limits.linear", "limits.angul
 )
 def test_the_tightest_limit_is_named(wanted: Twist2D, allowed: Twist2D, limited_by: str | None) -> None:
     """With its curvature kept, a motion goes as far as the first limit that it meets, forward or in reverse."""
-    answer = Allowance(DRIVE, CHASSIS, limits()).of_twist(wanted)
+    answer = LimitPreview(DRIVE, CHASSIS, limits()).of_twist(wanted)
     assert answer.command.linear_m_s == pytest.approx(allowed.linear_m_s)
     assert answer.command.angular_rad_s == pytest.approx(allowed.angular_rad_s)
     assert answer.limited_by == limited_by
@@ -68,7 +68,7 @@ def test_the_tightest_limit_is_named(wanted: Twist2D, allowed: Twist2D, limited_
 
 def test_without_curvature_each_axis_has_its_own_limit() -> None:
     """0.9 m/s is cut to 0.8; turning at 0.2 rad/s, with which the outer rim goes 0.95 m/s, is left alone."""
-    answer = Allowance(DRIVE, CHASSIS, limits(keep_curvature=False)).of_twist(Twist2D(0.9, 0.2))
+    answer = LimitPreview(DRIVE, CHASSIS, limits(keep_curvature=False)).of_twist(Twist2D(0.9, 0.2))
     assert answer == Allowed(Twist2D(0.8, 0.2), LINEAR)
 
 
@@ -88,7 +88,7 @@ def test_wheels_are_slowed_together(
     """Their ratio is kept; what they come to together is limited as a twist is."""
     rad_s = {"left": left_rad_s, "right": right_rad_s}
     wanted = Drive(DRIVE, CHASSIS, limits(), (GAINS, GAINS)).wheel_velocities(rad_s)
-    answer = Allowance(DRIVE, CHASSIS, limits()).of_wheels(wanted)
+    answer = LimitPreview(DRIVE, CHASSIS, limits()).of_wheels(wanted)
     assert answer.command == pytest.approx({name: share * speed for name, speed in rad_s.items()})
     assert answer.limited_by == limited_by
 
@@ -111,7 +111,7 @@ def test_what_is_allowed_of_a_twist_is_what_the_controller_goes_for(
 ) -> None:
     """Ramps apart, the answer and the wheels' targets are the same motion."""
     wanted, bounds = Twist2D(linear_m_s, angular_rad_s), limits(keep_curvature=keep)
-    allowed = Allowance(DRIVE, CHASSIS, bounds).of_twist(wanted)
+    allowed = LimitPreview(DRIVE, CHASSIS, bounds).of_twist(wanted)
     targets = reached(Drive(DRIVE, CHASSIS, bounds, (GAINS, GAINS)), wanted)
     assert targets == pytest.approx(wheel_speeds_rad_s(Kinematics(CHASSIS), allowed.command), abs=1e-6)
     assert (allowed.limited_by is None) == (allowed.command == wanted)
@@ -123,7 +123,7 @@ def test_what_is_allowed_of_wheels_is_what_the_controller_goes_for(left: float, 
     """The same of wheels that are each asked for a speed."""
     drive = Drive(DRIVE, CHASSIS, limits(), (GAINS, GAINS))
     wanted = drive.wheel_velocities({"left": left, "right": right})
-    allowed = Allowance(DRIVE, CHASSIS, limits()).of_wheels(wanted)
+    allowed = LimitPreview(DRIVE, CHASSIS, limits()).of_wheels(wanted)
     assert reached(drive, wanted) == pytest.approx(tuple(allowed.command.values()), abs=1e-6)
 
 
@@ -132,6 +132,6 @@ def test_standing_is_always_allowed() -> None:
     bounds = limits().model_copy(
         update={"linear": limits().linear.model_copy(update={"max_reverse_m_s": 0.0})}
     )
-    allowance = Allowance(DRIVE, CHASSIS, bounds)
+    allowance = LimitPreview(DRIVE, CHASSIS, bounds)
     assert allowance.of_twist(STANDING) == Allowed(STANDING)
     assert allowance.of_twist(Twist2D(-0.1, 0.0)) == Allowed(Twist2D(-0.0, 0.0), LINEAR)

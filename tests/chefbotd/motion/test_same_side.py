@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters
-from chefbotd.motion.same_side import Mates, MatesParameters, MatesState
+from chefbotd.motion.same_side import Mates, MatesState, SameSideParameters
 
 RADIUS_M, DT_S = 0.03, 0.02
-NO_MEMORY = MatesParameters(memory_s=1e-3, slack_m=0.001, share=0.1)
+NO_MEMORY = SameSideParameters(memory_s=1e-3, slack_m=0.001, share=0.1)
 """Each step is judged by itself: what was before it has faded by exp(-20)."""
 
 
@@ -24,7 +24,7 @@ def chassis(a_side: int) -> ChassisParameters:
     return ChassisParameters(track_width_m=0.2, wheels=wheels)
 
 
-def mates(a_side: int = 2, params: MatesParameters = NO_MEMORY) -> Mates:
+def mates(a_side: int = 2, params: SameSideParameters = NO_MEMORY) -> Mates:
     """Counts so fine that they do not matter."""
     return Mates(params, Kinematics(chassis(a_side)), counts_per_turn=1e9)
 
@@ -83,7 +83,7 @@ def test_of_two_mates_the_likelier_is_believed(
     """Each stray with the mate that is believed; the same in reverse."""
     state = after(mates(), tuple(direction * v for v in rims_m_s), tuple(direction * v for v in asked_m_s))
     assert state.led == led
-    assert state.left_out == tuple(wheel for wheel, _ in led)
+    assert state.excluded == tuple(wheel for wheel, _ in led)
 
 
 def test_a_wrong_choice_is_taken_back():
@@ -96,11 +96,11 @@ def test_a_wrong_choice_is_taken_back():
 
 def test_without_movement_the_choice_stays():
     """The wheel that died rolled less far before both stood, and the robot is now asked to go back."""
-    judge = mates(params=MatesParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    judge = mates(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
     state = MatesState((0.03, 0.01, 0.03, 0.03), (0.0,) * 4, (0.03,) * 4, led=((1, 3),))
     for _ in range(15):
         state = judge.compare(state, (0.0,) * 4, (-0.3,) * 4, DT_S)
-        assert state.left_out == (1,)
+        assert state.excluded == (1,)
 
 
 def test_of_three_mates_the_majority_is_believed():
@@ -117,16 +117,16 @@ def test_one_wheel_a_side_has_nobody_to_disagree_with():
 
 def test_a_wheel_comes_back_when_the_disagreement_has_faded():
     """With a memory of 0.2 s, 60 mm against none fade to half of the tolerance (1 mm + 10 %) within a second."""
-    judge = mates(params=MatesParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    judge = mates(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
     state = after(judge, (0.3, 0.3, 0.0, 0.3), ALL, steps=50)
-    assert state.left_out == (2,)
-    left_out = []
+    assert state.excluded == (2,)
+    excluded = []
     for _ in range(50):
         state = judge.compare(state, (0.2,) * 4, ALL, DT_S)
-        left_out.append(state.left_out)
-    assert left_out[0] == (2,)
-    assert left_out[-1] == ()
-    assert left_out == sorted(left_out, reverse=True)  # and does not go and come
+        excluded.append(state.excluded)
+    assert excluded[0] == (2,)
+    assert excluded[-1] == ()
+    assert excluded == sorted(excluded, reverse=True)  # and does not go and come
 
 
 def test_counts_too_coarse_to_tell_are_allowed_for():
@@ -134,7 +134,7 @@ def test_counts_too_coarse_to_tell_are_allowed_for():
     judge = Mates(NO_MEMORY, Kinematics(chassis(2)), counts_per_turn=80)
     count_rad = math.tau / 80
     state = judge.compare(judge.start, (3 * count_rad, 3 * count_rad, count_rad, 3 * count_rad), ALL, DT_S)
-    assert state.left_out == ()
+    assert state.excluded == ()
 
 
 def uneven(*sides: Side, radii_m: tuple[float, ...]) -> Kinematics:
@@ -169,7 +169,7 @@ def test_a_side_of_two_is_compared_though_the_other_has_one_wheel():
 
 def test_what_a_wheel_does_just_now_fades_four_times_as_fast():
     """After 0.05 s at rest, of a memory of 0.2 s: the travel has faded by exp(-1/4), who moves just now by exp(-1)."""
-    judge = mates(params=MatesParameters(memory_s=0.2))
+    judge = mates(params=SameSideParameters(memory_s=0.2))
     before = MatesState((-0.01, 0.02, -0.01, 0.02), (0.01, 0.02, 0.01, 0.02), (0.03, 0.02, 0.03, 0.02))
     state = judge.compare(before, (0.0,) * 4, (0.0,) * 4, 0.05)
     assert state.rolled_m == pytest.approx([m * math.exp(-0.25) for m in before.rolled_m])
@@ -190,11 +190,11 @@ def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():
 @settings(max_examples=50)
 def test_a_wheel_is_always_left_on_each_side(story: list[tuple[float, ...]]):
     """Whatever the wheels do and were asked for, each side has one to believe, and it leads the others."""
-    judge = mates(params=MatesParameters())
+    judge = mates(params=SameSideParameters())
     state = judge.start
     for step in story:
         state = judge.compare(state, step[:4], step[4:], DT_S)
-        believed = set(range(4)) - set(state.left_out)
+        believed = set(range(4)) - set(state.excluded)
         assert believed & {0, 2}
         assert believed & {1, 3}
         assert {leader for _, leader in state.led} <= believed

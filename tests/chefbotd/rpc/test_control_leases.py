@@ -4,7 +4,7 @@ import pytest
 
 from chefbotd.core.events import ControlChanged
 from chefbotd.messages.roles import Role
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters
@@ -27,7 +27,7 @@ class Desk:
     def __init__(self) -> None:
         self.withdrawn: list[str] = []
         self.told: list[ControlChanged] = []
-        self.control = Control(3.0, 1.0, self.withdrawn.append, self.told.append)
+        self.control = ControlLeases(3.0, 1.0, self.withdrawn.append, self.told.append)
 
     def drive(self, session: Session, now_s: float, source: str = "teleop") -> None:
         """What a drive does."""
@@ -195,7 +195,7 @@ def test_every_source_of_every_other_client_is_held() -> None:
 
 def test_a_hold_outlasts_a_lease_that_is_shorter() -> None:
     """With leases of 0.2 s, who tries every 0.6 s is still held, and its source is still its own."""
-    control = Control(0.2, 1.0, lambda _: None, lambda _: None)
+    control = ControlLeases(0.2, 1.0, lambda _: None, lambda _: None)
     control.renew("teleop", ANN, 10.0)
     control.hold(BOB, 10.1)
     for i in range(1, 4):

@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.clock import ManualClock
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ERRORS, Request
@@ -27,7 +27,7 @@ METHODS = Methods(
     FakeRobot(),
     Fanout(TOPICS, ManualClock(), lambda *_: None),
     ManualClock(),
-    Control(1.0, 1.0, lambda _: None, lambda _: None),
+    ControlLeases(1.0, 1.0, lambda _: None, lambda _: None),
     Arrivals(ManualClock()),
 ).table
 

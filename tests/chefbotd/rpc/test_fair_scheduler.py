@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.rpc.fair_scheduler import TURN_S, Turns
+from chefbotd.rpc.fair_scheduler import TURN_S, FairScheduler
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
 from tests.fakes.api import new_server
@@ -140,7 +140,7 @@ def test_all_are_answered_in_the_end() -> None:
 class Costly:
     """A client whose requests take so long each, and which has no end of them."""
 
-    def __init__(self, turns: Turns, clock: ManualClock, cost_s: float) -> None:
+    def __init__(self, turns: FairScheduler, clock: ManualClock, cost_s: float) -> None:
         self._turns, self._clock, self._cost_s = turns, clock, cost_s
         self.served = 0
 
@@ -157,7 +157,7 @@ def test_a_turn_ends_when_its_time_is_used_up(share: float, served: int) -> None
 
     async def main() -> None:
         clock = ManualClock()
-        turns = Turns(clock, requests_per_turn=1000)
+        turns = FairScheduler(clock, requests_per_turn=1000)
         clients = [Costly(turns, clock, share * TURN_S) for _ in range(3)]
         for client in clients:
             turns.wait(client)
@@ -174,7 +174,7 @@ def test_what_a_turn_has_left_is_for_who_comes_in_it() -> None:
     """Once: then the next turn of the loop has as much again."""
 
     async def main() -> None:
-        turns = Turns(ManualClock(), requests_per_turn=3)
+        turns = FairScheduler(ManualClock(), requests_per_turn=3)
         for _turn in range(2):
             assert [turns.is_free() for _ in range(5)] == [True] * 3 + [False] * 2
             await asyncio.sleep(0)

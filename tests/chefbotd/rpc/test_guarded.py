@@ -51,7 +51,7 @@ CALLS: dict[str, dict[str, Any]] = {
     "get_stats": {},
     "subscribe": {"topics": ["text"]},
     "unsubscribe": {},
-    "introduce": {"client": "someone"},
+    "set_client_name": {"client": "someone"},
     "stop": {},
     "estop": {},
     "get_pid": {},

@@ -232,7 +232,7 @@ def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
 
     async def scenario(served: Served, client: LineClient) -> None:
         async with line_client(served) as late:
-            assert "result" in await late.ask("introduce", client="Ann")
+            assert "result" in await late.ask("set_client_name", client="Ann")
             late.request("arm")
             late.send(STOP.strip())
             assert await last_kind(late) == "too_many_clients"

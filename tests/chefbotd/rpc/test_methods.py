@@ -15,7 +15,7 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.messages import params, results
 from chefbotd.messages.roles import Role
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.control_leases import Control
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
@@ -36,7 +36,7 @@ class Desk:
     def __init__(self) -> None:
         self.robot, self.clock = FakeRobot(), ManualClock(100.0)
         self.fanout = Fanout(topics(("left", "right"), simulated=False), self.clock, self._demand)
-        control = Control(3.0, 1.0, self.robot.release, self.fanout.publish)
+        control = ControlLeases(3.0, 1.0, self.robot.release, self.fanout.publish)
         self.arrivals = Arrivals(self.clock)
         methods = Methods(self.robot, self.fanout, self.clock, control, self.arrivals)
         self.dispatcher = Dispatcher(methods.table, self.clock, self.arrivals, 0.5)
@@ -212,7 +212,7 @@ def test_a_drive_that_the_robot_refuses_takes_no_lease() -> None:
 @pytest.mark.parametrize("client", ["", "x" * 65, "line\nend", "\x1b[2J", "\x7f"])
 def test_a_name_is_short_and_printable(client: str) -> None:
     """It is shown on terminals and in logs of others."""
-    assert Desk().kind("introduce", client=client) == "invalid_params"
+    assert Desk().kind("set_client_name", client=client) == "invalid_params"
 
 
 def test_estop_needs_no_reason() -> None:
@@ -376,7 +376,7 @@ def test_describe_covers_the_whole_interface() -> None:
     desk = Desk()
     described = desk.ask("describe")["result"]
     contract = (
-        "authenticate introduce describe get_description ping get_state get_stats subscribe unsubscribe "
+        "authenticate set_client_name describe get_description ping get_state get_stats subscribe unsubscribe "
         "drive set_wheel_velocities take_control release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board"
     )

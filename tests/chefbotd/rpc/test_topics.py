@@ -69,14 +69,14 @@ def test_odometry() -> None:
 
 def test_wheels() -> None:
     """A joint state: names and values in the same order; a wheel that is left out is named."""
-    event = events.WheelsDriven(1.0, (1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (100, -100), left_out=(1,))
+    event = events.WheelsDriven(1.0, (1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (100, -100), excluded=(1,))
     assert data_of("wheels", event) == {
         "name": ["left", "right"],
         "position_rad": [1.0, 2.0],
         "velocity_rad_s": [3.0, 4.0],
         "target_rad_s": [5.0, 6.0],
         "duty": [100, -100],
-        "left_out": ["right"],
+        "excluded": ["right"],
     }
 
 
@@ -123,7 +123,7 @@ def test_link() -> None:
     """Up with its device, then healthy or not; down with the reason; down before anything was heard."""
     opened = events.LinkOpened(1.0, "/dev/ttyACM0")
     closed = events.LinkClosed(2.0, "/dev/ttyACM0", "unplugged")
-    judged = events.LinkJudged(1.5, "/dev/ttyACM0", False, "silent", "nothing heard")
+    judged = events.LinkHealthChanged(1.5, "/dev/ttyACM0", False, "silent", "nothing heard")
     up = {"state": "up", "device": "/dev/ttyACM0"}
     assert data_of("link", opened) == {**up, "reason": "", "healthy": None, "condition": "judging"}
     silent = {**up, "reason": "nothing heard", "healthy": False, "condition": "silent"}

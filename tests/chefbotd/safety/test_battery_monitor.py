@@ -1,10 +1,10 @@
 """A battery that is critically low."""
 
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
-from chefbotd.safety.battery_monitor import ChargeParameters, judge
+from chefbotd.safety.battery_monitor import BatteryMonitorParameters, judge
 from chefbotd.safety.faults import Fault, FaultKind
 
-PARAMETERS = ChargeParameters(critical_s=5.0, absent_below_v=3.0)
+PARAMETERS = BatteryMonitorParameters(critical_s=5.0, absent_below_v=3.0)
 
 
 def story(*readings: tuple[float, float, BatteryLevelStatus]) -> list[Fault | None]:

@@ -4,9 +4,9 @@ import pytest
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.motion.odometry import OdometryParameters
-from chefbotd.motion.same_side import MatesParameters
-from chefbotd.safety.battery_monitor import ChargeParameters
-from chefbotd.safety.encoder_timeout import SilenceParameters
+from chefbotd.motion.same_side import SameSideParameters
+from chefbotd.safety.battery_monitor import BatteryMonitorParameters
+from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.wheels import WheelWatchParameters
@@ -24,8 +24,8 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
         },
     ),
     (SafetyParameters(), {"command_timeout_s": 0.5}),
-    (ChargeParameters(), {"critical_s": 5.0, "absent_below_v": 3.0}),
-    (SilenceParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0}),
+    (BatteryMonitorParameters(), {"critical_s": 5.0, "absent_below_v": 3.0}),
+    (EncoderTimeoutParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0}),
     (
         WheelWatchParameters(),
         {
@@ -39,7 +39,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "forgiven_per_reading": 0.25,
         },
     ),
-    (MatesParameters(), {"memory_s": 0.2, "slack_m": 0.0015, "share": 0.1}),
+    (SameSideParameters(), {"memory_s": 0.2, "slack_m": 0.0015, "share": 0.1}),
     (OdometryParameters(), {"travel_variance_m2_per_m": 1e-4, "turn_variance_rad2_per_rad": 3e-4}),
 ]
 

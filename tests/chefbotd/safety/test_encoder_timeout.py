@@ -2,26 +2,26 @@
 
 import pytest
 
-from chefbotd.safety.encoder_timeout import SilenceParameters, SilenceState, endure, is_stale
+from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters, EncoderTimeoutState, endure, is_stale
 from chefbotd.safety.faults import FaultKind
 
-PARAMETERS = SilenceParameters(max_age_s=0.25, latch_after_s=2.0)
+PARAMETERS = EncoderTimeoutParameters(max_age_s=0.25, latch_after_s=2.0)
 
 
 @pytest.mark.parametrize(("age_s", "stale"), [(0.0, False), (0.25, False), (0.2501, True), (5.0, True)])
 def test_readings_are_stale_past_their_age(age_s: float, stale: bool):
     """The limit itself is still fresh."""
-    assert is_stale(PARAMETERS, SilenceState(100.0), 100.0 + age_s) is stale
+    assert is_stale(PARAMETERS, EncoderTimeoutState(100.0), 100.0 + age_s) is stale
 
 
 def test_nothing_ever_heard_is_stale():
     """A robot whose encoders never spoke does not move."""
-    assert is_stale(PARAMETERS, SilenceState(), 0.0)
+    assert is_stale(PARAMETERS, EncoderTimeoutState(), 0.0)
 
 
 def test_a_silence_that_interrupts_a_drive_latches_after_two_seconds():
     """The second that the ultrasonic sensor may block is endured; what is longer is a fault that says what to check."""
-    state, fault = endure(PARAMETERS, SilenceState(100.0), 100.3, driven=True)
+    state, fault = endure(PARAMETERS, EncoderTimeoutState(100.0), 100.3, driven=True)
     assert (state.interrupted, fault) == (True, None)
     state, fault = endure(PARAMETERS, state, 102.0, driven=False)
     assert fault is None
@@ -33,4 +33,7 @@ def test_a_silence_that_interrupts_a_drive_latches_after_two_seconds():
 
 def test_a_silence_while_standing_never_latches():
     """A board that boots, or that nobody drives, may be silent for as long as it likes."""
-    assert endure(PARAMETERS, SilenceState(100.0), 1000.0, driven=False) == (SilenceState(100.0), None)
+    assert endure(PARAMETERS, EncoderTimeoutState(100.0), 1000.0, driven=False) == (
+        EncoderTimeoutState(100.0),
+        None,
+    )

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Twist2D
-from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import (
     COME_TO_REST,
     DEAD_MAN,
@@ -88,7 +88,7 @@ def test_only_a_fault_that_passes_by_itself_recovers(kind: FaultKind):
     faulted = change_mode(GateState(), Trigger.FAULT, "first", kind)
     assert (faulted.mode, faulted.fault) == (Mode.DISARMED, kind)
     recovered = change_mode(faulted, Trigger.RECOVERY, "back")
-    assert recovered.mode is (Mode.ARMED if kind in PASSING else Mode.DISARMED)
+    assert recovered.mode is (Mode.ARMED if kind in RECOVERABLE else Mode.DISARMED)
     assert change_mode(faulted, Trigger.ARM, "armed") == GateState(Mode.ARMED, "armed")
 
 

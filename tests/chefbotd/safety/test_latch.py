@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from chefbotd.safety.faults import PASSING, FaultKind
+from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import GateState, Mode, Trigger, change_mode
-from chefbotd.safety.latch import ENDED_BADLY, MAX_REASON_CHARACTERS, UNREADABLE, read, write
+from chefbotd.safety.latch import MAX_REASON_CHARACTERS, UNCLEAN_SHUTDOWN, UNREADABLE, read, write
 
 ESTOPPED = GateState(Mode.ESTOPPED, "smoke")
 STALLED = GateState(Mode.DISARMED, "left_wheel stalled", fault=FaultKind.WHEEL_STALLED)
@@ -17,10 +17,10 @@ STALLED = GateState(Mode.DISARMED, "left_wheel stalled", fault=FaultKind.WHEEL_S
     [
         (ESTOPPED, ESTOPPED),
         (STALLED, STALLED),
-        (ENDED_BADLY, ENDED_BADLY),
+        (UNCLEAN_SHUTDOWN, UNCLEAN_SHUTDOWN),
         (UNREADABLE, UNREADABLE),
-        (GateState(Mode.ARMED, "started"), ENDED_BADLY),
-        (GateState(Mode.ARMED, "armed"), ENDED_BADLY),
+        (GateState(Mode.ARMED, "started"), UNCLEAN_SHUTDOWN),
+        (GateState(Mode.ARMED, "armed"), UNCLEAN_SHUTDOWN),
     ],
 )
 def test_the_next_daemon_begins_as_the_last_one_was_but_never_armed(left: GateState, found: GateState):
@@ -63,9 +63,9 @@ def test_what_no_daemon_wrote_is_refused(left: bytes):
         read(left)
 
 
-@pytest.mark.parametrize("state", [ENDED_BADLY, UNREADABLE])
+@pytest.mark.parametrize("state", [UNCLEAN_SHUTDOWN, UNREADABLE])
 def test_a_daemon_that_ended_badly_is_left_by_arm_only(state: GateState):
     """No recovery of the link arms the robot; a person does."""
-    assert FaultKind.ENDED_BADLY not in PASSING
+    assert FaultKind.UNCLEAN_SHUTDOWN not in RECOVERABLE
     assert change_mode(state, Trigger.RECOVERY, "the link is back") == state
     assert change_mode(state, Trigger.ARM, "armed").mode is Mode.ARMED

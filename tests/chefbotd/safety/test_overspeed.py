@@ -101,6 +101,6 @@ def test_who_is_left_out_or_not_driven_is_not_judged() -> None:
     """A wheel whose encoder is not believed may show anything; a robot that stands may be pushed."""
     state: OverspeedState = REST
     for _ in range(100):
-        state, fault = overspeed.watch(P, NAMES, state, (0.2, 0.2), (0.05, 0.01), 0.05, left_out=(0,))
+        state, fault = overspeed.watch(P, NAMES, state, (0.2, 0.2), (0.05, 0.01), 0.05, excluded=(0,))
         assert fault is None
     assert after(((0.0, 0.0), (0.5, -0.4), 5.0))[1] is None

@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
-from chefbotd.safety.latch import ENDED_BADLY, UNREADABLE
+from chefbotd.safety.latch import UNCLEAN_SHUTDOWN, UNREADABLE
 from chefbotd.services.latch import LatchFile, LatchParameters, path_of
 
 ARMED = GateState()
@@ -22,19 +22,19 @@ STALLED = GateState(Mode.DISARMED, "left_wheel stalled", fault=FaultKind.WHEEL_S
     [
         ((), True, ARMED),
         ((ARMED,), True, ARMED),
-        ((ARMED,), False, ENDED_BADLY),
+        ((ARMED,), False, UNCLEAN_SHUTDOWN),
         ((ARMED, ESTOPPED), True, ESTOPPED),
         ((ARMED, ESTOPPED), False, ESTOPPED),
         ((ARMED, STALLED), True, STALLED),
         ((ARMED, STALLED), False, STALLED),
         ((ARMED, STALLED, ESTOPPED, ARMED), True, ARMED),
-        ((ARMED, STALLED, ESTOPPED, ARMED), False, ENDED_BADLY),
+        ((ARMED, STALLED, ESTOPPED, ARMED), False, UNCLEAN_SHUTDOWN),
     ],
 )
 def test_what_the_next_daemon_finds(
     tmp_path: Path, states: tuple[GateState, ...], in_order: bool, found: GateState
 ):
-    """The last state, if it was a latch; armed after an end in order, or where nothing ever was; else ended_badly."""
+    """The last state, if it was a latch; armed after an end in order, or where nothing ever was."""
     path = tmp_path / "made on the way" / "latch.json"
     latch = LatchFile(path)
     for state in states:
@@ -61,7 +61,7 @@ def test_who_never_began_takes_no_word_back(tmp_path: Path):
     failed = LatchFile(path)
     failed.recall()
     failed.end()
-    assert LatchFile(path).recall() == ENDED_BADLY
+    assert LatchFile(path).recall() == UNCLEAN_SHUTDOWN
 
 
 def test_without_a_path_nothing_is_remembered():

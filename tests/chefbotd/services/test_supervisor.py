@@ -128,7 +128,7 @@ def test_the_error_of_a_service_that_cannot_be_missed_is_passed_on(error: BaseEx
         raise error
 
     async def scenario(supervisor: Supervisor, faults: list[Fault]) -> None:
-        await supervisor.insist("server", loop)
+        await supervisor.run_critical("server", loop)
 
     with pytest.raises(type(error)):
         supervised(scenario)
@@ -142,6 +142,6 @@ def test_a_service_that_cannot_be_missed_must_not_end():
             await asyncio.sleep(0)
 
         with pytest.raises(ServiceLost, match="link has ended"):
-            await supervisor.insist("link", returns)
+            await supervisor.run_critical("link", returns)
 
     supervised(scenario)

@@ -109,14 +109,14 @@ def pieces_of_commands(duties: list[bytes]) -> list[bytes]:
 
 
 @asynccontextmanager
-async def left_out(index: int, trial: Trial) -> AsyncIterator[None]:
+async def excluded(index: int, trial: Trial) -> AsyncIterator[None]:
     """This wheel slips again and again: it is named, and odometry does without it."""
     names = (await trial.topic("wheels"))["name"]
     said: set[str] = set()
 
     async def listen() -> None:
         async for event in trial.robot.client.subscribe("wheels", policy="ordered"):
-            said.update(event.data.left_out)
+            said.update(event.data.excluded)
 
     listening = asyncio.create_task(listen())
     async with rewired(b"e", slipping(index), trial):
@@ -260,7 +260,7 @@ FAULTS = (
         Fault(
             "A wheel of four disagrees",
             f"wheel {wheel} slips",
-            partial(left_out, wheel),
+            partial(excluded, wheel),
             drives_on("wheels disagree with their mates and are left out of odometry"),
             on_wire=True,
             robots=("khan",),

@@ -30,7 +30,7 @@ from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
-from chefbotd.motion.same_side import MatesParameters
+from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import GateState, Mode, Rearm, SafetyParameters
 from chefbotd.services.latch import LatchFile
@@ -80,7 +80,7 @@ class Rig:
             reader=WheelReader(
                 CHASSIS,
                 EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
-                MatesParameters(),
+                SameSideParameters(),
             ),
             wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
             control=ControlParameters(watch_period_s=0.02),
@@ -450,7 +450,7 @@ def test_after_a_daemon_that_ended_badly_nothing_moves_before_arm(tmp_path: Path
         with pytest.raises(Refused) as refusal:
             rig.service.command("teleop", AHEAD)
         assert refusal.value.kind is RefusalKind.DISARMED
-        assert {rig.safety.take().fault for _ in range(len(rig.safety))} == {FaultKind.ENDED_BADLY}
+        assert {rig.safety.take().fault for _ in range(len(rig.safety))} == {FaultKind.UNCLEAN_SHUTDOWN}
         rig.service.arm()
         await rig.drive_for(0.3)
         assert rig.duty > (0, 0)

@@ -80,7 +80,7 @@ def test_wheels_left_out_do_not_move_the_robot():
         service = OdometryService(bus, LoopClock(), chassis, OdometryParameters())
         task = asyncio.create_task(service.run())
         turned = (1.0, 7.0, 0.0, 1.0)
-        bus.publish(WheelsMeasured(1.0, 1.0, turned, turned, turned, left_out=(1, 2)))
+        bus.publish(WheelsMeasured(1.0, 1.0, turned, turned, turned, excluded=(1, 2)))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         task.cancel()
