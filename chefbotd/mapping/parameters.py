@@ -23,8 +23,8 @@ class MatchingParameters(Parameters):
     window_at_most_rad: float = Field(default=0.6, gt=0, le=3.2)
     fits_share: float = Field(default=0.6, gt=0, le=1)
     """Of the points that lie where the map knows something, so many must be on a surface."""
-    suspicious_share: float = Field(default=0.9, gt=0, le=1)
-    """Where less fits, a wider window is searched, in case the wheels slipped."""
+    suspicious_drop: float = Field(default=0.08, gt=0, le=1)
+    """Where so much less fits than lately, a wider window is searched, in case the wheels slipped."""
     better_share: float = Field(default=0.1, ge=0, le=1)
     """What is found there must fit so much better."""
     least_overlap: float = Field(default=0.15, ge=0, le=1)

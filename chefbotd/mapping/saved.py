@@ -39,6 +39,7 @@ def saved(state: SlamState) -> Arrays:
         "local_pose": state.local_pose,
         "odometry": state.odometry,
         "path_m": np.array([state.path_m, state.tried_at_m]),
+        "usual_fit": np.array(state.usual_fit),
         "mode": np.array(str(state.mode)),
         "counts": np.array([state.misfits, state.part, state.tried, state.unsolved, state.next_number]),
     }
@@ -87,6 +88,7 @@ def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
         candidates=_candidates(arrays),
         unsolved=unsolved,
         next_number=next_number,
+        usual_fit=float(arrays["usual_fit"]),
     )
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.mapping.forget import Forgotten, thinned
 from chefbotd.mapping.graph import (
     NO_EDGES,
     REJECTED_BELOW,
@@ -25,12 +26,16 @@ from chefbotd.mapping.graph import (
 from chefbotd.mapping.local_map import empty, inserted
 from chefbotd.mapping.loops import believed, is_due, recognised
 from chefbotd.mapping.parameters import SlamParameters, SubmapParameters
+from chefbotd.mapping.parts import apart, joined
 from chefbotd.mapping.poses import Floats, between, compose
 from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
 from chefbotd.mapping.tracking import Tracked, tracked
 
 TURN_M_PER_RAD = 0.5
 """What a turn counts for as travel."""
+
+USUAL_RATE = 0.05
+"""How fast the fit of the last scans becomes the usual one."""
 
 STEP_SIGMA_M, STEP_SIGMA_RAD = 0.005, 0.002
 """How well a step is known at best, whatever the match says: its errors are not all independent."""
@@ -46,6 +51,7 @@ class Report(NamedTuple):
 
     ``overlap`` is how much of the scan lay on known ground. ``node`` is the number of the last kept scan, and
     ``node_from_base`` the pose as seen from it: to place this scan again once the graph has been solved.
+    ``forgotten`` are nodes that are no more.
     """
 
     mode: SlamMode
@@ -58,6 +64,7 @@ class Report(NamedTuple):
     kept: bool
     loops: int
     solved: bool
+    forgotten: tuple[Forgotten, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +72,7 @@ class _Kept:
     state: SlamState
     loops: int = 0
     solved: bool = False
+    forgotten: tuple[Forgotten, ...] = ()
 
 
 def step(
@@ -76,7 +84,7 @@ def step(
         first = _with_node(params.submaps, state, stamp_s, scan, None)
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
-    found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan)
+    found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
     if not found.fits:
         return _misfit(params, state, stamp_s, odometry, scan, found)
     travel_m = _travel_m(between(state.local_pose, found.fit.pose))
@@ -89,12 +97,14 @@ def step(
         active=tuple(a._replace(travel_m=a.travel_m + travel_m) for a in state.active),
         mode=mode,
         misfits=0,
+        usual_fit=state.usual_fit + USUAL_RATE * (found.fit.share - state.usual_fit),
     )
     kept = _is_keyframe(params.submaps, state)
     result = _Kept(state)
     if kept:
         state = _with_node(params.submaps, state, stamp_s, scan, found)
-        result = _looked_around(params, _rolled(params.submaps, state))
+        state, forgotten = _rolled(params.submaps, state)
+        result = replace(_looked_around(params, state), forgotten=forgotten)
     return result.state, _report(result.state, found, result, kept=kept)
 
 
@@ -135,44 +145,6 @@ def _misfit(
     return result.state, _report(result.state, found, result, kept=True)
 
 
-def apart(state: SlamState) -> SlamState:
-    """Begin a part of its own: the robot may be anywhere, as after a kidnapping or when going on with a saved map.
-
-    A part that was never joined is forgotten.
-    """
-    ended = tuple(Submap(a.first, len(state.nodes) - 1) for a in state.active[:1])
-    state = replace(state, submaps=state.submaps + ended, active=(), candidates=())
-    if state.part:
-        state = _without_part(state, state.part)
-    return replace(
-        state,
-        part=state.part + 1,
-        active=(Active(len(state.nodes), 0.0, empty()),),
-        mode=SlamMode.LOST,
-        misfits=0,
-        tried_at_m=-math.inf,
-        built=(),
-    )
-
-
-def _without_part(state: SlamState, part: int) -> SlamState:
-    """Forget the nodes of a part; they are the last ones."""
-    count = int(np.searchsorted(state.nodes.part, part))
-    kept = state.edges.only((state.edges.first < count) & (state.edges.second < count))
-    submaps = tuple(s for s in state.submaps if s.last < count)
-    nodes = state.nodes
-    fewer = Nodes(
-        nodes.number[:count],
-        nodes.stamp_s[:count],
-        nodes.local[:count],
-        nodes.map[:count],
-        nodes.path_m[:count],
-        nodes.part[:count],
-        nodes.scans[:count],
-    )
-    return replace(state, nodes=fewer, edges=kept, submaps=submaps)
-
-
 def _with_node(
     params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, found: Tracked | None
 ) -> SlamState:
@@ -190,8 +162,10 @@ def _with_node(
     )
     edges = state.edges
     if found is not None:
-        for first in dict.fromkeys((node - 1, state.active[0].first)):
-            edges = edges.joined(_course(params, grown, first, found.covariance))
+        course = _course(params, grown, node - 1, found.covariance)
+        if state.active[0].first < node - 1:
+            course = course.joined(_course(params, grown, state.active[0].first, found.covariance))
+        edges = edges.joined(course)
     active = tuple(
         a._replace(grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
         for a in state.active
@@ -208,18 +182,18 @@ def _course(params: SubmapParameters, nodes: Nodes, first: int, covariance: Floa
     return edge(first, len(nodes) - 1, between(nodes.local[first], nodes.local[-1]), grown, loop=False)
 
 
-def _rolled(params: SubmapParameters, state: SlamState) -> SlamState:
-    """Begin the next submap when the growing one is half done, and end it when it is."""
+def _rolled(params: SubmapParameters, state: SlamState) -> tuple[SlamState, tuple[Forgotten, ...]]:
+    """Begin the next submap when the growing one is half done, and end it when it is; then forget what is too much."""
     active, submaps = state.active, state.submaps
     last = len(state.nodes) - 1
     if len(active) == 1 and active[0].travel_m >= params.length_m / 2:
         scan = state.nodes.scans[last]
         grids = inserted(empty(), state.local_pose, scan.sensor_m, scan.points, scan.facing)
         active = (*active, Active(last, 0.0, grids))
-    if active[0].travel_m >= params.length_m:
-        submaps = (*submaps, Submap(active[0].first, last))
-        active = active[1:]
-    return replace(state, active=active, submaps=submaps)
+    if active[0].travel_m < params.length_m:
+        return replace(state, active=active), ()
+    ended = (*submaps, Submap(active[0].first, last))
+    return thinned(replace(state, active=active[1:], submaps=ended), params.most_scans_per_place)
 
 
 def _looked_around(params: SlamParameters, state: SlamState) -> _Kept:
@@ -232,16 +206,8 @@ def _looked_around(params: SlamParameters, state: SlamState) -> _Kept:
     if not accepted:
         return _Kept(state)
     if state.part:
-        state = _joined(state, accepted[-1].correction)
+        state = joined(state, accepted[-1].correction)
     return closed(state, accepted)
-
-
-def _joined(state: SlamState, correction: Floats) -> SlamState:
-    """Move the part that was apart to where it belongs; its nodes are the map's now."""
-    nodes, moved = state.nodes, state.nodes.part == state.part
-    poses = np.where(moved[:, None], compose(correction, nodes.map), nodes.map)
-    joined = replace(nodes, map=poses, part=np.zeros_like(nodes.part))
-    return replace(state, nodes=joined, part=0, mode=SlamMode.MAPPING, candidates=(), built=())
 
 
 def closed(state: SlamState, accepted: tuple[Candidate, ...]) -> _Kept:
@@ -282,4 +248,5 @@ def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: boo
         kept=kept,
         loops=result.loops,
         solved=result.solved,
+        forgotten=result.forgotten,
     )

@@ -95,7 +95,8 @@ class SlamState:
     """All that the next step needs.
 
     ``local_pose`` and ``odometry`` are of the last scan. ``active`` are the one or two submaps that grow; the
-    grids in it are used up by the next step. ``built`` holds grids of finished submaps, made again when missing.
+    grids in it are used up by the next step. ``usual_fit`` is how well scans fitted lately. ``built`` holds grids
+    of finished submaps, made again when missing.
     """
 
     nodes: Nodes
@@ -113,6 +114,7 @@ class SlamState:
     candidates: tuple[Candidate, ...]
     unsolved: int
     next_number: int
+    usual_fit: float = 1.0
     built: tuple[tuple[int, LocalMap], ...] = ()
 
 

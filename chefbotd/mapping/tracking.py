@@ -31,8 +31,18 @@ class Tracked(NamedTuple):
     slipped: bool = False
 
 
-def tracked(params: MatchingParameters, grids: LocalMap, last: Floats, moved: Floats, scan: Scan) -> Tracked:
-    """The robot's pose: it was at ``last`` in the map's frame, and has moved by ``moved`` says the odometry."""
+def tracked(
+    params: MatchingParameters,
+    grids: LocalMap,
+    last: Floats,
+    moved: Floats,
+    scan: Scan,
+    usual_fit: float = 1.0,
+) -> Tracked:
+    """The robot's pose: it was at ``last`` in the map's frame, and has moved by ``moved`` says the odometry.
+
+    A fit that is clearly worse than the usual one has the scan searched further around: the wheels may have slipped.
+    """
     sigma_m, sigma_rad = odometry_sigmas(params, moved)
     guess = compose(last, moved)
     information = np.diag([sigma_m**-2, sigma_m**-2, sigma_rad**-2])
@@ -48,7 +58,7 @@ def tracked(params: MatchingParameters, grids: LocalMap, last: Floats, moved: Fl
     covariance = inverted(fit.information + information)
     if fit.overlap < params.least_overlap:
         return Tracked(fit, covariance, fits=fit.contradictions <= fit.inliers)
-    if fit.share < params.suspicious_share:
+    if fit.share < max(usual_fit - params.suspicious_drop, params.fits_share):
         elsewhere = _slipped(params, grids, (last, guess), scan)
         if elsewhere is not None and elsewhere.fit.share >= fit.share + params.better_share:
             return elsewhere

@@ -34,14 +34,13 @@ class Drive:
 
     def poses(self) -> Floats:
         """Where the graph, as it is in the end, puts each scan."""
-        row = {int(number): k for k, number in enumerate(self.state.nodes.number)}
-        return np.array(
-            [
-                compose(self.state.nodes.map[row[r.node]], r.node_from_base)
-                for r in self.reports
-                if r.node in row
-            ]
-        )
+        nodes = self.state.nodes
+        places = {int(number): pose for number, pose in zip(nodes.number, nodes.map, strict=True)}
+        for report in reversed(self.reports):
+            for gone in report.forgotten:
+                if gone.kept in places:
+                    places[gone.number] = compose(places[gone.kept], gone.pose)
+        return np.array([compose(places[r.node], r.node_from_base) for r in self.reports if r.node in places])
 
     def modes(self) -> list[str]:
         """The mode of each step."""
@@ -49,14 +48,18 @@ class Drive:
 
 
 def drive(
-    odometry: Floats, seen: Callable[[int], Points], state: SlamState | None = None, finish: bool = True
+    odometry: Floats,
+    seen: Callable[[int], Points],
+    state: SlamState | None = None,
+    finish: bool = True,
+    params: SlamParameters = PARAMS,
 ) -> Drive:
     """Feed all scans; ``seen`` gives the points of each."""
     state, reports = state or start(), []
     for k, pose in enumerate(odometry):
-        state, report = step(PARAMS, state, 0.1 * k, pose, scan_of(seen(k)))
+        state, report = step(params, state, 0.1 * k, pose, scan_of(seen(k)))
         reports.append(report)
-    return Drive(refined(PARAMS, state) if finish else state, reports)
+    return Drive(refined(params, state) if finish else state, reports)
 
 
 def off_m(poses: Floats, truth: Floats) -> Floats:

@@ -64,6 +64,7 @@ def test_a_scan_that_fits_says_so(tour: Drive) -> None:
     assert np.median([report.fit for report in tour.reports]) > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 12])
 def test_other_drives_of_the_flat_map_it_as_well(seed: int) -> None:
     """Nothing hangs on the seed of odometry and lidar."""
@@ -72,6 +73,7 @@ def test_other_drives_of_the_flat_map_it_as_well(seed: int) -> None:
     assert off_m(found.poses(), TRUTH).max() < 0.03
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_map_bit_for_bit(tour: Drive) -> None:
     """There is no clock, no order of a set and no chance in it."""
     again = toured(3)
@@ -120,6 +122,7 @@ def test_wheels_that_slip_are_told_and_survived() -> None:
     assert off_m(found.poses(), TRUTH).max() < 0.03
 
 
+@pytest.mark.slow
 def test_a_lidar_that_pauses_for_two_seconds_is_survived() -> None:
     """Twenty scans are missing in the middle of a drive, again and again; odometry bridges them."""
     lidar, odom = Lidar(WALLS, 4), odometry(TRUTH, 4)
