@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import psutil
 from rich.console import Console
@@ -31,6 +32,16 @@ def _decode(*, quick: bool) -> Outcome:
     return Outcome((ratio, Figure("decoding a line", figures["decode_ns_per_line"] / 1e3, "us")))
 
 
+def _slam(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import slam
+
+    return slam.run(**options)
+
+
+TAKES = {"optiodom": ("folder",), "slam": ("folder", "out")}
+"""The benchmarks that take recordings, and those that write trajectories."""
+
 Benchmark = Callable[..., Outcome]
 BENCHMARKS: dict[str, Benchmark] = {
     "decode": _decode,
@@ -43,6 +54,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "saturation": saturation.run,
     "optiodom": optiodom.run,
     "ratios": ratios.run,
+    "slam": _slam,
 }
 
 
@@ -53,12 +65,17 @@ def main() -> int:
     outcomes: dict[str, Outcome] = {}
     for name in options.names or BENCHMARKS:
         with console.status(f"measuring {name}"):
-            more = {"folder": options.data} if name == "optiodom" and options.data else {}
-            outcomes[name] = measured(partial(BENCHMARKS[name], quick=options.quick, **more))
+            outcomes[name] = measured(partial(BENCHMARKS[name], quick=options.quick, **_more(name, options)))
     console.print(table(outcomes))
     _print_notes(console, outcomes)
     _write(options.json, outcomes, quick=options.quick)
     return int(any(outcome.faults for outcome in outcomes.values()))
+
+
+def _more(name: str, options: argparse.Namespace) -> dict[str, Path]:
+    """What the command line says that this benchmark takes."""
+    given = {"folder": options.data, "out": options.out}
+    return {key: given[key] for key in TAKES.get(name, ()) if given[key] is not None}
 
 
 def _arguments() -> argparse.Namespace:
@@ -70,7 +87,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--json", type=Path, default=RESULTS, metavar="FILE", help="where the figures are written"
     )
-    parser.add_argument("--data", type=Path, metavar="FOLDER", help="the recordings for optiodom")
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="the recordings for optiodom, or slam")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where slam writes its trajectories")
     options = parser.parse_args()
     if unknown := sorted(set(options.names) - set(BENCHMARKS)):
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}")
