@@ -20,6 +20,9 @@ MARGIN_M = 0.5
 END_WEIGHT = 4.0
 """An end says more than a pass: beams graze the cells along a wall, but none ends in free space."""
 
+STRAY_SHARE = 0.2
+"""Where so much fewer beams ended than in a cell beside it, they are that one's noise, and often beyond its wall."""
+
 LEAST_OBSERVATIONS = 2
 """What fewer beams than this reached stays unknown."""
 
@@ -47,10 +50,19 @@ def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M, part: int = 0) -
 
 
 def _percent(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
-    ends, passes = END_WEIGHT * seen[..., 0], seen[..., 1].astype(np.float64)
-    known = seen.sum(axis=2, dtype=np.int64) >= LEAST_OBSERVATIONS
+    ends, passes = seen[..., 0].astype(np.float64), seen[..., 1].astype(np.float64)
+    stray = ends < STRAY_SHARE * _most_about(ends)
+    ends = END_WEIGHT * np.where(stray, 0, ends)
+    known = (seen.sum(axis=2, dtype=np.int64) >= LEAST_OBSERVATIONS) & ~(stray & (passes == 0))
     share = np.divide(ends, ends + passes, out=np.zeros_like(passes), where=known)
     return np.where(known, np.rint(100 * share), UNKNOWN).astype(np.int8)
+
+
+def _most_about(ends: Floats) -> Floats:
+    """The largest number in each cell's neighbourhood of three by three."""
+    rows = np.pad(ends, 1)
+    across = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+    return np.asarray(np.maximum(np.maximum(across[:-2], across[1:-1]), across[2:]))
 
 
 @kernel
