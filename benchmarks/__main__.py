@@ -19,7 +19,7 @@ from typing import Any
 import psutil
 from rich.console import Console
 
-from benchmarks import cpu, decode, depth, fanout, latency, optiodom, ratios, saturation, square, start
+from benchmarks import calls, cpu, decode, depth, fanout, latency, optiodom, ratios, saturation, square, start
 from benchmarks.figures import NOISY_CORES, Figure, Outcome, table
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
@@ -55,6 +55,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "optiodom": optiodom.run,
     "ratios": ratios.run,
     "slam": _slam,
+    "calls": calls.run,
 }
 
 

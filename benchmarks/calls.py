@@ -1,0 +1,214 @@
+"""How many Python and C functions one cycle of the board calls in the whole daemon, by part.
+
+A count says what a time cannot: it is the same on every machine and on a busy one, so a test holds it under a bound.
+One cycle is six lines, ``t e u s i b``, in one read; one client takes odometry and wheels; the robot drives. Everything
+from the readiness of the serial port to the last byte to the client is counted, on a virtual clock, with a pty as the
+serial port. The event loop's own calls are left out: the daemon runs on uvloop, whose loop is not Python.
+"""
+
+import asyncio
+import os
+import pty
+import random
+import select
+import statistics
+import sys
+import tty
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from benchmarks.figures import Figure, Outcome
+from chefbotd.app import Daemon
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.link.port import BriefSerial, LinkParameters, SerialPortTransport
+from chefbotd.settings import load
+
+TARGET = 400
+CYCLES = 40
+CYCLE_S = 0.01
+WARM_UP = 100
+TURNS = 20
+"""Iterations of the loop after each read: all that follows from a cycle has happened by then."""
+
+PARTS = {
+    "firmware_protocol": "parsing",
+    "chefbotd/link": "link",
+    "chefbotd/features/driving": "drive service",
+    "chefbotd/features/odometry": "odometry",
+    "chefbotd/motion/odometry": "odometry",
+    "chefbotd/features/sensors": "sensors",
+    "chefbotd/sensing": "sensors",
+    "chefbotd/motion": "motion",
+    "chefbotd/safety": "safety",
+    "chefbotd/rpc": "telemetry",
+    "chefbotd/transport": "telemetry",
+    "chefbotd/messages": "telemetry",
+    "chefbotd/bus": "bus",
+    "chefbotd/clock": "clock",
+    "chefbotd/core": "core",
+    "chefbotd/testing": "link",
+    "serial_asyncio": "port",
+    "serial": "port",
+    "chefbotd/link/port": "port",
+}
+LOOP = ("/asyncio/", "/selectors.py", "<frozen")
+OF_THE_VIRTUAL_LOOP = frozenset({"time", "select"})
+
+
+class CallCounter:
+    """Counts the calls of this thread, by part, while its context lasts."""
+
+    def __init__(self) -> None:
+        self.by_part: Counter[str] = Counter()
+        self.by_function: Counter[tuple[str, str]] = Counter()
+        self._parts: dict[Any, str | None] = {}
+
+    @contextmanager
+    def counting(self) -> Iterator[None]:
+        """Count what is called inside."""
+        sys.setprofile(self._on_event)
+        try:
+            yield
+        finally:
+            sys.setprofile(None)
+
+    def _on_event(self, frame: FrameType, event: str, argument: Any) -> None:
+        if event not in ("call", "c_call") or (part := self._part_of(frame)) is None:
+            return
+        self.by_part[part] += 1
+        name = frame.f_code.co_qualname
+        self.by_function[part, name if event == "call" else f"{name}: {argument.__name__}"] += 1
+
+    def _part_of(self, frame: FrameType) -> str | None:
+        """The part that a frame's code belongs to; of generated code, that of its caller. None: not the daemon's."""
+        code = frame.f_code
+        if code not in self._parts:
+            self._parts[code] = part_of(code.co_filename, code.co_name)
+        part = self._parts[code]
+        if part == "generated":
+            return None if frame.f_back is None else self._part_of(frame.f_back)
+        return part
+
+
+def part_of(file: str, function: str) -> str | None:
+    """The part that a function belongs to; ``generated`` where it has no file, None for the event loop and for us."""
+    if file.startswith("<") and not file.startswith("<frozen"):
+        return "generated"
+    if any(each in file for each in LOOP) or "/benchmarks/" in file:
+        return None
+    if file.endswith("chefbotd/clock.py") and function in OF_THE_VIRTUAL_LOOP:
+        return None
+    found = [name for name in PARTS if f"/{name}/" in file or file.endswith(f"/{name}.py")]
+    return PARTS[max(found, key=len)] if found else "other"
+
+
+def run(*, quick: bool = False) -> Outcome:
+    """The total with its target, and each part."""
+    counted = count()
+    total = Figure("calls of a cycle", float(sum(counted.values())), "", TARGET)
+    parts = [Figure(part, calls, "") for part, calls in counted.most_common()]
+    return Outcome((total, *(Figure(f"of which {each.name}", each.value, "") for each in parts)))
+
+
+def count(cycles: int = CYCLES) -> Counter[str]:
+    """The median number of calls of a cycle, by part."""
+    counters = run_virtual(_measure(cycles))
+    parts = {part for each in counters for part in each.by_part}
+    return Counter(
+        {part: round(statistics.median([each.by_part[part] for each in counters])) for part in parts}
+    )
+
+
+async def _measure(cycles: int) -> list[CallCounter]:
+    board, device = pty.openpty()
+    tty.setraw(board)
+    tty.setraw(device)
+    settings = load(overrides={"api.host": "127.0.0.1", "api.port": 0})
+    daemon = Daemon(settings, clock=LoopClock(), opener=_opener(os.ttyname(device)), rng=random.Random(1))
+    running = asyncio.create_task(daemon.run())
+    reader, writer = await asyncio.open_connection(*await daemon.server.address())
+    counters: list[CallCounter] = []
+    try:
+        await asyncio.sleep(0.1)  # the port is open by then
+        for cycle in range(WARM_UP + cycles):
+            if cycle == WARM_UP // 2:
+                await _ask(reader, writer, "arm", {})
+                await _ask(reader, writer, "subscribe", {"topics": ["odometry", "wheels"]})
+            if cycle >= WARM_UP // 2:
+                await _ask(reader, writer, "drive", {"linear_m_s": 0.1, "angular_rad_s": 0.3})
+            await asyncio.sleep(CYCLE_S)
+            counters.append(await _cycle(cycle, board, device))
+    finally:
+        writer.close()
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        os.close(board)
+        os.close(device)
+    return counters[WARM_UP:]
+
+
+async def _cycle(number: int, board: int, device: int) -> CallCounter:
+    """Send the lines of a cycle, and count until nothing more follows from them."""
+    counter = CallCounter()
+    os.write(board, lines_of(number))
+    select.select([device], [], [], 1.0)
+    with counter.counting():
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
+    while select.select([board], [], [], 0)[0]:
+        os.read(board, 4096)
+    return counter
+
+
+def lines_of(number: int) -> bytes:
+    """The six lines of a cycle: a robot that drives a curve, one wheel faster than the other."""
+    micros, left, right = 20_000_000 + number * 10_000, number * 11, number * 17
+    lines = (
+        f"t\t{micros}\t0.01",
+        f"e\t{left}\t{right}",
+        "u\t87",
+        "s\t0.00\t0.00",
+        "i\t0.10\t0.20\t0.30\t0.93",
+        "b\t2301.00",
+    )
+    return "".join(f"{line}\r\n" for line in lines).encode()
+
+
+async def _ask(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, method: str, params: dict[str, Any]
+) -> None:
+    """Ask and wait for the answer; telemetry before it is read and forgotten."""
+    quoted = str(params).replace("'", '"')
+    writer.write(f'{{"jsonrpc":"2.0","id":1,"method":"{method}","params":{quoted}}}\n'.encode())
+    while b'"id":1' not in (line := await reader.readline()):
+        pass
+    if b'"error"' in line:
+        raise RuntimeError(f"{method}: {line!r}")
+
+
+def _opener(path: str) -> Any:
+    """Opens the pty in the loop's thread: a virtual loop waits for no other."""
+
+    async def open_it(_: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
+        port = BriefSerial(path, exclusive=True)
+        transport: asyncio.Transport = SerialPortTransport(asyncio.get_running_loop(), protocol, port)
+        return transport
+
+    return open_it
+
+
+def main() -> None:
+    """Print every function that a cycle calls, and how often on average."""
+    counters = run_virtual(_measure(CYCLES))
+    total: Counter[tuple[str, str]] = Counter()
+    for counter in counters:
+        total.update(counter.by_function)
+    for (part, name), calls in sorted(total.items(), key=lambda item: (item[0][0], -item[1])):
+        print(f"{part:20} {calls / len(counters):6.1f}  {name}")
+
+
+if __name__ == "__main__":
+    main()

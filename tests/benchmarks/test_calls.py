@@ -1,0 +1,36 @@
+"""What a cycle of the board costs, as a number of calls."""
+
+from typing import Any
+
+from benchmarks.calls import CallCounter, count, part_of
+
+BOUND = 960
+"""A little above what a cycle takes. Raise it only for something that is worth its calls."""
+
+
+def test_a_cycle_calls_no_more_functions_than_it_did() -> None:
+    """From the serial port's readiness to the telemetry and the motor command, with one client and the robot driving."""
+    counted = count(cycles=11)
+    assert sum(counted.values()) <= BOUND, counted
+    assert {"parsing", "link", "port", "motion", "safety", "drive service", "telemetry"} <= set(counted)
+
+
+def test_python_and_c_functions_count_one_each() -> None:
+    """A function of the daemon's counts, and so does what it calls in C."""
+    code = "def outer():\n    return abs(inner(-3))\ndef inner(x):\n    return x\n"
+    made: dict[str, Any] = {}
+    exec(compile(code, "/a/chefbotd/bus.py", "exec"), made)
+    counter = CallCounter()
+    with counter.counting():
+        made["outer"]()
+    assert counter.by_part["bus"] == 3
+    assert counter.by_function["bus", "outer: abs"] == 1
+
+
+def test_the_event_loop_is_no_part_of_the_daemon() -> None:
+    """On uvloop it is not Python; the most specific part is the one that counts."""
+    assert part_of("/lib/python3/asyncio/base_events.py", "call_soon") is None
+    assert part_of("/site/chefbotd/clock.py", "time") is None
+    assert part_of("/site/chefbotd/clock.py", "now_s") == "clock"
+    assert part_of("/site/chefbotd/motion/odometry.py", "integrate") == "odometry"
+    assert part_of("/site/chefbotd/motion/pid.py", "step") == "motion"
