@@ -29,11 +29,12 @@ from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.robot import WiredRobot
 from chefbotd.rpc.access import load_guard
-from chefbotd.rpc.server import Server
+from chefbotd.rpc.server import RpcServer
 from chefbotd.services.latch import LatchFile, path_of
 from chefbotd.services.supervisor import Supervisor
 from chefbotd.services.watchdog import Watchdog
 from chefbotd.settings import Settings
+from chefbotd.transport.tcp.server import TcpServer
 from chefbotd.urdf import urdf_of
 from firmware_protocol.codec import VARIANTS
 
@@ -90,7 +91,8 @@ class Daemon:
             self.session.stop_from_thread,
             self.driving.report_from_thread,
         )
-        self.server = Server(
+        guard = load_guard(settings.api, os.environ)
+        self.rpc = RpcServer(
             WiredRobot(
                 self.driving,
                 self._odometry,
@@ -114,8 +116,9 @@ class Daemon:
             session=secrets.token_hex(4),
             wheel_names=names,
             simulated=simulated,
-            guard=load_guard(settings.api, os.environ),
+            keyring=guard.keyring,
         )
+        self.server = TcpServer(self.rpc, settings.api, guard.tls)
 
     async def run(self, *more: Loop) -> None:
         """Run every part, and ``more`` beside them, until cancelled or until one of them fails.
@@ -133,6 +136,7 @@ class Daemon:
         kept, run_critical = self._supervisor.keep, self._supervisor.run_critical
         async with asyncio.TaskGroup() as group:
             try:
+                group.create_task(run_critical("rpc", self.rpc.run))
                 group.create_task(run_critical("server", self.server.run))
                 await self.server.address()
                 group.create_task(run_critical("drive", self.driving.run))
@@ -162,13 +166,13 @@ class Daemon:
             encoder_readings_refused=driving.readings_refused,
             control_steps=driving.steps,
             bus_dropped=self.bus.drops(),
-            clients=self.server.clients,
-            clients_refused=dict(self.server.refused),
-            handler_faults=dict(self.server.faults),
-            void_commands=dict(self.server.void_commands),
+            clients=self.rpc.clients,
+            clients_refused=dict(self.rpc.refused),
+            handler_faults=dict(self.rpc.faults),
+            void_commands=dict(self.rpc.void_commands),
             internal_errors=driving.internal_errors,
             service_failures=dict(self._supervisor.failures),
-            telemetry_dropped=self.server.drops.total(),
+            telemetry_dropped=self.rpc.drops.total(),
             loop_lag_s=loop_lag_s,
             board_clock_skew_ppm=clock.relation.skew_ppm,
             board_clock_jitter_s=clock.relation.jitter_s,

@@ -5,10 +5,10 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.jsonrpc import Failure, Request, error, parse
 from chefbotd.rpc.lenient import read_leniently
-from chefbotd.transport.tcp.arrivals import Arrival
 from firmware_protocol.codec import VARIANTS, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.levels import unpack

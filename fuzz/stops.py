@@ -9,6 +9,7 @@ from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
+from chefbotd.transport.tcp.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
 
@@ -24,7 +25,7 @@ PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 
 _LOOP = VirtualLoop()
 _SERVER, _ROBOT, _ = new_server(requests_per_turn=4, write_buffer_bytes=4096)
-HINT = _SERVER.lobby.dispatcher.hint
+HINT = _SERVER.connections.dispatcher.hint
 
 
 def no_stop_is_lost(data: bytes) -> None:
@@ -47,9 +48,9 @@ def no_stop_is_lost(data: bytes) -> None:
 
 async def _say(said: bytes, sizes: list[int], ends: int) -> None:
     """A client's whole life: it may read no answers for a while, and it stays, sends no more, or is gone."""
-    session = _SERVER.lobby.admit("127.0.0.1", 50000, 9)
+    session = _SERVER.connections.admit("127.0.0.1", 50000)
     assert isinstance(session, Session)
-    connection, transport = Connection(_SERVER.lobby, session), FakeTransport()
+    connection, transport = Connection(_SERVER.connections, UnreadSockets(), session), FakeTransport()
     transport.pause_writing, transport.resume_writing = connection.pause_writing, connection.resume_writing
     connection.connection_made(transport)
     transport.client_reads = ends & 4 == 0

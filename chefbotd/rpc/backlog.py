@@ -6,7 +6,7 @@ Pure: it holds bytes and cuts lines, and knows what a stop looks like only by a 
 import re
 from typing import NamedTuple
 
-from chefbotd.transport.tcp.arrivals import Arrival
+from chefbotd.rpc.arrivals import Arrival
 
 
 class Line(NamedTuple):

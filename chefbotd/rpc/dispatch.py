@@ -12,11 +12,11 @@ from chefbotd.core.commands import Refused
 from chefbotd.logs import RateLimitedLog
 from chefbotd.messages.params import Params
 from chefbotd.rpc import jsonrpc, lenient
+from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.session import Session
 from chefbotd.rpc.validation import explain
-from chefbotd.transport.tcp.arrivals import Arrival, Arrivals
 
 log = structlog.get_logger(__name__)
 

@@ -14,6 +14,7 @@ from chefbotd.messages import params, results
 from chefbotd.messages.roles import Role
 from chefbotd.messages.telemetry import StatsData, TopicData
 from chefbotd.rpc.access import Keyring
+from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
@@ -22,7 +23,6 @@ from chefbotd.rpc.lenient import EstopParams, StopParams
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.robot import Robot
 from chefbotd.rpc.topics import link_data, safety_data
-from chefbotd.transport.tcp.arrivals import Arrivals
 
 log = structlog.get_logger(__name__)
 
@@ -192,7 +192,7 @@ class Methods:
         try:
             self._robot.stop()
         finally:
-            self._arrivals.stop_carried_out(caller, str(caller.session))
+            self._arrivals.record_stop(caller, str(caller.session))
             self._control.hold(caller.session, now_s)
         return results.Stopped(drivers=drivers)
 
@@ -202,7 +202,7 @@ class Methods:
         try:
             self._robot.estop(params.reason)
         finally:
-            self._arrivals.stop_carried_out(caller, str(caller.session))
+            self._arrivals.record_stop(caller, str(caller.session))
         return results.Stopped(drivers=drivers)
 
     def _arm(self, caller: Caller, params: params.NoParams) -> results.Done:

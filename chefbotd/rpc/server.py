@@ -1,29 +1,24 @@
-"""The command socket: its parts, and the bus's events on their way to the clients."""
+"""Everything behind a transport: methods, topics, leases and clients, and the way from the bus to the clients."""
 
 import asyncio
 from collections import Counter
 from typing import Any
 
-import structlog
-
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
 from chefbotd.messages.results import Hello
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.access import UNGUARDED, Guard
+from chefbotd.rpc.access import Keyring
+from chefbotd.rpc.arrivals import TICK_PERIOD_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.methods import Methods
-from chefbotd.rpc.parameters import ApiParameters, is_loopback
+from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.robot import Robot
 from chefbotd.rpc.topics import Topic, link_data, topics
-from chefbotd.transport.tcp.arrivals import BEAT_PERIOD_S, Arrivals
-from chefbotd.transport.tcp.listener import Listener
-
-log = structlog.get_logger(__name__)
 
 INBOX_EVENTS = 1024
 SWEEP_PERIOD_S = 0.25
@@ -33,12 +28,13 @@ steps."""
 FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "control_leases")
 
 
-class Server:
+class RpcServer:
     """Serves one robot to many clients.
 
-    ``session`` names this run of the daemon; ``wheel_names`` is the order of the tuples in ``WheelsDriven``; ``guard``
-    has the tokens and the certificate. ``drops`` counts telemetry that slow clients lost by topic, ``refused``
-    connections that were refused or ended by the kind of error, ``faults`` broken handlers by method.
+    ``session`` names this run of the daemon; ``wheel_names`` is the order of the tuples in ``WheelsDriven``;
+    ``keyring`` has the tokens (None: no client needs one). ``drops`` counts telemetry that slow clients lost
+    by topic, ``refused`` connections that were refused or ended by the kind of error, ``faults`` broken handlers by
+    method.
     """
 
     def __init__(
@@ -52,106 +48,79 @@ class Server:
         session: str,
         wheel_names: tuple[str, ...],
         simulated: bool = False,
-        guard: Guard = UNGUARDED,
+        keyring: Keyring | None = None,
     ) -> None:
-        self._parameters, self._bus, self._guard = parameters, bus, guard
+        self._bus, self._keyring = bus, keyring
         self._robot_name, self._session = robot_name, session
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
         let_go_s = max(parameters.let_go_s, robot.command_timeout_s)  # who drives may be that slow to repeat
         control = ControlLeases(parameters.lease_s, let_go_s, robot.release, bus.publish)
-        self._arrivals = Arrivals(clock)
-        methods = Methods(
-            robot, self._fanout, clock, control, self._arrivals, guard.keyring, parameters.arm_role
-        )
+        self.arrivals = Arrivals(clock)
+        methods = Methods(robot, self._fanout, clock, control, self.arrivals, keyring, parameters.arm_role)
         self._methods = methods.table
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(self._methods, clock, self._arrivals, robot.command_timeout_s)
-        role = parameters.default_role if guard.keyring is None else None
-        self.lobby = ConnectionManager(
-            parameters, clock, dispatcher, self._arrivals, self._fanout, control, self._greeting, role
+        dispatcher = Dispatcher(self._methods, clock, self.arrivals, robot.command_timeout_s)
+        role = parameters.default_role if keyring is None else None
+        self.connections = ConnectionManager(
+            parameters, clock, dispatcher, self.arrivals, self._fanout, control, self._greeting, role
         )
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
         self._tasks: asyncio.TaskGroup
-        self._listening = asyncio.Event()
-        self._address = ("", 0)
 
     async def run(self) -> None:
-        """Serve until cancelled.
-
-        Raises:
-            CannotListen: the address cannot be listened on.
-        """
-        doorway = Listener(self.lobby, self._guard.tls)
-        self._address = doorway.listen(self._parameters.host, self._parameters.port)
+        """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
         inbox = self._bus.subscribe(*always, size=INBOX_EVENTS)
         try:
             async with asyncio.TaskGroup() as self._tasks:
-                self._tasks.create_task(self._beat())
-                self._tasks.create_task(doorway.run())
+                self._tasks.create_task(self._tick())
                 self._tasks.create_task(self._sweep())
                 self._tasks.create_task(self._prepare_description())
-                self._announce()
                 await self._pump(inbox)
         finally:
-            doorway.close()
             inbox.close()
-            self.lobby.close()
-            await asyncio.sleep(0)  # whoever has not taken its answers by now does not get them
-            self.lobby.abort()
-
-    def _announce(self) -> None:
-        host, port = self._address
-        self._listening.set()
-        log.info("api_listening", host=host, port=port, tls=self._guard.tls is not None)
-        if not is_loopback(host) and self._guard.tls is None:
-            log.warning(
-                "api_not_encrypted", hint="set api.tls_certificate and api.tls_key: tokens can be overheard"
-            )
-
-    async def address(self) -> tuple[str, int]:
-        """Where the server listens; waits until it does."""
-        await self._listening.wait()
-        return self._address
+            self.connections.close()
+            await asyncio.sleep(0)  # answers that are not sent by now are lost
+            self.connections.abort()
 
     @property
     def clients(self) -> int:
         """How many clients are connected now."""
-        return len(self.lobby)
+        return len(self.connections)
 
     @property
     def drops(self) -> Counter[str]:
         """Telemetry that slow clients lost, by topic."""
-        return self.lobby.drops
+        return self.connections.drops
 
     @property
     def refused(self) -> Counter[str]:
         """Connections that were refused or ended, by the kind of error."""
-        return self.lobby.refused
+        return self.connections.refused
 
     @property
     def faults(self) -> Counter[str]:
         """Requests that broke their handler, by method."""
-        return self.lobby.dispatcher.faults
+        return self.connections.dispatcher.faults
 
     @property
     def void_commands(self) -> Counter[str]:
         """Commands that came before a stop or waited too long, by the kind of error."""
-        return self.lobby.dispatcher.void
+        return self.connections.dispatcher.void
 
-    async def _beat(self) -> None:
+    async def _tick(self) -> None:
         while True:
-            self._arrivals.beat()
-            await asyncio.sleep(BEAT_PERIOD_S)
+            self.arrivals.tick()
+            await asyncio.sleep(TICK_PERIOD_S)
 
     async def _sweep(self) -> None:
         while True:
             await asyncio.sleep(SWEEP_PERIOD_S)
-            self.lobby.sweep()
+            self.connections.sweep()
 
     async def _prepare_description(self) -> None:
         for _ in prepare(self._methods, self._fanout.topics):
@@ -176,7 +145,7 @@ class Server:
             robot=self._robot_name,
             session=self._session,
             link=link_data(self._fanout.state("link")).state,
-            auth="none" if self._guard.keyring is None else "token",
+            auth="none" if self._keyring is None else "token",
             capabilities=self._capabilities,
         )
         return jsonrpc.notification("hello", hello.model_dump_json().encode())

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 from chefbotd.messages.roles import Role
+from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.token_bucket import TokenBucket
-from chefbotd.transport.tcp.arrivals import Arrival
 
 
 class Session:
@@ -22,8 +22,8 @@ class Session:
         self._parameters = parameters
         self.host, self._port = host, port
         self.role, self.client, self.proven, self.stops_only = role, "", False, ""
-        self.came: Arrival | None = None  # the earliest at which its connection can have come
-        self._came_s = self._heard_s = now_s
+        self.arrival: Arrival | None = None  # the earliest at which its connection can have been opened
+        self._arrived_s = self._heard_s = now_s
         self._unfinished_s: float | None = None
         self._allowance = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
         self._patience = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
@@ -58,7 +58,7 @@ class Session:
     def overdue(self, now_s: float, subscribed: Callable[[], bool]) -> Failure | None:
         """What the client has taken too long for, or None; ``subscribed`` is asked only of a silent client."""
         limits = self._parameters
-        if self.role is None and now_s - self._came_s > limits.authenticate_s:
+        if self.role is None and now_s - self._arrived_s > limits.authenticate_s:
             return _timed_out(f"not authenticated within {limits.authenticate_s:g} s")
         if self._unfinished_s is not None and now_s - self._unfinished_s > limits.request_s:
             return _timed_out(f"a request was not complete within {limits.request_s:g} s")

@@ -10,7 +10,8 @@ from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock
-from chefbotd.rpc import ApiParameters, Guard, Server
+from chefbotd.rpc import ApiParameters, Guard, RpcServer
+from chefbotd.transport.tcp.server import TcpServer
 from tests.fakes.robot import WHEELS, FakeRobot
 
 
@@ -18,7 +19,7 @@ from tests.fakes.robot import WHEELS, FakeRobot
 class Served:
     """What a test of the socket holds in its hands."""
 
-    server: Server
+    server: RpcServer
     robot: FakeRobot
     bus: Bus
     host: str
@@ -27,10 +28,10 @@ class Served:
 
 def new_server(
     *, simulated: bool = False, port: int = 0, guard: Guard | None = None, **limits: Any
-) -> tuple[Server, FakeRobot, Bus]:
+) -> tuple[RpcServer, FakeRobot, Bus]:
     """A server that does not run yet, with its fake robot and its bus."""
     robot, bus = FakeRobot(), Bus()
-    server = Server(
+    server = RpcServer(
         robot,
         bus,
         LoopClock(),
@@ -39,18 +40,24 @@ def new_server(
         session="s1",
         wheel_names=WHEELS,
         simulated=simulated,
-        guard=guard or Guard(),
+        keyring=guard.keyring if guard is not None else None,
     )
     return server, robot, bus
+
+
+def tcp_server(server: RpcServer, guard: Guard | None = None) -> TcpServer:
+    """The TCP side of a server."""
+    return TcpServer(server, server.connections.parameters, guard.tls if guard is not None else None)
 
 
 @asynccontextmanager
 async def serving(**options: Any) -> AsyncIterator[Served]:
     """Serve a fake robot on a free port for as long as the block lasts; the options of ``new_server``."""
     server, robot, bus = new_server(**options)
-    running = asyncio.ensure_future(server.run())
+    tcp = tcp_server(server, options.get("guard"))
+    running = asyncio.gather(server.run(), tcp.run())
     try:
-        host, port = await server.address()
+        host, port = await tcp.address()
         yield Served(server, robot, bus, host, port)
     finally:
         running.cancel()

@@ -8,59 +8,39 @@ client costs at most its buffers and its outbox, and no stop that has reached th
 
 import asyncio
 import socket
-from collections import Counter
 from collections.abc import Callable
-from typing import Protocol, cast
+from typing import cast
 
-from chefbotd.clock import Clock
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
-from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.fair_scheduler import FairScheduler
+from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.last_look import LAST_LOOK_BYTES, LAST_LOOK_S, LastLook
-from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.arrivals import Arrival, Arrivals, unread_bytes
 from chefbotd.transport.tcp.outbox import Outbox
-
-
-class House(Protocol):
-    """What a connection needs from the server that made it."""
-
-    parameters: ApiParameters
-    dispatcher: Dispatcher
-    drops: Counter[str]
-    clock: Clock
-    turns: FairScheduler
-    arrivals: Arrivals
-
-    def welcome(self, connection: "Connection") -> bytes:
-        """Take the client in; the greeting for it."""
-        ...
-
-    def ended(self, session: Session, failure: Failure) -> None:
-        """A connection is being ended for this reason."""
-        ...
-
-    def farewell(self, connection: "Connection") -> None:
-        """The connection is gone."""
-        ...
+from chefbotd.transport.tcp.unread import UnreadSockets, unread_bytes
 
 
 class Connection(asyncio.Protocol):
     """The server's end of one socket; ``plain`` is that socket, where what it holds is not encrypted."""
 
-    def __init__(self, house: House, session: Session, plain: socket.socket | None = None) -> None:
-        self._house, self.session, self._plain = house, session, plain
-        self._backlog = Backlog(house.parameters.max_request_bytes, house.dispatcher.hint)
+    def __init__(
+        self,
+        manager: ConnectionManager,
+        unread: UnreadSockets,
+        session: Session,
+        plain: socket.socket | None = None,
+    ) -> None:
+        self._manager, self._unread, self.session, self._plain = manager, unread, session, plain
+        self._backlog = Backlog(manager.parameters.max_request_bytes, manager.dispatcher.hint)
         self._waits = False  # for its turn
         self._looks = False  # when it has its turn, for there may be more stops
         self._is_ours = False  # its first line was no other protocol's
         self._hears = True
         self._descriptor = -1
         self._paused = False
-        self._unread_since = session.came  # the earliest at which what the kernel holds can have come
+        self._unread_since = session.arrival  # the earliest at which what the kernel holds can have come
         self._at_last: Callable[[], None] | None = (
             None  # once nothing more is heard, and all has been seen to
         )
@@ -76,32 +56,32 @@ class Connection(asyncio.Protocol):
         self._transport = cast(asyncio.Transport, transport)  # uvloop's is one in all but its bases
         connected = transport.get_extra_info("socket")
         self._descriptor = connected.fileno()
-        self._house.arrivals.watch(self._descriptor, self)
+        self._unread.register(self._descriptor, self)
         asyncio.get_running_loop().call_soon(self._forget_what_was_read)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # The kernel would keep megabytes for a slow client, all of it stale before it is read.
-        connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._house.parameters.write_buffer_bytes)
-        self._outbox = Outbox(self._transport, self._house.parameters, self._house.drops, self._give_up)
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._manager.parameters.write_buffer_bytes)
+        self._outbox = Outbox(self._transport, self._manager.parameters, self._manager.drops, self._give_up)
         self.reply, self.telemetry = self._outbox.reply, self._outbox.telemetry
-        self.reply(self._house.welcome(self))
+        self.reply(self._manager.add(self))
 
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
         if not self._hears:
             return
-        self.session.heard(self._house.clock.now_s())
+        self.session.heard(self._manager.clock.now_s())
         self._backlog.add(data, self._arrival())
         self._forget_what_was_read()
         if self.closing:
             self._last_look.read(len(data))
         self._go_on()
 
-    def came_before(self, arrival: Arrival) -> None:
+    def mark_unread(self, arrival: Arrival) -> None:
         """What the kernel holds of this client may have come as early as this."""
         self._unread_since = self._unread_since or arrival
 
     def _arrival(self) -> Arrival:
-        return self._unread_since or self._house.arrivals.earliest()
+        return self._unread_since or self._manager.arrivals.earliest()
 
     def _forget_what_was_read(self) -> None:
         """Once the kernel has been seen empty, what comes next is new."""
@@ -112,11 +92,11 @@ class Connection(asyncio.Protocol):
         """Do what there is room for now, and what else waits for its turn; the first stop in it does not."""
         if self._waits and self._looks:
             return
-        turns, more = self._house.turns, True
-        while more and not self._waits and turns.is_free():
+        scheduler, more = self._manager.scheduler, True
+        while more and not self._waits and scheduler.is_free():
             more = self._serve()
         self._looks = self._look()
-        while self._looks and not self._waits and turns.is_free():
+        while self._looks and not self._waits and scheduler.is_free():
             self._looks = self._look()
         self._wait_or_rest(more)
 
@@ -139,14 +119,14 @@ class Connection(asyncio.Protocol):
     def _wait(self) -> None:
         if not self._waits:
             self._waits = True
-            self._house.turns.wait(self)
+            self._manager.scheduler.wait(self)
 
     def _serve(self) -> bool:
         """Serve the next request, if there is room for its answer; whether there was one."""
         if self.closing:
             return False
         if self._backlog.too_long:
-            longest = self._house.parameters.max_request_bytes
+            longest = self._manager.parameters.max_request_bytes
             self.end(Failure(ErrorKind.REQUEST_TOO_LARGE, f"a request has at most {longest} bytes"))
             return False
         line = None if self._outbox.blocked else self._backlog.take()
@@ -155,16 +135,16 @@ class Connection(asyncio.Protocol):
         self.session.waits_for_line_end(False)
         if line.text:
             self._serve_line(line.text, line.arrival)
-        elif not self.session.forgive(self._house.clock.now_s()):
+        elif not self.session.forgive(self._manager.clock.now_s()):
             self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
         self._is_ours = True
         return True
 
     def _serve_line(self, text: bytearray, arrival: Arrival | None = None) -> None:
         """Have one line carried out; what this client sent behind a stop of its own was sent after it."""
-        arrivals = self._house.arrivals
+        arrivals = self._manager.arrivals
         before = arrivals.stops
-        self._house.dispatcher.serve(self, text, arrival)
+        self._manager.dispatcher.serve(self, text, arrival)
         if arrivals.stops == before:
             return
         self._backlog.stopped(before, arrivals.stops)
@@ -189,12 +169,12 @@ class Connection(asyncio.Protocol):
 
     def _judge_first_line(self) -> None:
         """Who begins with another protocol is not listened to, also when its connection ends for another reason."""
-        foreign = self._house.dispatcher.is_foreign(self._backlog.first())
+        foreign = self._manager.dispatcher.is_foreign(self._backlog.first())
         self._last_look.over = self._last_look.over or foreign or self._backlog.too_long
         self._is_ours = bool(self._backlog) and not self._backlog.unfinished
 
     def _look_at(self, line: bytearray) -> None:
-        dispatcher = self._house.dispatcher
+        dispatcher = self._manager.dispatcher
         method = dispatcher.early(self.session, line)
         if method is not None:
             self._backlog.take_found()
@@ -205,7 +185,7 @@ class Connection(asyncio.Protocol):
         """Read, unless as much waits as may, or there may be stops in what waits: more would only come after them."""
         if not self._hears:
             return
-        full = len(self._backlog) > self._house.parameters.backlog_bytes
+        full = len(self._backlog) > self._manager.parameters.backlog_bytes
         if full and self._outbox.blocked:
             self._outbox.hurry()
         if full or self._looks:
@@ -246,8 +226,8 @@ class Connection(asyncio.Protocol):
             self._last_look_ends.cancel()
         if self._hears:
             self._backlog.add(self._rest(), self._arrival())
-        self._house.arrivals.unwatch(self._descriptor, self)
-        self._house.farewell(self)
+        self._unread.unregister(self._descriptor, self)
+        self._manager.remove(self.session)
         self._hears, self._at_last = False, None
         self._backlog.finish()
         self._wait()
@@ -257,7 +237,7 @@ class Connection(asyncio.Protocol):
         if self.closing and self._at_last is not None:
             return  # it is being ended; how long it may take to read the rest counts from then
         why = f"read nothing for {self._outbox.patience_s:g} s"
-        self._house.ended(self.session, Failure(ErrorKind.TIMED_OUT, why))
+        self._manager.count_ended(self.session, Failure(ErrorKind.TIMED_OUT, why))
         if self.closing:
             self.abort()
         else:
@@ -268,7 +248,7 @@ class Connection(asyncio.Protocol):
         if self.closing:  # the last look has come upon something that ends it
             self._last_look.over = True
             return
-        self._house.ended(self.session, failure)
+        self._manager.count_ended(self.session, failure)
         self.reply(jsonrpc.error(failure))
         if self._is_hopeless(failure):
             self.close()

@@ -1,13 +1,14 @@
-"""Where clients come in: one listener per address, each newcomer counted before it costs a TLS handshake.
+"""Accepts clients: one listening socket per address, and each client admitted before it costs a TLS handshake.
 
-Accepting is our own loop and not ``create_server``'s: it says no with a reason while descriptors are left, takes one
-newcomer per turn of the event loop, and lives through the kernel's refusals.
+The accept loop is our own and not ``create_server``'s. It refuses with a reason as long as descriptors are left,
+accepts one client per iteration of the event loop, and survives the kernel's errors.
 """
 
 import asyncio
 import contextlib
 import errno
 import os
+import resource
 import select
 import socket
 import ssl
@@ -16,14 +17,19 @@ import structlog
 
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.connection_manager import ConnectionManager
+from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.connection_manager import ConnectionManager, Headroom
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.arrivals import Arrival, Arrivals
 from chefbotd.transport.tcp.connection import Connection
+from chefbotd.transport.tcp.unread import UnreadSockets
 
 BACKLOG = 128
 ACCEPT_AGAIN_S = 0.1
+RESERVED_DESCRIPTORS = 32
+"""Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
+CLOSING_DESCRIPTORS = 8
+"""Left for new clients until those that were disconnected for them have closed their own."""
 
 
 class CannotListen(OSError):
@@ -33,32 +39,49 @@ class CannotListen(OSError):
         return str(self.strerror)
 
 
-class _Queue:
-    """Who waits at a listener in the kernel, and how long that may be since."""
+class _AcceptQueue:
+    """The clients that wait in the kernel at one listening socket, and the earliest time they can have arrived."""
 
-    def __init__(self, listener: socket.socket, arrivals: Arrivals) -> None:
+    def __init__(self, listener: socket.socket, arrivals: Arrivals, unread: UnreadSockets) -> None:
         self._arrivals = arrivals
         self._oldest: Arrival | None = None
-        self._more = select.poll()
-        self._more.register(listener, select.POLLIN)
-        arrivals.watch(listener.fileno(), self)
+        self._poll = select.poll()
+        self._poll.register(listener, select.POLLIN)
+        unread.register(listener.fileno(), self)
 
-    def came_before(self, arrival: Arrival) -> None:
-        """A stop is carried out while somebody waits."""
+    def mark_unread(self, arrival: Arrival) -> None:
+        """A stop is carried out while a client waits."""
         self._oldest = self._oldest or arrival
 
-    def next(self) -> Arrival:
-        """The earliest at which the one who was just let in can have come."""
-        came = self._oldest or self._arrivals.earliest()
-        self._oldest = came if self._more.poll(0) else None
-        return came
+    def next_arrival(self) -> Arrival:
+        """The earliest arrival of the client that was just accepted."""
+        arrival = self._oldest or self._arrivals.earliest()
+        self._oldest = arrival if self._poll.poll(0) else None
+        return arrival
+
+
+class DescriptorLimit:
+    """How many file descriptors are left for clients, by the number of a new one: it is the lowest that is free."""
+
+    def __init__(self, stop_places: int) -> None:
+        self._low = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
+        self._none = self._low + stop_places + CLOSING_DESCRIPTORS
+
+    def headroom(self, descriptor: int) -> Headroom:
+        """What a client with this descriptor finds."""
+        if descriptor >= self._none:
+            return Headroom.NONE
+        return Headroom.LOW if descriptor >= self._low else Headroom.ENOUGH
 
 
 class Listener:
-    """Lets clients into the lobby; through TLS, if there is a context for it."""
+    """Accepts clients and hands them to the connection manager; through TLS, if there is a context for it."""
 
-    def __init__(self, lobby: ConnectionManager, tls: ssl.SSLContext | None) -> None:
-        self._lobby, self._tls = lobby, tls
+    def __init__(
+        self, connections: ConnectionManager, unread: UnreadSockets, tls: ssl.SSLContext | None
+    ) -> None:
+        self._manager, self._unread, self._tls = connections, unread, tls
+        self._descriptors = DescriptorLimit(connections.parameters.stop_places)
         self._listeners: list[socket.socket] = []
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
@@ -73,8 +96,10 @@ class Listener:
             for family, _, _, _, address in dict.fromkeys(found):
                 listener = socket.create_server(address, family=family, backlog=BACKLOG)
                 self._listeners.append(listener)
-                # Newcomers inherit it: what the kernel holds of a client's requests is bounded, as what we hold is.
-                listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self._lobby.parameters.backlog_bytes)
+                # Accepted sockets inherit this bound on the requests that the kernel holds.
+                listener.setsockopt(
+                    socket.SOL_SOCKET, socket.SO_RCVBUF, self._manager.parameters.backlog_bytes
+                )
                 listener.setblocking(False)
         except OSError as error:
             self.close()
@@ -87,7 +112,7 @@ class Listener:
         return name
 
     async def run(self) -> None:
-        """Let clients in until cancelled."""
+        """Accept clients until cancelled."""
         async with asyncio.TaskGroup() as group:
             for listener in self._listeners:
                 group.create_task(self._accept(listener, group))
@@ -98,38 +123,41 @@ class Listener:
             listener.close()
 
     async def _accept(self, listener: socket.socket, group: asyncio.TaskGroup) -> None:
-        loop, queue = asyncio.get_running_loop(), _Queue(listener, self._lobby.arrivals)
+        loop, queue = asyncio.get_running_loop(), _AcceptQueue(listener, self._manager.arrivals, self._unread)
         while True:
             try:
-                newcomer, address = await loop.sock_accept(listener)
+                accepted, address = await loop.sock_accept(listener)
             except OSError as error:  # out of descriptors or of memory; the client waits in the kernel
                 self._log.warning("client_not_accepted", error=str(error))
                 await asyncio.sleep(ACCEPT_AGAIN_S)
                 continue
             host, port = address[:2]
-            admitted = self._lobby.admit(host, port, newcomer.fileno(), queue.next())
+            headroom = self._descriptors.headroom(accepted.fileno())
+            admitted = self._manager.admit(host, port, queue.next_arrival(), headroom)
             if isinstance(admitted, Failure):
-                self._send_away(newcomer, admitted)
+                self._refuse(accepted, admitted)
             else:
-                handshake = group.create_task(self._let_in(newcomer, admitted))
+                handshake = group.create_task(self._connect(accepted, admitted))
                 if self._tls is not None:
-                    self._lobby.shakes_hands(admitted, handshake.cancel)
+                    self._manager.add_handshake(admitted, handshake.cancel)
             await asyncio.sleep(0)
 
-    def _send_away(self, newcomer: socket.socket, failure: Failure) -> None:
-        with newcomer, contextlib.suppress(OSError):  # it may have gone already
+    def _refuse(self, accepted: socket.socket, failure: Failure) -> None:
+        with accepted, contextlib.suppress(OSError):  # it may have gone already
             if self._tls is None:
-                newcomer.send(jsonrpc.error(failure))
+                accepted.send(jsonrpc.error(failure))
 
-    async def _let_in(self, newcomer: socket.socket, session: Session) -> None:
-        patience_s = None if self._tls is None else self._lobby.parameters.authenticate_s
+    async def _connect(self, accepted: socket.socket, session: Session) -> None:
+        handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_s
         try:
             await asyncio.get_running_loop().connect_accepted_socket(
-                lambda: Connection(self._lobby, session, newcomer if self._tls is None else None),
-                newcomer,
+                lambda: Connection(
+                    self._manager, self._unread, session, accepted if self._tls is None else None
+                ),
+                accepted,
                 ssl=self._tls,
-                ssl_handshake_timeout=patience_s,
+                ssl_handshake_timeout=handshake_timeout_s,
             )
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
             self._log.warning("client_not_let_in", client=str(session), error=str(error))
-            self._lobby.leave(session)
+            self._manager.remove(session)

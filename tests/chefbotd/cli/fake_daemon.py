@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.methods import Methods
 from chefbotd.rpc.topics import topics
-from chefbotd.transport.tcp.arrivals import Arrivals
 from tests.fakes.robot import FakeRobot
 
 T = TypeVar("T")

@@ -5,8 +5,8 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
+from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
-from chefbotd.transport.tcp.arrivals import Arrival
 
 NOW = Arrival(1.0, 0)
 

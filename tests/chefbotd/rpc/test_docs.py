@@ -7,6 +7,7 @@ import pytest
 
 from chefbotd.clock import ManualClock
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.fanout import Fanout
@@ -14,7 +15,6 @@ from chefbotd.rpc.jsonrpc import ERRORS, Request
 from chefbotd.rpc.methods import Methods
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import topics
-from chefbotd.transport.tcp.arrivals import Arrivals
 from tests.fakes.robot import WHEELS, FakeRobot
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"

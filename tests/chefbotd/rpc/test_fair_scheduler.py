@@ -10,6 +10,7 @@ from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.rpc.fair_scheduler import TURN_S, FairScheduler
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
+from chefbotd.transport.tcp.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
 
@@ -29,10 +30,10 @@ class Crowd:
         self.transports: list[FakeTransport] = []
         self.connections: list[Connection] = []
         for port in range(CLIENTS):
-            session = server.lobby.admit("127.0.0.1", 50000 + port, 9)
+            session = server.connections.admit("127.0.0.1", 50000 + port)
             assert isinstance(session, Session)
             self.transports.append(FakeTransport())
-            self.connections.append(Connection(server.lobby, session))
+            self.connections.append(Connection(server.connections, UnreadSockets(), session))
             self.connections[-1].connection_made(self.transports[-1])
             self.transports[-1].written.clear()
 

@@ -15,6 +15,7 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.messages import params, results
 from chefbotd.messages.roles import Role
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.dispatch import Dispatcher
@@ -25,7 +26,6 @@ from chefbotd.rpc.methods import Methods
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
 from chefbotd.rpc.topics import Topic, topics
-from chefbotd.transport.tcp.arrivals import Arrivals
 from tests.budget import examples
 from tests.fakes.robot import FakeRobot
 

@@ -13,7 +13,7 @@ from structlog.testing import capture_logs
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import Direction, LineSeen, LinkOpened, TextReceived, TruthSimulated
 from chefbotd.core.geometry import Pose2D, Twist2D
-from tests.fakes.api import LineClient, Served, line_client, new_server, serving
+from tests.fakes.api import LineClient, Served, line_client, new_server, serving, tcp_server
 
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}'
 
@@ -290,9 +290,8 @@ def test_an_address_in_use_is_an_error() -> None:
 
     async def main() -> None:
         with socket.create_server(("127.0.0.1", 0)) as taken:
-            server, _, bus = new_server(port=taken.getsockname()[1])
+            server, _, _ = new_server(port=taken.getsockname()[1])
             with pytest.raises(OSError, match="address already in use"):
-                await server.run()
-            assert not bus.wanted(TextReceived)
+                await tcp_server(server).run()
 
     run_virtual(main())

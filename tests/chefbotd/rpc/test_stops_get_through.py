@@ -201,7 +201,7 @@ def test_from_a_client_that_makes_way(run: Run) -> None:
     async def scenario(served: Served) -> None:
         async with raw_client(served), raw_client(served) as client:
             client.send(ESTOP)
-            assert isinstance(served.server.lobby.admit("127.0.0.2", 50000, 9), Session)
+            assert isinstance(served.server.connections.admit("127.0.0.2", 50000), Session)
             assert estopped(served)
             await asyncio.sleep(0.01)
             assert b"gave way" in client.recv(10_000)

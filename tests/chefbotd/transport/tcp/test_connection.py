@@ -12,6 +12,7 @@ from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
+from chefbotd.transport.tcp.unread import UnreadSockets
 from tests.chefbotd.rpc.test_lenient import STOPS
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
@@ -40,9 +41,9 @@ def connected(plain: socket.socket | None = None) -> tuple[Connection, FakeTrans
     """A greeted connection to a fake robot; one turn is 16 requests, and ``describe`` overfills the buffer."""
     server, robot, _ = new_server(requests_per_turn=16, write_buffer_bytes=4096)
     transport = FakeTransport()
-    session = server.lobby.admit("127.0.0.1", 50000, 9)
+    session = server.connections.admit("127.0.0.1", 50000)
     assert isinstance(session, Session)
-    connection = Connection(server.lobby, session, plain)
+    connection = Connection(server.connections, UnreadSockets(), session, plain)
     transport.pause_writing = connection.pause_writing
     transport.resume_writing = connection.resume_writing
     connection.connection_made(transport)

@@ -1,0 +1,71 @@
+"""When a request can have arrived, and which commands are void because of a stop or of their age.
+
+A read returns bytes that arrived at any time since the transport was last polled. Nobody can tell when: a process that
+was frozen, or a computer that slept, finds them all at once. So bytes count as old as they can be. A timer ticks to
+bound that age: between two ticks the event loop has polled every transport.
+
+The bytes of two clients cannot be put in order either. So whatever is unread when a stop is carried out counts as sent
+before the stop, except for what the stop's own client sent behind it.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from chefbotd.clock import Clock
+
+TICK_PERIOD_S = 0.025
+
+
+class Arrival(NamedTuple):
+    """The earliest time at which bytes can have arrived, and how many stops had been carried out by then."""
+
+    stamp_s: float
+    stops: int
+
+
+MarkUnread = Callable[[Arrival, object], None]
+"""Tells every client with unread bytes, except the given one, that they may have arrived as early as this."""
+
+
+class Arrivals:
+    """One for all clients. ``stops`` counts the stops carried out, ``stopped_by`` names who sent the last one.
+
+    ``clock`` must go on while the computer sleeps.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.stops, self.stopped_by = 0, ""
+        self._tick_s: float | None = None
+        self._previous_tick_s: float | None = None
+        self._mark_unread: list[MarkUnread] = []
+
+    def add_transport(self, mark_unread: MarkUnread) -> None:
+        """Have a transport mark its unread bytes before each stop."""
+        self._mark_unread.append(mark_unread)
+
+    def tick(self) -> None:
+        """Note that the event loop has polled its transports; a timer calls this every ``TICK_PERIOD_S``."""
+        now_s = self._clock.now_s()
+        self._previous_tick_s, self._tick_s = now_s if self._tick_s is None else self._tick_s, now_s
+
+    def earliest(self) -> Arrival:
+        """The earliest arrival of bytes that have just been read; now, as long as there was no tick."""
+        stamp_s = self._clock.now_s() if self._previous_tick_s is None else self._previous_tick_s
+        return Arrival(stamp_s, self.stops)
+
+    def age_s(self, arrival: Arrival) -> float:
+        """How old a command may be, in seconds."""
+        return self._clock.now_s() - arrival.stamp_s
+
+    def is_before_a_stop(self, arrival: Arrival) -> bool:
+        """Whether a command may have been sent before a stop that has been carried out."""
+        return arrival.stops < self.stops
+
+    def record_stop(self, client: object, name: str) -> None:
+        """Count a stop by ``client``; what is unread from any other client counts as sent before it."""
+        before = self.earliest()
+        for mark_unread in self._mark_unread:
+            mark_unread(before, client)
+        self.stops += 1
+        self.stopped_by = name
