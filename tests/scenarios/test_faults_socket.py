@@ -157,6 +157,7 @@ def test_anyone_may_stop_and_estop_whoever_drives():
             await robot.client.stop()
             await asyncio.sleep(0.4)
             assert abs(speed_m_s(robot)) < 0.02
+            await ann.arm()  # another client's stop holds her source until she asks anew
             await drive(ann, 0.2, 1.0)
             await robot.client.estop("smoke")
             await asyncio.sleep(0.02)  # a line of the wire takes less
