@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from chefbotd.cli.daemon import main
+from chefbotd.cli.programs.chefbotd import main
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.session import BoardSession

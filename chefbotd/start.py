@@ -5,17 +5,17 @@ import sys
 from importlib import import_module
 
 INTERRUPTED = 130
-"""As ``chefbotd.cli.exits`` has it, which is not imported yet."""
+"""As ``chefbotd.cli.common.exits`` has it, which is not imported yet."""
 
 
 def chefbotd() -> None:
     """The daemon."""
-    _run("chefbotd.cli.daemon")
+    _run("chefbotd.cli.programs.chefbotd")
 
 
 def chefbotctl() -> None:
     """The program that talks to it."""
-    _run("chefbotd.cli.control")
+    _run("chefbotd.cli.programs.chefbotctl")
 
 
 def _run(program: str) -> None:

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner
 
-from chefbotd.cli.daemon import main
-from chefbotd.cli.exits import Exit
+from chefbotd.cli.common.exits import Exit
+from chefbotd.cli.programs.chefbotd import main
 from chefbotd.clock import run_virtual
 from chefbotd.description import Description, DescriptionError
 from chefbotd.description_check import differences

@@ -39,7 +39,9 @@ def test_ctrl_c_while_it_is_still_importing_says_so_in_a_word(program: str) -> N
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
 def test_the_daemon_ends_in_order_without_stdin_or_stdout(closed: str) -> None:
     """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv."""
-    command = f"exec {sys.executable} -m chefbotd.cli.daemon run --sim --listen 127.0.0.1:0 {closed}"
+    command = (
+        f"exec {sys.executable} -m chefbotd.cli.programs.chefbotd run --sim --listen 127.0.0.1:0 {closed}"
+    )
     with subprocess.Popen(
         ["/bin/sh", "-c", command],
         stdin=subprocess.DEVNULL,

@@ -155,7 +155,7 @@ async def _daemon(
     board: Board, log: Path, fault: str, host: str, environment: Mapping[str, str]
 ) -> AsyncIterator[Program]:
     port = _free_port()
-    program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.daemon import main\nmain()"
+    program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.programs.chefbotd import main\nmain()"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
     inherited = {name: text for name, text in os.environ.items() if name != "RUNTIME_DIRECTORY"}
     with log.open("wb") as sink:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from structlog.testing import capture_logs
 
-from chefbotd.cli.exits import Exit
+from chefbotd.cli.common.exits import Exit
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.testing.daemon import running_daemon

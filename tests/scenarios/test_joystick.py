@@ -5,8 +5,8 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from chefbotd.cli.gamepad import Button, PadParameters, Reading
-from chefbotd.cli.joystick import JoystickPilot
+from chefbotd.cli.drive.gamepad import Button, PadParameters, Reading
+from chefbotd.cli.drive.joystick import JoystickPilot
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged

@@ -9,8 +9,8 @@ from collections.abc import Awaitable, Callable
 import pytest
 from structlog.testing import capture_logs
 
-from chefbotd.cli.course import CourseParameters, TurnTo
-from chefbotd.cli.walk import Walker
+from chefbotd.cli.drive.course import CourseParameters, TurnTo
+from chefbotd.cli.drive.course_driver import Walker
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D

@@ -11,7 +11,7 @@ import pytest
 import tomlkit
 from click.testing import CliRunner
 
-from chefbotd.cli.daemon import main as chefbotd
+from chefbotd.cli.programs.chefbotd import main as chefbotd
 from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

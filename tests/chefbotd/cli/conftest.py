@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from click.testing import CliRunner, Result
 
-from chefbotd.cli.control import main
+from chefbotd.cli.programs.chefbotctl import main
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 Control = Callable[..., Result]

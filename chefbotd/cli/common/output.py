@@ -1,0 +1,132 @@
+"""What the commands print: JSON for scripts, tables for people. rich is imported only to draw."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from chefbotd.cli.common import state_text
+from chefbotd.cli.common.echo import echo, writing
+from chefbotd.client import Event
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.table import Table
+
+Data = Mapping[str, Any]
+
+
+def say(as_json: bool, value: object, text: str) -> None:
+    """One JSON object, or one sentence."""
+    echo(json.dumps(value) if as_json else text)
+
+
+def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) -> None:
+    if as_json:
+        echo(json.dumps(value))
+        return
+    from chefbotd.cli.common.console import Printer
+
+    with writing():
+        Printer(highlight=False).print(draw())
+
+
+def _table(*columns: str) -> "Table":
+    from rich import box
+    from rich.table import Column, Table
+
+    folding = [Column(header, overflow="fold") for header in columns]
+    return Table(*folding, box=box.SIMPLE_HEAD, pad_edge=False)
+
+
+def status(as_json: bool, answer: Data) -> None:
+    """The state and the counters."""
+    _show(as_json, answer, lambda: _status(answer))
+
+
+def _status(answer: Data) -> "Table":
+    from rich.text import Text
+
+    table = _table(answer["robot"], f"protocol {answer['protocol']}, session {answer['session']}", "age")
+    for fact in [*state_text.of_state(answer), state_text.counters(answer["stats"])]:
+        age = "" if fact.age_s is None else f"{fact.age_s:.3f} s"
+        table.add_row(fact.label, Text(fact.text, style=fact.mood), Text(age, style=state_text.Mood.FAINT))
+    return table
+
+
+def event(as_json: bool, event: Event[Any]) -> None:
+    """One event on one line."""
+    if as_json:
+        value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
+        echo(json.dumps({**value, "data": _plain(event)}))
+    else:
+        told = " ".join(f"{name}={_brief(value)}" for name, value in _plain(event).items())
+        echo(f"{event.stamp_s:.3f} {event.topic} {told}")
+
+
+def _plain(event: Event[Any]) -> dict[str, Any]:
+    """The data as on the wire: lists, plain strings, null for what is not finite."""
+    data: dict[str, Any] = json.loads(event.data.model_dump_json())
+    return data
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return "[" + ",".join(map(_brief, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{k}={_brief(v)}" for k, v in value.items()) + "}"
+    if value is None or isinstance(value, bool):
+        return str(value).lower()  # as ``pid set`` takes them
+    return str(value)
+
+
+def gains(as_json: bool, wheels: Mapping[str, Data]) -> None:
+    """Every wheel's gains, one column a wheel."""
+    _show(as_json, {"wheels": wheels}, lambda: _gains(wheels))
+
+
+def _gains(wheels: Mapping[str, Data]) -> "Table":
+    table = _table("gain", *wheels)
+    names = dict.fromkeys(name for one in wheels.values() for name in one)
+    for name in names:
+        table.add_row(name, *(_brief(gains.get(name)) for gains in wheels.values()))
+    return table
+
+
+def description(as_json: bool, answer: Data) -> None:
+    """The methods and topics, with what each takes or carries."""
+    _show(as_json, answer, lambda: _description(answer))
+
+
+def _description(answer: Data) -> "Table":
+    table = _table("", "name", "fields", "meaning")
+    for name, method in answer["methods"].items():
+        table.add_row("method", name, _fields(method["params"]), method["summary"])
+    for name, topic in answer["topics"].items():
+        table.add_row("topic", name, _fields(topic["data"]), topic["summary"])
+    return table
+
+
+def _fields(schema: Data) -> str:
+    return " ".join(schema.get("properties", {}))
+
+
+@contextmanager
+def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], None]]:
+    """A progress bar over ``seconds`` where there is a terminal."""
+    if console.quiet or not console.is_terminal:
+        yield _unseen
+        return
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    told = TextColumn("{task.completed:.1f} of {task.total:.1f} s")
+    bar = Progress(TextColumn("driving"), BarColumn(), told, console=console, transient=True)
+    with bar:
+        task = bar.add_task("driving", total=seconds)
+        yield lambda gone_s: bar.update(task, completed=gone_s)
+
+
+def _unseen(_gone_s: float) -> None:
+    """Nobody looks."""

@@ -1,0 +1,17 @@
+"""What a screen needs: somebody who sees it and can press keys."""
+
+import sys
+
+from chefbotd.cli.common.exits import Exit, ProgramError
+
+
+def need_terminal() -> None:
+    """Refuse to draw a screen where there is none (Textual itself reads stdin and draws on stderr).
+
+    Raises:
+        ProgramError: stdin, stdout or stderr is a file or a pipe.
+    """
+    streams = {"standard input": sys.stdin, "standard output": sys.stdout, "standard error": sys.stderr}
+    elsewhere = [name for name, stream in streams.items() if not stream.isatty()]
+    if elsewhere:
+        raise ProgramError(Exit.USAGE, f"this needs a terminal, and there is none on {', '.join(elsewhere)}")

@@ -1,0 +1,234 @@
+"""Following a course over the command socket, closed over odometry, and what became of it."""
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.latency import Latencies, Ping
+from chefbotd.cli.drive import turning
+from chefbotd.cli.drive.course import (
+    CourseParameters,
+    GoTo,
+    Leg,
+    TurnTo,
+    deviation,
+    left_rad,
+    remaining,
+    steer,
+)
+from chefbotd.cli.drive.timed_drive import pose, standing
+from chefbotd.client import Client, Event, Subscription
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.messages.telemetry import OdometryData
+
+PING_PERIOD_S = 0.1
+FIRST_PATIENCE_S = 10.0
+"""A daemon that has just started has to open its device, and the board to boot."""
+
+PATIENCE_S = 2.0
+SETTLING_S = 0.5
+NEARER_M = 0.005
+ALLOWED_DISTANCE_M = 0.05
+ALLOWED_HEADING_RAD = math.radians(5)
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Where the robot should be at the end of a leg, where odometry says it is, and (simulated) where it is."""
+
+    name: str
+    commanded: Pose2D
+    odometric: Pose2D
+    true: Pose2D | None
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A moment of the walk: legs done, the name and the share done of the present one, and where odometry is."""
+
+    leg: int
+    legs: int
+    name: str
+    share: float
+    odometric: Pose2D
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """A finished walk; the last mark was made when the robot stood."""
+
+    marks: tuple[Mark, ...]
+    seconds: float
+    latencies: Latencies
+
+
+Report = Callable[[Progress], None]
+GoOn = Callable[[Twist2D], Awaitable[None]]
+"""Ask for a twist, and wait for the next odometry."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """A topic's poses, seen from where the first one was."""
+
+    start: Pose2D | None = None
+    latest: Pose2D = field(default_factory=Pose2D)
+
+    def update(self, at: Pose2D) -> None:
+        self.start = self.start or at
+        self.latest = self.start.inverse().compose(at)
+
+
+class Walker:
+    """Drives a robot along a course, from wherever it stands."""
+
+    def __init__(self, robot: Client, parameters: CourseParameters, report: Report) -> None:
+        self._robot, self._parameters, self._report = robot, parameters, report
+        self._tracks = {"odometry": _Track(), "sim": _Track()}
+        self._odometry = self._tracks["odometry"]
+        self._standing = True
+        self._lead_s: float | None = None
+        self._latencies = Latencies()
+
+    async def walk(self, legs: Sequence[Leg]) -> Walk:
+        """Follow the legs and come to rest; the robot is told to stop on every way out.
+
+        Raises:
+            ProgramError: odometry stopped coming, or the course took longer than ``time_limit_s``.
+            ChefbotError: as the client raises them.
+        """
+        topics = [t for t in self._tracks if t in (await self._robot.describe()).topics]
+        loop = asyncio.get_running_loop()
+        async with self._robot.subscribe(topics, policy="ordered") as events:
+            await self._first_values(events, topics)
+            began_s = loop.time()
+            try:
+                async with asyncio.timeout(self._parameters.time_limit_s):
+                    marks = [await self._follow(events, legs, index) for index in range(len(legs))]
+            except TimeoutError as error:
+                limit = f"{self._parameters.time_limit_s:g} s"
+                raise ProgramError(Exit.NOT_DONE, f"the course was not done within {limit}") from error
+            finally:
+                await self._robot.stop()
+            seconds = loop.time() - began_s
+            await self._settle(events)
+        return Walk((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)
+
+    async def _first_values(self, events: Subscription[Any], topics: Sequence[str]) -> None:
+        try:
+            async with asyncio.timeout(FIRST_PATIENCE_S + PATIENCE_S):  # without odometry sooner
+                while any(self._tracks[topic].start is None for topic in topics):
+                    await self._next(events, FIRST_PATIENCE_S)
+        except TimeoutError as error:
+            missing = " and ".join(topic for topic in topics if self._tracks[topic].start is None)
+            raise ProgramError(
+                Exit.NOT_DONE, f"no {missing} for {FIRST_PATIENCE_S + PATIENCE_S:g} s"
+            ) from error
+
+    async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> Mark:
+        """Drive until the leg is done and the robot stands, so that no turn begins with speed left over."""
+        leg, name = legs[index], _name(legs, index)
+        whole = remaining(leg, self._odometry.latest)
+
+        async def go_on(asked: Twist2D) -> None:
+            await self._robot.drive(asked.linear_m_s, asked.angular_rad_s)
+            await self._ping_now_and_then()
+            await self._next(events, PATIENCE_S)
+            share = 1 - remaining(leg, self._odometry.latest) / whole if whole else 1.0
+            self._report(Progress(index, len(legs), name, share, self._odometry.latest))
+
+        try:
+            await (self._along(leg, go_on) if isinstance(leg, GoTo) else self._around(leg, go_on))
+        except ProgramError as error:
+            raise ProgramError(error.code, f"{name}: {error}{await self._held_by()}") from error
+        return self._mark(name, leg)
+
+    async def _along(self, leg: GoTo, go_on: GoOn) -> None:
+        """A side, as long as the robot comes nearer to its end."""
+        loop = asyncio.get_running_loop()
+        nearest_m, nearer_s = math.inf, loop.time()
+        while (twist := steer(self._parameters, leg, self._odometry.latest)) or not self._standing:
+            left_m = remaining(leg, self._odometry.latest)
+            if left_m < nearest_m - NEARER_M:
+                nearest_m, nearer_s = left_m, loop.time()
+            if loop.time() - nearer_s > self._parameters.patience_s:
+                told = f"{left_m:.2f} m are left, and no nearer for {self._parameters.patience_s:g} s"
+                raise ProgramError(Exit.NOT_DONE, told)
+            await go_on(twist or STANDING)
+
+    async def _around(self, leg: TurnTo, go_on: GoOn) -> None:
+        """A turn; what it learned of the robot's delay is for the next one, too."""
+        loop, parameters = asyncio.get_running_loop(), self._parameters.turn
+        turn = turning.begin(parameters, loop.time(), left_rad(leg, self._odometry.latest), self._lead_s)
+        while True:
+            left = left_rad(leg, self._odometry.latest)
+            turn, rate = turning.step(parameters, turn, loop.time(), left, stands=self._standing)
+            if rate is None:
+                self._lead_s = turn.lead_s
+                return
+            await go_on(Twist2D(0.0, rate))
+
+    async def _held_by(self) -> str:
+        """What the daemon says that holds the robot up, at the end of a sentence."""
+        safety = (await self._robot.get_state()).safety
+        held_by = safety.limited_by or (None if safety.mode == "armed" else safety.reason)
+        return "" if held_by is None else f"; held up by {held_by}"
+
+    async def _settle(self, events: Subscription[Any]) -> None:
+        """Wait until the robot has stood for a while, so that late readings are in."""
+        loop = asyncio.get_running_loop()
+        stood_since_s = loop.time()
+        while loop.time() - stood_since_s < SETTLING_S:
+            await self._next(events, PATIENCE_S)
+            stood_since_s = stood_since_s if self._standing else loop.time()
+
+    async def _next(self, events: Subscription[Any], patience_s: float) -> None:
+        """Take events up to and including one of odometry."""
+        try:
+            async with asyncio.timeout(patience_s):
+                while (event := await anext(events)).topic != "odometry":
+                    self._tracks[event.topic].update(pose(event.data))
+        except TimeoutError as error:
+            raise ProgramError(Exit.NOT_DONE, f"no odometry for {patience_s:g} s") from error
+        self._take(event)
+
+    def _take(self, odometry: Event[OdometryData]) -> None:
+        self._odometry.update(pose(odometry.data))
+        self._standing = standing(odometry.data)
+        self._latencies.arrivals.append((asyncio.get_running_loop().time(), odometry.stamp_s))
+
+    async def _ping_now_and_then(self) -> None:
+        loop, pings = asyncio.get_running_loop(), self._latencies.pings
+        sent_s = loop.time()
+        if not pings or sent_s - pings[-1].sent_s >= PING_PERIOD_S:
+            stamp_s = (await self._robot.ping()).stamp_s
+            pings.append(Ping(sent_s, loop.time(), stamp_s))
+
+    def _mark(self, name: str, leg: Leg) -> Mark:
+        true = self._tracks["sim"]
+        return Mark(
+            name, leg.target, self._tracks["odometry"].latest, None if true.start is None else true.latest
+        )
+
+
+def _name(legs: Sequence[Leg], index: int) -> str:
+    kind = type(legs[index])
+    ordinal = sum(isinstance(leg, kind) for leg in legs[: index + 1])
+    return f"{'side' if kind is GoTo else 'turn'} {ordinal}"
+
+
+def problems(walk: Walk) -> list[str]:
+    """What is wrong with where the walk ended; nothing when it is good."""
+    end = walk.marks[-1]
+    found = []
+    closing = deviation(end.commanded, end.odometric)
+    if not closing.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):
+        found.append(f"odometry says that the robot ended {closing} from where it was sent")
+    if end.true is not None:
+        drift = deviation(end.true, end.odometric)
+        if not drift.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):
+            found.append(f"the robot really ended {drift} from where odometry says")
+    return found

@@ -1,0 +1,103 @@
+"""A daemon on a simulated robot, as a process of one's own, for as long as it is needed."""
+
+import asyncio
+import socket
+import sys
+import tempfile
+from asyncio.subprocess import Process
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import IO
+
+from chefbotd.cli.common.arguments import Address
+from chefbotd.cli.common.exits import Exit, ProgramError
+
+LISTENING_PATIENCE_S = 20.0
+ENDING_PATIENCE_S = 5.0
+RETRY_S = 0.05
+LOG_TAIL_LINES = 20
+
+
+@asynccontextmanager
+async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
+    """Start ``chefbotd run --sim``, wait until it listens, and end it on every way out.
+
+    ``robot`` is the configuration to simulate; None is the packaged ChefBot's.
+
+    Raises:
+        ProgramError: it ended, or did not listen in time; its last log lines are in the message.
+    """
+    address = Address("127.0.0.1", _free_port())
+    with tempfile.TemporaryFile("w+") as log:
+        configured = () if robot is None else ("--config", str(robot))
+        command = (
+            "-m",
+            "chefbotd.cli.programs.chefbotd",
+            "run",
+            "--sim",
+            "--listen",
+            str(address),
+            *configured,
+        )
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *command,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,  # Ctrl-C is for us alone: the robot is told to stop before its daemon ends
+        )
+        try:
+            await _listening(process, address, log)
+            yield address
+        finally:
+            code = await _end(process)
+    if code != Exit.OK:
+        raise ProgramError(Exit.FAILED, f"chefbotd ended with exit code {code}")
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+    return port
+
+
+async def _listening(process: Process, address: Address, log: IO[str]) -> None:
+    try:
+        async with asyncio.timeout(LISTENING_PATIENCE_S):
+            while not await _accepts(address):
+                if process.returncode is not None:
+                    raise _failure(f"chefbotd ended with exit code {process.returncode}", log)
+                await asyncio.sleep(RETRY_S)
+    except TimeoutError:
+        raise _failure(f"chefbotd did not listen within {LISTENING_PATIENCE_S:g} s", log) from None
+
+
+async def _accepts(address: Address) -> bool:
+    try:
+        _, writer = await asyncio.open_connection(address.host, address.port)
+    except ConnectionRefusedError:
+        return False
+    writer.close()
+    return True
+
+
+async def _end(process: Process) -> int:
+    """Ask it to end, wait, and give its exit code."""
+    if process.returncode is None:
+        process.terminate()
+    try:
+        async with asyncio.timeout(ENDING_PATIENCE_S):
+            return await process.wait()
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+        raise ProgramError(
+            Exit.FAILED, f"chefbotd did not end within {ENDING_PATIENCE_S:g} s of SIGTERM"
+        ) from None
+
+
+def _failure(what: str, log: IO[str]) -> ProgramError:
+    log.seek(0)
+    tail = log.readlines()[-LOG_TAIL_LINES:]
+    return ProgramError(Exit.CANNOT_CONNECT, "; its log ends:\n".join([what, "".join(tail).rstrip()]))

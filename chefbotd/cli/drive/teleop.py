@@ -1,0 +1,154 @@
+"""The screen of ``chefbotctl teleop``: keys go to the pilot, telemetry is drawn; needs the extra ``teleop``."""
+
+import asyncio
+from collections.abc import Coroutine
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from rich.table import Table
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+from textual.widgets import Static
+
+from chefbotd.cli.common import state_text
+from chefbotd.cli.common.screen import RobotScreen
+from chefbotd.cli.common.state_text import Fact, Mood
+from chefbotd.cli.drive.keys import released
+from chefbotd.cli.drive.pilot import Pilot
+from chefbotd.client import Client, ConnectionLost, Event
+
+TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
+SHOWN_HZ = 10.0
+PING_PERIOD_S = 0.5
+LOST = Fact("daemon", "connection lost, trying again", Mood.ALARM)
+ESTOP_KEYS = {"!", "backspace", "delete"}
+HELP = """\
+     u   i   o
+     j   k   l
+     m   ,   .
+   or the arrow keys
+
+  space k  stop
+  ! or ⌫   emergency stop
+  a        arm
+  t        take control
+  q z      both speeds ±10 %
+  w x      forward speed
+  e c      turning speed
+  Esc Q    quit
+
+  Any other key stops, too."""
+
+
+class Teleop(RobotScreen):
+    """Drives one robot."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,ctrl+c,ctrl+q,Q", "leave", priority=True)]
+    CSS: ClassVar[str] = (
+        RobotScreen.BASE_CSS
+        + """
+    #facts { width: 1fr; padding: 1 0 1 1; }
+    #help { width: 30; padding: 1 0; color: $text-muted; border-left: solid $primary; height: 1fr; }
+    """
+    )
+
+    def __init__(self, robot: Client, address: str, *, reconnects: bool = False) -> None:
+        super().__init__(robot, address, reconnects=reconnects)
+        self._pilot = Pilot(robot, self.say)
+        self._latest: dict[str, Event[Any]] = {}
+        self._arrived_s: dict[str, float] = {}
+        self._round_trip_s: float | None = None
+
+    def compose(self) -> ComposeResult:
+        """Textual: title, the facts beside the keys, and a line for messages."""
+        yield Static(self.heading, id="title")
+        with Horizontal():
+            yield Static(id="facts")
+            yield Static(HELP, id="help", markup=False)
+        yield Static(id="message", markup=False)
+
+    async def on_mount(self) -> None:
+        """Textual: the screen is there, so begin."""
+        self.run_beside(self._drive(), self._listen(), self._measure())
+        self.draw_at(SHOWN_HZ, self._draw)
+
+    async def on_app_blur(self) -> None:
+        """Textual: the terminal lost the focus, so no key that is let go would be noticed."""
+        self._pilot.release()
+
+    async def on_key(self, event: events.Key) -> None:
+        """Textual: a key arrived, or was repeated."""
+        key = event.character if event.is_printable and event.character else event.key
+        self.say("")
+        if key in ESTOP_KEYS:
+            await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
+        elif key == "a":
+            await self._interrupt(self.robot.arm(), "Armed.")
+        elif key == "t":
+            await self.ask(self.robot.take_control(), "You have control; whoever had it comes to rest.")
+        else:
+            self._pilot.press(key)
+
+    async def _drive(self) -> None:
+        """Send what the keys ask for; after a lost connection with no key held, as the daemon has withdrawn it."""
+        while True:
+            try:
+                await self._pilot.run()
+            except ConnectionLost as loss:
+                before, self._pilot = self._pilot, Pilot(self.robot, self.say)
+                self._pilot.keys = released(before.keys)
+                await self.wait_for_connection(loss)
+                self._pilot.keys = released(self._pilot.keys)
+
+    async def _interrupt(self, request: Coroutine[Any, Any, None], done: str) -> None:
+        self._pilot.release()
+        await self.ask(request, done)
+
+    async def _listen(self) -> None:
+        async with self.robot.subscribe(TOPICS, max_rate_hz=SHOWN_HZ) as events:
+            async for event in events:
+                self._latest[event.topic] = event
+                self._arrived_s[event.topic] = self.now_s()
+
+    async def _measure(self) -> None:
+        while True:
+            sent_s = self.now_s()
+            try:
+                await self.robot.ping()
+            except ConnectionLost as loss:
+                self._round_trip_s = None
+                await self.wait_for_connection(loss)
+                continue
+            self._round_trip_s = self.now_s() - sent_s
+            await asyncio.sleep(PING_PERIOD_S)
+
+    def _draw(self) -> None:
+        table = Table.grid(padding=(0, 2))
+        for fact in self._facts():
+            table.add_row(Text(fact.label, style=Mood.FAINT), Text(fact.text, style=fact.mood))
+        self.query_one("#facts", Static).update(table)
+
+    def _facts(self) -> list[Fact]:
+        keys, asked = self._pilot.keys, self._pilot.asked
+        told = state_text.of_topics({topic: self._aged(topic) for topic in TOPICS if topic in self._latest})
+        trip = "-" if self._round_trip_s is None else f"{1000 * self._round_trip_s:.1f} ms round trip"
+        if not self.robot.connected:
+            told = [LOST, *(replace(fact, mood=Mood.FAINT) for fact in told)]
+        return [
+            *told,
+            Fact("asked", state_text.twist(asked.linear_m_s, asked.angular_rad_s)),
+            Fact("keys", f"{keys.linear_m_s:.2f} m/s  {keys.angular_rad_s:.2f} rad/s"),
+            Fact("latency", trip),
+        ]
+
+    def _aged(self, topic: str) -> dict[str, Any]:
+        event = self._latest[topic]
+        return {"data": event.data.model_dump(), "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
+
+
+async def teleop(robot: Client, address: str) -> None:
+    """Drive by keyboard until the user quits; raises the client's error when that is what ended it."""
+    await Teleop(robot, address, reconnects=True).show()

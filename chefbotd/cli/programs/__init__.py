@@ -1,0 +1,1 @@
+"""What both programs start with: their commands, arguments and configuration."""

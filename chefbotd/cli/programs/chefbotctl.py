@@ -1,0 +1,115 @@
+"""The program chefbotctl: asks, watches, drives and configures a running daemon."""
+
+import ssl
+from typing import TextIO
+
+import click
+
+from chefbotd import __version__
+from chefbotd.cli.common.arguments import Address, address
+from chefbotd.cli.common.context import Conversation, Runner, Trust, run_until_signalled
+from chefbotd.cli.common.exits import MEANING, exit_table
+from chefbotd.cli.drive import commands as driving
+from chefbotd.cli.drive import stop_arm_reset
+from chefbotd.cli.drive.wheel_commands import wheels
+from chefbotd.cli.look import commands as looking
+from chefbotd.cli.programs.completion import completion
+from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.tune.commands import pid
+
+TOKEN = click.File(encoding="utf-8")
+LONGEST_TOKEN = 512
+"""As the daemon has it."""
+
+LONGEST_TOKEN_FILE = 65_536
+ROLES = ("observe", "drive", "admin")
+"""As the daemon has them, which need not be imported to connect."""
+
+EXITS = list(MEANING)
+
+
+@click.group(cls=Program, name="chefbotctl", epilog=exit_table(*EXITS))
+@click.option(
+    "--connect",
+    "where",
+    type=address,
+    metavar="HOST:PORT",
+    default="127.0.0.1:7333",
+    show_default=True,
+    envvar="CHEFBOTCTL_CONNECT",
+    show_envvar=True,
+    help="Where the daemon listens.",
+)
+@click.option(
+    "--token-file",
+    type=TOKEN,
+    envvar="CHEFBOTCTL_TOKEN_FILE",
+    show_envvar=True,
+    help="A file that holds the token to show, alone or after its role.",
+)
+@click.option(
+    "--ca",
+    type=click.Path(exists=True, dir_okay=False),
+    envvar="CHEFBOTCTL_CA",
+    show_envvar=True,
+    help="Speak TLS, and trust the certificates in this PEM file.",
+)
+@click.version_option(__version__, prog_name="chefbotctl")
+@click.pass_context
+def main(ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None) -> None:
+    """Watch, drive and configure a robot whose chefbotd is running."""
+    run: Runner = ctx.obj or run_until_signalled
+    ctx.obj = Conversation(where, wants_json(ctx), run, _trust(token_file, ca))
+
+
+def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
+    token = None if token_file is None else _token(token_file)
+    try:
+        return Trust(token, None if ca is None else ssl.create_default_context(cafile=ca))
+    except OSError as error:
+        raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
+
+
+def _token(file: TextIO) -> str:
+    """The first token in the file: alone on its line or after its role, as in the daemon's own file.
+
+    It is never repeated in a message.
+    """
+    try:
+        lines = file.read(LONGEST_TOKEN_FILE + 1).splitlines()
+    except UnicodeDecodeError:
+        raise click.UsageError(f"--token-file {file.name}: is no text") from None
+    entries = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    words = entries[0] if entries else []
+    has_role = len(words) == 2 and words[0] in ROLES
+    if not (len(words) == 1 or has_role) or len(words[-1]) > LONGEST_TOKEN:
+        raise click.UsageError(
+            f"--token-file {file.name}: expected a token of at most {LONGEST_TOKEN} characters, alone or after its "
+            f"role ({', '.join(ROLES)}), found {len(words)} words"
+        )
+    return words[-1]
+
+
+COMMANDS: tuple[click.Command, ...] = (
+    looking.status,
+    looking.watch,
+    looking.describe,
+    driving.drive,
+    driving.teleop,
+    driving.joystick,
+    wheels,
+    driving.square,
+    stop_arm_reset.stop,
+    stop_arm_reset.estop,
+    stop_arm_reset.arm,
+    pid,
+    stop_arm_reset.reset_odometry,
+    stop_arm_reset.reset_board,
+    completion,
+)
+
+for command in COMMANDS:
+    main.add_command(command)
+
+if __name__ == "__main__":
+    main()

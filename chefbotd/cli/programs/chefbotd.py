@@ -1,0 +1,156 @@
+"""The program chefbotd: run the daemon, run a simulated board, check a configuration.
+
+Start-up is what a user waits for, so each command imports what it needs when it is called.
+"""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from chefbotd import __version__, start
+from chefbotd.cli.common.arguments import Address, address, configuration
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
+from chefbotd.cli.programs.completion import completion
+from chefbotd.cli.programs.init import init, urdf
+from chefbotd.cli.programs.load import load_valid
+from chefbotd.cli.programs.load import simulation as simulation_of
+from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.process import signals
+
+EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
+CYCLE_HZ = click.FloatRange(0.1, 1000.0)
+SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second"])
+SKETCH = "Which of the published sketches the simulated board runs, instead of the configured one."
+FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
+
+
+@click.group(cls=Program, name="chefbotd", epilog=exit_table(*EXITS))
+@click.version_option(__version__, prog_name="chefbotd")
+def main() -> None:
+    """Drive a small wheeled robot over its serial board, and serve its command socket."""
+
+
+@main.command()
+@click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
+@click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
+@click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
+@click.option("--sketch", type=SKETCHES, help=SKETCH)
+@click.option(
+    "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
+)
+@click.option(
+    "--log-level", metavar="LEVEL", help="What is worth a line in the log: debug, info, warning, error."
+)
+@click.pass_context
+def run(
+    ctx: click.Context,
+    path: Path | None,
+    device: str | None,
+    simulated: bool,
+    sketch: str | None,
+    where: Address | None,
+    log_level: str | None,
+) -> None:
+    """Run the daemon until SIGINT or SIGTERM."""
+    start.open_standard_streams()
+    signals.hold_crashes()  # libraries start threads as they are imported
+    if simulated and device is not None:
+        raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
+    if sketch is not None and not simulated:
+        raise click.UsageError("--sketch needs --sim: a real board runs its own")
+    wanted = {
+        "sim.board.sketch": sketch,
+        "link.device": device,
+        "api.host": where and where.host,
+        "api.port": where and where.port,
+        "log.level": log_level,
+    }
+    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
+    if simulated:
+        simulation_of(settings)
+    from chefbotd import logs
+    from chefbotd.process import run as process
+
+    logs.configure(settings.log.level)
+    ctx.exit(process.run(settings, simulated=simulated))
+
+
+@main.command()
+@click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
+@click.option(
+    "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
+)
+@click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
+@click.option("--sketch", type=SKETCHES, help=SKETCH)
+@click.option("--cycle-hz", type=CYCLE_HZ, metavar="HZ", help="How often the board reports, 0.1 to 1000.")
+@click.pass_context
+def simulate(
+    ctx: click.Context,
+    path: Path | None,
+    link: Path | None,
+    seed: int | None,
+    sketch: str | None,
+    cycle_hz: float | None,
+) -> None:
+    """Run a simulated board, on a device of its own.
+
+    The device's path is the first line printed. It obeys words on standard input, one a line: plug, unplug, truth,
+    reset, quit.
+    """
+    wanted = {"sim.board.sketch": sketch, "sim.board.cycle_s": None if cycle_hz is None else 1 / cycle_hz}
+    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
+    from chefbotd.sim.simulate import simulate as run_board
+
+    simulation = simulation_of(settings)
+    try:
+        asyncio.run(run_board(simulation, link_path=link, seed=seed, as_json=wants_json(ctx)))
+    except (OSError, ValueError) as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+
+
+@main.command()
+@click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
+@click.pass_context
+def check_config(ctx: click.Context, path: Path | None) -> None:
+    """Check a configuration, and print what it resolves to.
+
+    It is FILE, or the packaged one of ROBOT; ChefBot's by default. What is valid here is valid for 'run' too. A URDF of
+    your own ([robot] description) is held against it, joint by joint: each wheel's radius, its place left or right of
+    the middle, the direction of its axis, and where the sensors sit. What is compared is what can be measured on the
+    robot: track_multiplier and the radius multipliers change nothing here. A robot that cannot be simulated is valid,
+    and told.
+    """
+    settings = load_valid(path)
+    try:
+        simulation_of(settings)
+    except ProgramError as problem:
+        click.echo(f"Note: {problem}", err=True)
+    values = settings.model_dump(mode="json", by_alias=True)
+    if wants_json(ctx):
+        echo(json.dumps(values))
+    else:
+        echo("\n".join(_assignments("", values)))
+
+
+for command in (init, urdf, completion):
+    main.add_command(command)
+
+
+def _assignments(key: str, value: object) -> Iterator[str]:
+    """``key = value`` for each value, with keys as dotted as the overrides' are."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _assignments(f"{key}.{name}" if key else name, inner)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for index, inner in enumerate(value):
+            yield from _assignments(f"{key}.{inner.get('name', index)}", inner)
+    else:
+        yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""What chefbotd and chefbotctl have in common: failures become exit codes, and --json stands anywhere."""
+
+import io
+import json
+import sys
+from copy import copy
+from typing import Any, Protocol, Self, runtime_checkable
+
+import click
+
+from chefbotd.cli.common.exits import Exit, ProgramError
+
+JSON_HELP = "Print JSON for scripts; failures too, on stderr."
+_JSON = f"{__name__}.json"
+
+
+@runtime_checkable
+class Speaker(Protocol):
+    """What a program hands to its commands (``ctx.obj``), when that prints for them."""
+
+    def in_json(self) -> Self:
+        """It, printing JSON."""
+        ...
+
+
+def wants_json(ctx: click.Context) -> bool:
+    """Whether ``--json`` was given so far, before or after the command's name."""
+    return bool(ctx.meta.get(_JSON))
+
+
+def _take_json(ctx: click.Context, _param: click.Parameter, chosen: bool) -> None:
+    if chosen:
+        ctx.meta[_JSON] = True  # shared by the contexts of a program and of its command
+        if isinstance(ctx.obj, Speaker):
+            ctx.obj = ctx.obj.in_json()
+
+
+def _json_option() -> click.Option:
+    return click.Option(["--json"], is_flag=True, expose_value=False, callback=_take_json, help=JSON_HELP)
+
+
+class Program(click.Group):
+    """A group of commands whose failures and interruptions become exit codes; it and each of them take ``--json``.
+
+    The message goes to stderr; as one JSON object where ``--json`` was asked for.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.params.append(_json_option())
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """Add a command, or a group with all its commands."""
+        super().add_command(_with_json(cmd), name)
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the program; what the output's encoding lacks, such as a degree sign in ASCII, becomes a question mark."""
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="replace")
+        return super().main(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was named."""
+        try:
+            return super().invoke(ctx)
+        except ProgramError as failure:
+            if failure.code is not Exit.OUTPUT_CLOSED:  # as head closes it: nothing to tell
+                self._report(failure, wants_json(ctx))
+            ctx.exit(failure.code)
+        except KeyboardInterrupt:
+            click.echo("Interrupted.", err=True)
+            ctx.exit(Exit.INTERRUPTED)
+
+    def _report(self, failure: ProgramError, as_json: bool) -> None:
+        if as_json:
+            error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
+            click.echo(json.dumps({"error": error}), err=True)
+        else:
+            click.echo(f"Error: {failure}", err=True)
+
+
+def _with_json(command: click.Command) -> click.Command:
+    """A copy that takes ``--json``, as do all commands below it; the command may be another program's, too."""
+    taking = copy(command)
+    taking.params = [*command.params, _json_option()]
+    if isinstance(taking, click.Group):
+        taking.commands = {name: _with_json(inner) for name, inner in taking.commands.items()}
+    return taking

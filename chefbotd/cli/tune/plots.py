@@ -1,0 +1,146 @@
+"""The plots of the tuning screen: a panel a quantity, a colour a wheel."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count, cycle, pairwise
+from typing import Self, TypeVar
+
+from textual_hires_canvas import HiResMode
+from textual_plot import NumericAxisFormatter, PlotWidget
+
+from chefbotd.cli.tune.trace import Curve, WheelTrace
+
+T = TypeVar("T")
+
+SHOWN_S = 8.0
+COLOURS = ("green", "cyan", "magenta", "yellow", "blue", "red")
+TARGET_COLOUR = "bright_black"
+TIME_TICKS_S = [-6.0, -4.0, -2.0, 0.0]
+TICKS = 5
+"""About so many on a vertical axis."""
+
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A quantity: its name, its curve, what that is compared with, its share of the height, its axis's least span.
+
+    ``has_time`` panels show the time below them.
+    """
+
+    title: str
+    curve: Callable[[WheelTrace], Curve]
+    reference: Callable[[WheelTrace], Curve] | None
+    height: str
+    least_span: float
+    has_time: bool = False
+
+
+class TickLabels(NumericAxisFormatter):
+    """Numbers with as many decimals as tell them apart; zero has no sign."""
+
+    def get_labels_for_ticks(self, ticks: Sequence[float]) -> list[str]:
+        """Textual's plot: the text of each tick."""
+        step = min((abs(b - a) for a, b in pairwise(ticks)), default=1.0)
+        decimals = max(0, -math.floor(math.log10(step) + ROUNDING))
+        labels = [f"{tick:.{decimals}f}" for tick in ticks]
+        return [label.removeprefix("-") if float(label) == 0.0 else label for label in labels]
+
+
+class SecondLabels(NumericAxisFormatter):
+    """Seconds before now."""
+
+    def get_labels_for_ticks(self, ticks: Sequence[float]) -> list[str]:
+        """Textual's plot: the text of each tick."""
+        return [f"{tick:g} s" if tick else "now" for tick in ticks]
+
+
+PANELS = (
+    Panel("speed, rad/s", lambda trace: trace.speed_rad_s, lambda trace: trace.target_rad_s, "4fr", 1.0),
+    Panel("error, rad/s", lambda trace: trace.error_rad_s, None, "3fr", 1.0),
+    Panel("duty", lambda trace: trace.duty, None, "3fr", 20.0, has_time=True),
+)
+
+
+class WheelPlot(PlotWidget, can_focus=False):
+    """One panel over the last ``SHOWN_S`` seconds; the keys are the screen's."""
+
+    def __init__(self, panel: Panel) -> None:
+        super().__init__(allow_pan_and_zoom=False)
+        self._panel = panel
+        self.styles.height = panel.height
+
+    def on_mount(self) -> None:
+        """Textual: the widget is there, so lay it out."""
+        self.margin_left, self.margin_top, self.margin_bottom = 7, 1, int(self._panel.has_time)
+        super().on_mount()
+        self.set_ylabel(self._panel.title)
+        self.set_xlimits(-SHOWN_S, 0.0)
+        self.set_xticks(TIME_TICKS_S if self._panel.has_time else [])
+        self.set_x_formatter(SecondLabels())
+        self.set_y_formatter(TickLabels())
+
+    def show(self, traces: Sequence[WheelTrace]) -> None:
+        """Draw these wheels."""
+        self.clear()
+        drawn: list[Curve] = []
+        for trace, colour in coloured(traces):
+            if self._panel.reference is not None:
+                self._draw(trace, self._panel.reference(trace), TARGET_COLOUR, drawn)
+            self._draw(trace, self._panel.curve(trace), colour, drawn)
+        axis = Axis.over(*span(drawn, self._panel.least_span), rows=self._scale_rectangle.height)
+        self.set_ylimits(axis.lowest, axis.highest)
+        self.set_yticks(axis.ticks)
+
+    def _draw(self, trace: WheelTrace, curve: Curve, colour: str, drawn: list[Curve]) -> None:
+        self.plot(trace.age_s, curve, colour, HiResMode.BRAILLE)
+        drawn.append(curve)
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """The ends of a vertical axis, and its ticks, which are equally far apart on the screen as well."""
+
+    lowest: float
+    highest: float
+    ticks: list[float]
+
+    @classmethod
+    def over(cls, lowest: float, highest: float, *, rows: int) -> Self:
+        """An axis that holds what is between two values on so many rows of a terminal.
+
+        Ticks are multiples of 1, 2 or 5 times a power of ten, a whole number of rows apart. Each is at the middle of its
+        row, as a curve of that value is.
+        """
+        if rows < 1:  # not laid out yet
+            return cls(lowest, highest, [])
+        rows_a_tick = max(1, round(rows / TICKS))
+        for step in _steps((highest - lowest) / rows * rows_a_tick):
+            a_row = step / rows_a_tick
+            bottom, top = math.floor(lowest / a_row + 0.5), math.ceil(highest / a_row - 0.5)
+            if (spare := rows - (top - bottom + 1)) >= 0:
+                break
+        bottom, top = bottom - spare // 2, top + (spare - spare // 2)
+        ticks = [row * a_row for row in range(bottom, top + 1) if row % rows_a_tick == 0]
+        return cls((bottom - 0.5) * a_row, (top + 0.5) * a_row, ticks)
+
+
+def _steps(least: float) -> Iterator[float]:
+    """Distances of ticks from about ``least`` on: 1, 2, 5, 10, 20, ..."""
+    for power in count(math.floor(math.log10(least))):
+        yield from (digit * 10.0**power for digit in (1, 2, 5))
+
+
+def span(curves: Sequence[Curve], least: float) -> tuple[float, float]:
+    """The ends of an axis that holds the curves and spans no less than ``least``, what is left on both sides."""
+    values = [float(bound) for curve in curves if curve.size for bound in (curve.min(), curve.max())] or [0.0]
+    lowest, highest = min(values), max(values)
+    margin = max(0.0, least - (highest - lowest)) / 2
+    return lowest - margin, highest + margin
+
+
+def coloured(wheels: Sequence[T]) -> Iterator[tuple[T, str]]:
+    """Every wheel with its colour; where there are more wheels than colours, the colours come again."""
+    return zip(wheels, cycle(COLOURS), strict=False)

@@ -1,0 +1,117 @@
+"""The words for the robot's state, one by one where a state is rare."""
+
+import pytest
+
+from chefbotd.cli.common import state_text
+from chefbotd.cli.common.state_text import Mood
+
+STATS = {
+    "uptime_s": 9.6,
+    "frames": {},
+    "refused": {},
+    "lines_out": 0,
+    "clients": 1,
+    "encoder_readings_refused": 0,
+    "board_restarts": 0,
+    "bus_dropped": {},
+    "telemetry_dropped": 0,
+}
+
+
+def test_a_link_that_is_down_alarms() -> None:
+    """The device, then the reason; none is named before there is one."""
+    fact = state_text.link({"state": "down", "device": "/dev/ttyACM0", "reason": "unplugged"})
+    assert (fact.text, fact.mood) == ("down, /dev/ttyACM0: unplugged", Mood.ALARM)
+    nameless = state_text.link({"state": "down", "device": "", "reason": "not opened yet"})
+    assert nameless.text == "down, not opened yet"
+
+
+def test_a_locked_robot_alarms() -> None:
+    """A robot that may not move says why."""
+    fact = state_text.safety({"mode": "estopped", "reason": "smoke", "source": None, "armed": False})
+    assert (fact.text, fact.mood) == ("estopped: smoke", Mood.ALARM)
+
+
+def test_who_drives_is_named() -> None:
+    """The source in force is part of the mode."""
+    fact = state_text.safety(
+        {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": None}
+    )
+    assert (fact.text, fact.mood) == ("armed, driven by teleop", Mood.GOOD)
+
+
+@pytest.mark.parametrize(
+    ("source", "control", "told"),
+    [
+        ("teleop", {"teleop": "Ann's joystick"}, "armed, driven by Ann's joystick as teleop"),
+        ("navigation", {"teleop": "Ann's joystick"}, "armed, driven by navigation"),
+        (None, {"teleop": "Ann's joystick"}, "armed, nobody drives (Ann's joystick has teleop)"),
+        (None, {}, "armed, nobody drives"),
+    ],
+)
+def test_the_driver_is_a_client_and_not_only_a_source(
+    source: str | None, control: dict[str, str], told: str
+) -> None:
+    """By the name that it introduced itself with; who has control and does not drive is told as well."""
+    data = {"mode": "armed", "reason": "", "source": source, "armed": True, "limited_by": None}
+    assert state_text.safety({**data, "control": control}).text == told
+
+
+def test_what_holds_the_robot_up_is_named() -> None:
+    """An obstacle, or a driver that has said nothing for too long."""
+    data = {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": "obstacle:front"}
+    fact = state_text.safety(data)
+    assert (fact.text, fact.mood) == ("armed, driven by teleop, held up by obstacle:front", Mood.NOTICE)
+
+
+@pytest.mark.parametrize(
+    ("status", "mood"), [("ok", Mood.GOOD), ("low", Mood.NOTICE), ("critical", Mood.ALARM)]
+)
+def test_a_weak_battery_alarms(status: str, mood: Mood) -> None:
+    """The lower the battery, the louder the fact."""
+    assert state_text.battery({"voltage_v": 11.6, "percentage": 3.2, "status": status}).mood is mood
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "rates", "told"),
+    [
+        (0.5, None, "heading +28.6°"),
+        (None, [0.0, 0.0, 0.25], "turning +0.250 rad/s"),
+        (None, None, "says nothing"),
+    ],
+)
+def test_each_kind_of_imu(heading_rad: float | None, rates: list[float] | None, told: str) -> None:
+    """An IMU with a heading, one with rates only, and one with neither."""
+    assert state_text.imu({"heading_rad": heading_rad, "angular_velocity_rad_s": rates}).text == told
+
+
+def test_no_echo_is_no_distance() -> None:
+    """A beam without a distance says why; without beams there are none."""
+    beam = {"sensor": "front", "status": "no_echo", "range_m": None}
+    assert state_text.ranges({"ranges": [beam]}).text == "front no echo"
+    assert state_text.ranges({"ranges": []}).text == "none"
+
+
+def test_contact_is_told() -> None:
+    """A simulated robot at a wall says so."""
+    truth = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "in_contact": True}
+    assert state_text.truth(truth).text.endswith("touching a wall")
+
+
+def test_counters_without_a_fault_are_calm() -> None:
+    """Only what went wrong is counted out, and then it is noticed."""
+    assert state_text.counters(STATS).text == "up 10 s, 0 lines in, 0 out, 1 client"
+    assert state_text.counters({**STATS, "clients": 2}).text.endswith(", 2 clients")
+    assert state_text.counters(STATS).mood is Mood.PLAIN
+    assert state_text.counters({**STATS, "bus_dropped": {"LineSeen": 2}}).mood is Mood.NOTICE
+
+
+def test_what_moves_goes_stale() -> None:
+    """An old reading is faint; a link that has not changed for an hour is not."""
+    battery = {"voltage_v": 12.0, "percentage": 50.0, "status": "ok"}
+    link = {"state": "up", "device": "x", "reason": ""}
+    link_fact, battery_fact = state_text.of_topics(
+        {"battery": {"data": battery, "age_s": 1.5}, "link": {"data": link, "age_s": 3600.0}}
+    )
+    assert (link_fact.mood, link_fact.age_s) == (Mood.GOOD, None)
+    assert (battery_fact.mood, battery_fact.age_s) == (Mood.FAINT, 1.5)
