@@ -232,8 +232,8 @@ def test_unsaved_gains_are_told_whatever_ends_it(
 def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without its packages the command says what to install, and exits with 7."""
     monkeypatch.setitem(sys.modules, "textual_plot", None)
-    for module in ("plots", "tune"):
-        monkeypatch.delitem(sys.modules, f"chefbotd.cli.{module}")
+    for module in ("plots", "tuning_screen"):
+        monkeypatch.delitem(sys.modules, f"chefbotd.cli.tune.{module}")
     result = control("pid", "tune")
     assert result.exit_code == Exit.NOT_INSTALLED
     assert "pip install 'chefbotd[tune]'" in result.stderr
