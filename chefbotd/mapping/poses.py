@@ -35,6 +35,17 @@ def inverted(matrix: Floats) -> Floats:
     return np.linalg.inv(matrix).astype(np.float64)
 
 
+def turned(covariance: Floats, turn_rad: float) -> Floats:
+    """A covariance (or information) over x, y and heading, in axes that are turned by so much clockwise.
+
+    So an uncertainty ahead of the robot becomes one along x of the frame in which its heading is ``turn_rad``.
+    """
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    by = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    result: Floats = by @ covariance @ by.T
+    return result
+
+
 def inverse(a: Floats) -> Floats:
     """``b_from_a`` of ``a_from_b``."""
     return between(a, np.zeros(3))

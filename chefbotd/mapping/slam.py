@@ -27,7 +27,7 @@ from chefbotd.mapping.local_map import empty, inserted
 from chefbotd.mapping.loops import believed, is_due, recognised
 from chefbotd.mapping.parameters import SlamParameters, SubmapParameters
 from chefbotd.mapping.parts import apart, joined
-from chefbotd.mapping.poses import Floats, between, compose
+from chefbotd.mapping.poses import Floats, between, compose, turned
 from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
 from chefbotd.mapping.tracking import Tracked, tracked
 
@@ -178,7 +178,8 @@ def _course(params: SubmapParameters, nodes: Nodes, first: int, covariance: Floa
     way_m = nodes.path_m[-1] - nodes.path_m[first]
     place = STEP_SIGMA_M**2 + params.drift_m_per_root_m**2 * way_m
     heading = STEP_SIGMA_RAD**2 + params.drift_rad_per_root_m**2 * way_m
-    grown = covariance + np.diag([place, place, heading])
+    seen = turned(covariance, -float(nodes.local[first, 2]))
+    grown = seen + np.diag([place, place, heading])
     return edge(first, len(nodes) - 1, between(nodes.local[first], nodes.local[-1]), grown, loop=False)
 
 
@@ -237,10 +238,12 @@ def solved(state: SlamState, scale: float = SCALE) -> SlamState:
 
 def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: bool) -> Report:
     from_node = between(state.nodes.local[-1], state.local_pose)
+    map_pose = compose(state.nodes.map[-1], from_node)
+    turn_rad = float(map_pose[2] - state.local_pose[2])
     return Report(
         mode=state.mode,
-        map_pose=compose(state.nodes.map[-1], from_node),
-        covariance=found.covariance if found else np.zeros((3, 3)),
+        map_pose=map_pose,
+        covariance=turned(found.covariance, turn_rad) if found else np.zeros((3, 3)),
         fit=found.fit.share if found else 1.0,
         overlap=found.fit.overlap if found else 0.0,
         node=int(state.nodes.number[-1]),

@@ -8,12 +8,15 @@ import numpy as np
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.parameters import MatchingParameters
-from chefbotd.mapping.poses import Floats, compose, inverted
+from chefbotd.mapping.poses import Floats, between, compose, inverted
 from chefbotd.mapping.refine import Fit, Prior, polish
 from chefbotd.mapping.state import Scan
 
 PENALTY = 0.01
 """What a pose one sigma off the odometry loses in score: ties in a bare corridor are for the odometry to break."""
+
+SLIPPED_SIGMAS = 2.5
+"""A match that is so far from the odometry is one of wheels that slipped."""
 
 CAPTURE = 0.3
 """A match that scores less is none."""
@@ -62,7 +65,15 @@ def tracked(
         elsewhere = _slipped(params, grids, (last, guess), scan)
         if elsewhere is not None and elsewhere.fit.share >= fit.share + params.better_share:
             return elsewhere
-    return Tracked(fit, covariance, fits=fit.share >= params.fits_share)
+    fits = fit.share >= params.fits_share
+    return Tracked(fit, covariance, fits, slipped=fits and _is_off(fit.pose, guess, sigma_m, sigma_rad))
+
+
+def _is_off(pose: Floats, guess: Floats, sigma_m: float, sigma_rad: float) -> bool:
+    """Whether the pose is where the odometry hardly lets it be."""
+    off = between(guess, pose)
+    far = math.hypot(off[0], off[1]) > SLIPPED_SIGMAS * sigma_m
+    return far or abs(float(off[2])) > SLIPPED_SIGMAS * sigma_rad
 
 
 def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, float]:

@@ -116,8 +116,9 @@ class Lidar:
         ranges = cast(self.walls, pose, np.zeros((0, 3)) if people is None else people, self.bearings)
         ranges = ranges + self._chance.normal(0, NOISE_M, BEAMS)
         good = (ranges < MAX_RANGE_M) & (self._chance.random(BEAMS) > DROPPED)
-        seen = np.stack([np.cos(self.bearings), np.sin(self.bearings)], axis=1) * ranges[:, None]
-        return seen[good].astype(np.float32)
+        bearings = self.bearings[good]
+        seen = np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * ranges[good, None]
+        return seen.astype(np.float32)
 
 
 def odometry(truth: Floats, seed: int, scale: float = 1.04, turn_scale: float = 0.96) -> Floats:

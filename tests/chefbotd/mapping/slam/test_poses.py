@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.poses import between, compose, inverse, transform, wrap
+from chefbotd.mapping.poses import between, compose, inverse, transform, turned, wrap
 
 
 def test_a_quarter_turn_composes_as_by_hand() -> None:
@@ -32,3 +32,13 @@ def test_points_are_carried_along() -> None:
 def test_headings_wrap() -> None:
     """Three quarters left are one quarter right."""
     assert np.allclose(wrap(np.array([1.5 * math.pi, -1.5 * math.pi])), [-0.5 * math.pi, 0.5 * math.pi])
+
+
+def test_an_uncertainty_ahead_turns_with_the_robot() -> None:
+    """2 m ahead and 1 m across, of a robot that looks left, are 2 m along y; at 30 degrees they are mixed by hand."""
+    ahead = np.diag([4.0, 1.0, 0.5])
+    assert np.allclose(turned(ahead, math.pi / 2), np.diag([1.0, 4.0, 0.5]))
+    oblique = turned(ahead, math.pi / 6)
+    assert np.allclose(
+        oblique[:2, :2], [[4 * 0.75 + 0.25, 3 * math.sqrt(0.75) / 2], [3 * math.sqrt(0.75) / 2, 1.75]]
+    )

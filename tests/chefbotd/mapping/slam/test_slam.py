@@ -217,3 +217,31 @@ def test_free_space_is_free_and_the_unseen_is_unknown(tour: Drive) -> None:
     driven = tour.state.nodes.map[:, :2] - origin
     cells = (driven / grid.resolution_m).astype(int)
     assert (grid.percent[cells[:, 1], cells[:, 0]] < 20).all()
+
+
+def test_what_a_corridor_leaves_open_is_left_open_in_the_graph() -> None:
+    """In a bare corridor the robot turns left by a third of a right angle and backs off: along the walls it knows less.
+
+    The edge is in the frame of its first node, which looks 0.5 rad off the corridor; there and in the report, in the
+    map, the uncertain direction is that of the corridor.
+    """
+    walls = np.vstack([wall((-30, -1), (30, -1)), wall((30, 1), (-30, 1))])
+    truth = np.array([(0.0, 0.0, 0.0), (0.2, 0, 0), (0.2, 0, 0.25), (0.2, 0, 0.5), (0.05, -0.08, 0.5)])
+    lidar = Lidar(walls, 1)
+    found = drive(odometry(truth, 1), lambda k: lidar.points(truth[k]), finish=False)
+    edges = found.state.edges
+    last = np.linalg.inv(edges.information[(edges.second == 4) & (edges.first == 3)][0])
+    along, across = np.array([math.cos(0.5), -math.sin(0.5)]), np.array([math.sin(0.5), math.cos(0.5)])
+    assert along @ last[:2, :2] @ along > 4 * (across @ last[:2, :2] @ across)
+    covariance = found.reports[-1].covariance
+    assert covariance[0, 0] > 20 * covariance[1, 1]
+
+
+def test_a_slip_within_the_window_is_told_too() -> None:
+    """A wheel spins and the odometry has 0.1 m too much in one step: matched away, and told."""
+    lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 100
+    odom[at:, :2] += 0.1 * np.array([math.cos(odom[at, 2]), math.sin(odom[at, 2])])
+    found = drive(odom, lambda k: lidar.points(TRUTH[k]), finish=False)
+    assert found.modes()[at] == "slipped"
+    assert found.modes().count("slipped") == 1
+    assert off_m(found.poses(), TRUTH[:120]).max() < 0.03
