@@ -23,7 +23,7 @@ TICK_S = 0.02
 DEAD_MAN_S = 0.5
 MOST = 50.0
 WHEELS = ("left_wheel", "right_wheel")
-PID = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0).model_dump()
+PID = PidParameters(kp=400.0, ki=100.0, output_limit=255.0).model_dump()
 
 
 class FakeDaemon:

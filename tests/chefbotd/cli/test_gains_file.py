@@ -10,13 +10,13 @@ from chefbotd.cli.gains_file import save, with_gains
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
 
-PID = """kp = 400
-ki = 100.0
-ks = 85
-kv = 2400
-ka = 60
-output_limit = 1023
-integral_limit = 300
+PID = """kp = 100
+ki = 25.0
+ks = 21.2
+kv = 598
+ka = 15
+output_limit = 255
+integral_limit = 75
 back_calculation_s = 0.5
 """
 """ChefBot's gains as somebody else would write them."""
@@ -52,10 +52,10 @@ def test_only_what_changed_is_written(config: Path) -> None:
     before = config.read_text()
     save(config, both(kp=450.0, kv=2500.0))
     assert changed(before, config.read_text()) == [
-        "-kp_duty_per_m_s = 400.0",
-        "-kv_duty_per_m_s = 2400.0            # duty per speed,",
-        "+kp_duty_per_m_s = 450.0",
-        "+kv_duty_per_m_s = 2500.0            # duty per speed,",
+        "-kp_duty_per_m_s = 100.0             # the published 400 and 100 of a range of 1023",
+        "-kv_duty_per_m_s = 598.0             # duty per speed,",
+        "+kp_duty_per_m_s = 450.0             # the published 400 and 100 of a range of 1023",
+        "+kv_duty_per_m_s = 2500.0             # duty per speed,",
     ]
 
 
@@ -86,7 +86,7 @@ def test_another_wheel_differs(config: Path) -> None:
     first = with_gains(config.read_text(), {wheel: odd if wheel == "a" else usual for wheel in wheels})
     second = with_gains(first, {wheel: odd if wheel == "d" else usual for wheel in wheels})
     said = tomllib.loads(second)
-    assert said["pid"]["kp_duty_per_m_s"] == 400.0
+    assert said["pid"]["kp_duty_per_m_s"] == 100.0
     assert said["wheel_pid"].keys() == {"d"}
 
 
@@ -94,7 +94,7 @@ def test_short_names_are_kept(config: Path) -> None:
     """A file that says ``kp`` goes on saying it so."""
     config.write_text(config.read_text().replace("kp_duty_per_m_s", "kp"))
     save(config, both(kp=450.0))
-    assert "\nkp = 450.0\n" in config.read_text()
+    assert "\nkp = 450.0 " in config.read_text()
     assert "kp_duty_per_m_s" not in config.read_text()
 
 
@@ -106,7 +106,7 @@ def test_what_goes_leaves_its_comments(config: Path) -> None:
         + "# below\n\n# of what follows\n[limits]"
     )
     config.write_text(
-        config.read_text().replace("[limits]", apart).replace("ki = 100.0", "ki = 7  # found by hand")
+        config.read_text().replace("[limits]", apart).replace("ki = 25.0", "ki = 7  # found by hand")
     )
     save(config, both())
     assert (
@@ -122,7 +122,7 @@ def test_what_is_off_leaves_its_comment(config: Path) -> None:
         config.read_text().replace("_calculation_s = 0.5\n\n", "_calculation_s = 0.5  # slow\n# of it\n")
     )
     save(config, both(back_calculation_s=None))
-    assert "\nintegral_limit_duty = 300.0\n# slow\n\n# of it\n[limits]\n" in config.read_text()
+    assert "\nintegral_limit_duty = 75.0\n# slow\n\n# of it\n[limits]\n" in config.read_text()
 
 
 def test_a_new_gain_stands_with_the_others(config: Path) -> None:
@@ -156,9 +156,9 @@ def test_sections_that_are_meant_stay(config: Path) -> None:
     config.write_text(config.read_text() + f"[wheel_pid.left_wheel]\n{PID}[wheel_pid.right_wheel]\n{PID}")
     before = config.read_text()
     save(config, gains(kp=450.0))
-    assert config.read_text() == "kp = 450.0".join(before.rsplit("kp = 400", 1))
+    assert config.read_text() == "kp = 450.0".join(before.rsplit("kp = 100", 1))
     save(config, both(kp=450.0))
-    assert config.read_text() == before.replace("kp = 400\n", "kp = 450.0\n")
+    assert config.read_text() == before.replace("kp = 100\n", "kp = 450.0\n")
 
 
 def test_there_and_back(config: Path) -> None:
@@ -190,7 +190,7 @@ def test_what_the_environment_gave_is_said(config: Path, monkeypatch: pytest.Mon
     """A file that has no gains of its own, because the environment gives them, gets a section for them."""
     wanted = both(kp=450.0)
     config.write_text(re.sub(r"(?ms)^\[pid\].*?^\[limits\]", "[limits]", config.read_text()))
-    monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 1023}")
+    monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 255}")
     save(config, wanted)
     monkeypatch.undo()
     assert load(config).gains() == wanted

@@ -35,7 +35,8 @@ def test_the_file_is_replaced_as_it_was(config: Path) -> None:
     link.symlink_to(config.name)
     save(link, TUNED)
     assert stat.S_IMODE(config.stat().st_mode) == 0o640
-    assert b"kp_duty_per_m_s = 450.0\r\n" in config.read_bytes()
+    assert b"output_limit_duty = 255.0\r\n" in config.read_bytes()
+    assert b"\nkp_duty_per_m_s = 450.0 " in config.read_bytes()
     assert link.is_symlink()
     assert sorted(path.name for path in config.parent.iterdir()) == ["link.toml", "robot.toml"]
 
