@@ -4,8 +4,9 @@ import asyncio
 import os
 import random
 import secrets
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Callable, Coroutine, Mapping
+from functools import partial
+from typing import Any, Protocol
 
 import structlog
 
@@ -30,12 +31,11 @@ from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.robot import WiredRobot
 from chefbotd.rpc.access import load_guard
 from chefbotd.rpc.server import RpcServer
-from chefbotd.services.latch import LatchFile, path_of
-from chefbotd.services.supervisor import Supervisor
-from chefbotd.services.watchdog import Watchdog
+from chefbotd.safety.faults import Fault
+from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
+from chefbotd.settings.urdf import urdf_of
 from chefbotd.transport.tcp.server import TcpServer
-from chefbotd.urdf import urdf_of
 from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
@@ -44,14 +44,36 @@ log = structlog.get_logger(component="app")
 Loop = Callable[[], Coroutine[Any, Any, None]]
 
 
+class Supervisor(Protocol):
+    """Runs services until they are cancelled; ``failures`` counts by the service's name."""
+
+    @property
+    def failures(self) -> Mapping[str, int]:
+        """How often each service has failed."""
+        ...
+
+    async def run_restarting(self, name: str, loop: Loop, on_failure: Callable[[Fault], None]) -> None:
+        """Run a service, and start it again after it has failed and ``on_failure`` has been called."""
+        ...
+
+    async def run_critical(self, name: str, loop: Loop) -> None:
+        """Run a service that the robot cannot do without: its end is an error."""
+        ...
+
+
 class Daemon:
-    """One robot, ready to run: on its serial port, or through whatever ``opener`` opens."""
+    """One robot, ready to run: on its serial port, or through whatever ``opener`` opens.
+
+    ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
+    """
 
     def __init__(
         self,
         settings: Settings,
         *,
         clock: Clock,
+        latch: GateStore,
+        supervisor: Supervisor,
         opener: Opener = open_port,
         simulated: bool = False,
         rng: random.Random | None = None,
@@ -71,8 +93,8 @@ class Daemon:
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
         self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
-        self._latch = LatchFile(path_of(settings.latch, settings.robot.name, simulated=simulated))
-        self.driving = _drive_service(settings, self.bus, clock, self.session, self._latch)
+        self._latch, self._supervisor = latch, supervisor
+        self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
         self._quadrature = QuadratureService(self.bus, settings.quadrature, names)
         self._sensors = SensorService(
@@ -83,14 +105,6 @@ class Daemon:
             battery_parameters=settings.battery,
         )
         self._stats = StatsService(self.bus, clock, self._collect_stats)
-        self._supervisor = Supervisor(clock, self.driving.fail)
-        self.watchdog = Watchdog(
-            settings.watchdog,
-            clock,
-            self.driving,
-            self.session.stop_from_thread,
-            self.driving.report_from_thread,
-        )
         guard = load_guard(settings.api, os.environ)
         self.rpc = RpcServer(
             WiredRobot(
@@ -133,7 +147,8 @@ class Daemon:
             raise
 
     async def _run(self, *more: Loop) -> None:
-        kept, run_critical = self._supervisor.keep, self._supervisor.run_critical
+        run_restarting = partial(self._supervisor.run_restarting, on_failure=self.driving.fail)
+        run_critical = self._supervisor.run_critical
         async with asyncio.TaskGroup() as group:
             try:
                 group.create_task(run_critical("rpc", self.rpc.run))
@@ -141,10 +156,10 @@ class Daemon:
                 await self.server.address()
                 group.create_task(run_critical("drive", self.driving.run))
                 group.create_task(run_critical("quadrature", self._quadrature.run))
-                group.create_task(kept("odometry", self._odometry.run))
-                group.create_task(kept("sensors", self._sensors.run))
-                group.create_task(kept("stats", self._stats.run))
-                group.create_task(kept("fault log", self._fault_log.run))
+                group.create_task(run_restarting("odometry", self._odometry.run))
+                group.create_task(run_restarting("sensors", self._sensors.run))
+                group.create_task(run_restarting("stats", self._stats.run))
+                group.create_task(run_restarting("fault log", self._fault_log.run))
                 for loop in more:
                     group.create_task(loop())
                 group.create_task(run_critical("link", self._link.run))
@@ -201,7 +216,7 @@ def _drive_service(
     bus: Bus,
     clock: Clock,
     session: BoardSession,
-    latch: LatchFile,
+    latch: GateStore,
 ) -> DriveService:
     names = tuple(wheel.name for wheel in settings.chassis.wheels)
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))

@@ -9,7 +9,7 @@ import pytest
 from chefbotd.features.driving.safety_keeper import ENCODERS_STALE, OBSTACLE
 from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
-from chefbotd.services.watchdog import WatchdogParameters
+from chefbotd.safety.watchdog import WatchdogParameters
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "safety.md"

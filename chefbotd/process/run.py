@@ -11,10 +11,11 @@ import uvloop
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import SystemClock
 from chefbotd.process import signals, systemd
+from chefbotd.process.build import build
+from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
-from chefbotd.services.latch import LatchParameters
+from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.simulation import simulation_of
 from chefbotd.transport.tcp.listener import CannotListen
 
 log = structlog.get_logger(component="app")
@@ -69,13 +70,20 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
     log.info("stopped", signal=received[0])
 
 
-async def _serve(daemon: Daemon, *more: Loop) -> None:
+async def _serve(daemon: Daemon, settings: Settings, *more: Loop) -> None:
     async def report_ready() -> None:
         host, port = await daemon.server.address()
-        settle()
+        freeze_gc()
         systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
 
-    with daemon.watchdog:
+    watchdog = Watchdog(
+        settings.watchdog,
+        SystemClock(),
+        daemon.driving,
+        daemon.session.stop_from_thread,
+        daemon.driving.report_from_thread,
+    )
+    with watchdog:
         await daemon.run(report_ready, *more)
 
 
@@ -83,28 +91,30 @@ async def _serve_real(settings: Settings) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or systemd.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    daemon = Daemon(settings, clock=SystemClock())
+    daemon = build(settings, clock=SystemClock())
     if folder is None:
         log.info(
             "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
         )
-    await _serve(daemon)
+    await _serve(daemon, settings)
 
 
-def settle() -> None:
+async def _serve_simulated(settings: Settings) -> None:
+    from chefbotd.process.simulated_robot import (
+        simulation_of,  # not in the memory of a daemon on a real robot
+    )
+    from chefbotd.sim.embedded import EmbeddedBoard
+
+    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
+        link = settings.link.model_copy(update={"device": str(board.device)})
+        daemon = build(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
+        await _serve(daemon, settings, lambda: board.run(daemon.bus.publish))
+
+
+def freeze_gc() -> None:
     """Let the garbage collector pass over what has been built: it lives as long as the process does.
 
     A full collection would stop the control loop for as long as it takes to look at every module, class and service.
     """
     gc.collect()
     gc.freeze()
-
-
-async def _serve_simulated(settings: Settings) -> None:
-    # Imported here: what simulates a robot has no place in the memory of a daemon on a real one.
-    from chefbotd.sim.embedded import EmbeddedBoard
-
-    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
-        link = settings.link.model_copy(update={"device": str(board.device)})
-        daemon = Daemon(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
-        await _serve(daemon, lambda: board.run(daemon.bus.publish))

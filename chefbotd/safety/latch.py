@@ -4,6 +4,9 @@ A daemon that runs armed has left word of that too, and takes it back when it en
 that its predecessor was killed or crashed, with the robot perhaps in motion.
 """
 
+from pathlib import Path
+from typing import Protocol
+
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
@@ -22,6 +25,28 @@ UNREADABLE = GateState(
     "what the daemon before this one left word of cannot be read, the log says why; arm when the robot may move",
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
+
+
+class LatchParameters(Parameters):
+    """``folder`` is where the file is; without one the gate remembers nothing."""
+
+    folder: Path | None = None
+
+
+class GateStore(Protocol):
+    """Where the gate's state is kept beyond the end of the process; nothing here raises for what cannot be kept."""
+
+    def recall(self) -> GateState:
+        """The state to begin in."""
+        ...
+
+    def keep(self, state: GateState) -> None:
+        """Store a state, in place of the one before."""
+        ...
+
+    def end(self) -> None:
+        """The daemon ends in order: forget a state that is armed."""
+        ...
 
 
 class Latch(Parameters):

@@ -3,25 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.sim.plant import Supply
+from chefbotd.sim_parameters.battery import BatteryParameters
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
 CHARGE_SHARE = np.linspace(0.0, 1.0, 11)
 REST_VOLTAGE_V = np.array([10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73])
 ADC_MAX = 4095
-
-
-class BatteryParameters(Parameters):
-    """A 12 V lead-acid battery, the electronics on it besides the motors, and the noise of the ADC that watches it."""
-
-    capacity_ah: float = Field(10.0, gt=0, le=1000)
-    start_charge_share: float = Field(1.0, ge=0, le=1)
-    resistance_ohm: float = Field(0.05, ge=0, le=10)
-    electronics_current_a: float = Field(2.0, ge=0, le=100)
-    adc_noise_counts: float = Field(2.0, ge=0, le=100)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ from typing import Self
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import Simulation, board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
+from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 
 TRUTH_PERIOD_S = 0.02
 

@@ -2,9 +2,9 @@
 
 from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.sketch import Sketch
-from chefbotd.sim.sketches import BoardParameters
 from chefbotd.sim.uart import Uart
 from chefbotd.sim.wiring import Wiring
+from chefbotd.sim_parameters.sketches import BoardParameters
 
 
 class Launchpad:

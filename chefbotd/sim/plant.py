@@ -17,8 +17,8 @@ import numpy as np
 from chefbotd.core.geometry import Twist2D
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.chassis import PUBLISHED, Chassis
-from chefbotd.sim.motor import GRAVITY_M_S2, BodyParameters, MotorParameters
 from chefbotd.sim.scrub import Scrub
+from chefbotd.sim_parameters.motor import GRAVITY_M_S2, BodyParameters, MotorParameters
 
 FRICTION_SWEEPS = 8
 

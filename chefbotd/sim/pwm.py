@@ -2,19 +2,10 @@
 
 import math
 from collections.abc import Callable
-from enum import StrEnum
+
+from chefbotd.sim_parameters.pwm import PwmLaw
 
 BYTE = 256
-
-
-class PwmLaw(StrEnum):
-    """How ``analogWrite`` treats a value that its range does not hold."""
-
-    CLIPPED = "clipped"
-    """Energia on the Tiva: full scale and more is full on."""
-
-    LOW_BYTE = "low_byte"
-    """An AVR: only the low eight bits count, so 256 is off and 400 is 144."""
 
 
 def pwm_share(law: PwmLaw, full_scale: int, value: int) -> float:

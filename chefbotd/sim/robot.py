@@ -12,10 +12,10 @@ from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.battery import Battery
-from chefbotd.sim.motor import BodyParameters
 from chefbotd.sim.plant import Plant, WheelState
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim.world import World
+from chefbotd.sim_parameters.motor import BodyParameters
 
 Watcher = Callable[[float, float, Vector, Vector], None]
 """Told of every step: from and to which time, and the wheels' angles before and after."""

@@ -4,13 +4,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.core.parameters import Parameters
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.motor import GRAVITY_M_S2
 from chefbotd.sim.world import World
+from chefbotd.sim_parameters.motor import GRAVITY_M_S2
+from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
 
 # MPU-6050 at its power-on ranges, 2 g and 250 degrees/s (register map RM-MPU-6000A, sections 4.17, 4.19).
 COUNTS_PER_G = 16_384
@@ -24,27 +23,6 @@ class UltrasonicMount:
 
     base_from_sensor: Pose2D = field(default_factory=lambda: Pose2D(0.15))
     field_of_view_rad: float = 0.26
-
-
-class UltrasonicParameters(Parameters):
-    """How well an HC-SR04 hears."""
-
-    rays: int = Field(9, ge=1, le=361)
-    min_range_m: float = Field(0.02, ge=0)
-    max_range_m: float = Field(4.0, gt=0, le=20)
-    noise_m: float = Field(0.002, ge=0, le=1)
-    lost_echo_share: float = Field(0.0, ge=0, le=1)
-
-
-class ImuParameters(Parameters):
-    """An MPU-6050 with its motion processor."""
-
-    heading_bias_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
-    heading_drift_rad_s: float = Field(0.0001, ge=-1, le=1)
-    heading_noise_rad: float = Field(0.002, ge=0, le=1)
-    gyro_bias_rad_s: float = Field(0.01, ge=-1, le=1)
-    gyro_noise_rad_s: float = Field(0.001, ge=0, le=1)
-    acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
 
 
 class Fan:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import Simulation, board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
+from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 
 Say = Callable[[str], None]
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)

@@ -21,9 +21,9 @@ from chefbotd.sim.dmp import MotionProcessor
 from chefbotd.sim.pwm import pwm_share
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
 from chefbotd.sim.sensors import Imu
-from chefbotd.sim.sketches import UINT32_SPAN, BoardParameters
 from chefbotd.sim.uart import Uart
 from chefbotd.sim.wiring import Wiring
+from chefbotd.sim_parameters.sketches import UINT32_SPAN, BoardParameters
 from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, from_board
 from firmware_protocol.messages import (
     AnalogueLevel,

@@ -6,7 +6,8 @@ from chefbotd.sim.battery import Divider
 from chefbotd.sim.chassis import Chassis
 from chefbotd.sim.infrared import Infrared
 from chefbotd.sim.robot import Robot
-from chefbotd.sim.sensors import ImuParameters, Ultrasonic
+from chefbotd.sim.sensors import Ultrasonic
+from chefbotd.sim_parameters.sensors import ImuParameters
 from firmware_protocol.codec import Variant
 
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
+from chefbotd.process.build import build
+from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import board_sender, build_launchpad
-from chefbotd.simulation import simulation_of
+from chefbotd.sim.simulation import board_sender, build_launchpad
 from chefbotd.testing.transport import FakeSerialDevice
 
 
@@ -24,7 +25,7 @@ async def running_daemon(device: FakeSerialDevice, settings: Settings | None = N
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
-    daemon = Daemon(settings, clock=LoopClock(), opener=device.open, rng=random.Random(settings.sim.seed))
+    daemon = build(settings, clock=LoopClock(), opener=device.open, rng=random.Random(settings.sim.seed))
     async with _running(daemon) as client:
         yield client
 
@@ -54,7 +55,7 @@ async def simulated_robot(
     board = BoardRunner(build_launchpad(simulation), send, LoopClock())
     device.on_write = board.receive
     living = asyncio.create_task(board.run())
-    daemon = Daemon(
+    daemon = build(
         settings, clock=LoopClock(), opener=device.open, simulated=True, rng=random.Random(settings.sim.seed)
     )
     try:

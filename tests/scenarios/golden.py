@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from chefbotd.app import Daemon
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
+from chefbotd.process.build import build
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
@@ -83,7 +83,7 @@ def replay(story: Story, steps: list[Step]) -> list[str]:
         start_s = clock.now_s()
         device.on_write = lambda data: said.append(f"{clock.now_s() - start_s:.6f} > {data!r}")
         settings = story.settings(**{"api.host": "127.0.0.1", "api.port": 0})
-        daemon = Daemon(settings, clock=clock, opener=device.open, rng=random.Random(1))
+        daemon = build(settings, clock=clock, opener=device.open, rng=random.Random(1))
         inbox = daemon.bus.subscribe(*EVENTS, size=100_000)
         running = asyncio.create_task(daemon.run())
         async with Client.connect(*await daemon.server.address()) as client:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from chefbotd.client import CallError, Client
 from chefbotd.clock import SystemClock
+from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import packaged
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.parameters import board_sender, build_launchpad
 from chefbotd.sim.pty import PtyBoard
-from chefbotd.simulation import simulation_of
+from chefbotd.sim.simulation import board_sender, build_launchpad
 from tests.scenarios.robots import packaged_name, settings_of
 
 PATIENCE_S = 15.0

@@ -6,7 +6,7 @@
 from collections.abc import Mapping
 
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim.sketches import PUBLISHED_SKETCHES
+from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
 
 ROBOTS = ("chefbot", "khan")
 SKETCHED = tuple(f"chefbot/{sketch.value}" for sketch in PUBLISHED_SKETCHES)

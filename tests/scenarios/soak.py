@@ -8,8 +8,8 @@ import random
 import resource
 import sys
 
-from chefbotd import logs
 from chefbotd.clock import run_virtual
+from chefbotd.process import logs
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.invariants import Invariants, Report

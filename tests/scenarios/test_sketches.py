@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.sim.sketches import SKETCHES, SketchName
+from chefbotd.sim_parameters.sketches import SKETCHES, SketchName
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.robots import SKETCHED, settings_of
 

@@ -7,7 +7,7 @@ import pytest
 from chefbotd.clock import run_virtual
 from chefbotd.core import events
 from chefbotd.settings import Settings, load
-from chefbotd.sim.sketches import PUBLISHED_SKETCHES, SketchName
+from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 

@@ -72,7 +72,7 @@ def run(
     settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
     if simulated:
         simulation_of(settings)
-    from chefbotd import logs
+    from chefbotd.process import logs
     from chefbotd.process import run as process
 
     logs.configure(settings.log.level)

@@ -22,7 +22,7 @@ def init(robot: str, folder: Path) -> None:
     configuration. Nothing is overwritten.
     """
     from chefbotd.settings import SettingsError, packaged
-    from chefbotd.urdf import urdf_of
+    from chefbotd.settings.urdf import urdf_of
 
     try:
         source = packaged(robot)
@@ -53,6 +53,6 @@ def urdf(path: Path | None) -> None:
     It is made from the configuration in FILE, or the packaged one of ROBOT; ChefBot's by default. It is what the daemon
     serves, unless [robot] description names a file of your own.
     """
-    from chefbotd.urdf import urdf_of
+    from chefbotd.settings.urdf import urdf_of
 
     echo(urdf_of(load_valid(path)).rstrip("\n"))

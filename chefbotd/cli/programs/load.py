@@ -8,7 +8,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
-    from chefbotd.sim.parameters import Simulation
+    from chefbotd.sim.simulation import Simulation
 
 
 def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None) -> "Settings":
@@ -32,7 +32,7 @@ def simulation(settings: "Settings") -> "Simulation":
     Raises:
         ProgramError: it cannot be simulated, and why.
     """
-    from chefbotd.simulation import CannotSimulateError, checked_simulation
+    from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation
 
     try:
         return checked_simulation(settings)

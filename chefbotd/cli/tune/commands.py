@@ -65,7 +65,7 @@ def save(chat: Conversation, path: Path) -> None:
     FILE is on this computer; the daemon reads its own when it starts.
     """
     with extra("tune", "tomlkit"):
-        from chefbotd.cli import gains_file
+        from chefbotd.settings import gains_file
     from chefbotd.settings import SettingsError
 
     gains = chat.hold(lambda robot: robot.get_pid())

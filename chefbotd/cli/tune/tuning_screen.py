@@ -15,7 +15,6 @@ from textual.widgets import Static
 
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Mood
-from chefbotd.cli.gains_file import save
 from chefbotd.cli.tune.excitation import Exciter, WaveParameters
 from chefbotd.cli.tune.gain_commands import restoring
 from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
@@ -25,6 +24,7 @@ from chefbotd.client import Client
 from chefbotd.client.methods import Gains
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import SettingsError
+from chefbotd.settings.gains_file import save
 
 ALL_WHEELS = "all"
 SHOWN_HZ = 10.0

@@ -28,7 +28,7 @@ from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, wheel
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
-from chefbotd.services.latch import LatchFile
+from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
 
@@ -57,7 +57,7 @@ class SafetyKeeper:
         wheel_names: tuple[str, ...],
         counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
-        latch: LatchFile,
+        latch: GateStore,
         motors: MotorWatch,
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters

@@ -10,7 +10,7 @@ def test_what_has_been_built_is_passed_over_by_the_garbage_collector():
     gc.collect()
     built = len(gc.get_objects())
     try:
-        process.settle()
+        process.freeze_gc()
         assert gc.get_freeze_count() >= 0.9 * built
     finally:
         gc.unfreeze()

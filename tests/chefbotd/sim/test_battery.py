@@ -2,7 +2,8 @@
 
 import pytest
 
-from chefbotd.sim.battery import Battery, BatteryParameters, Divider, adc_counts
+from chefbotd.sim.battery import Battery, Divider, adc_counts
+from chefbotd.sim_parameters.battery import BatteryParameters
 
 
 def test_charge_falls_by_what_is_drawn() -> None:

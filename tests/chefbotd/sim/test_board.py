@@ -7,7 +7,7 @@ import pytest
 from chefbotd.clock import Clock, LoopClock, ManualClock, run_virtual
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.parameters import Simulation, build_launchpad
+from chefbotd.sim.simulation import Simulation, build_launchpad
 
 
 def a_launchpad() -> Launchpad:

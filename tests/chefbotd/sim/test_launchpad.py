@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
+from chefbotd.sim.simulation import Simulation, build_launchpad
+from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.codec import FOUR_WHEELS, Variant
 from tests.budget import sample
 

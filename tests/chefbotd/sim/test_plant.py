@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.sim.chassis import PUBLISHED, Chassis, Wheel
-from chefbotd.sim.motor import BodyParameters, MotorParameters
 from chefbotd.sim.plant import Plant, Supply, WheelState
+from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
 from tests.budget import examples
 
 HANGING = BodyParameters(mass_kg=0)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from chefbotd.sim.pwm import PwmLaw, pwm_share
+from chefbotd.sim.pwm import pwm_share
+from chefbotd.sim_parameters.pwm import PwmLaw
 
 
 @pytest.mark.parametrize(

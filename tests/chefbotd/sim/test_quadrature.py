@@ -13,8 +13,9 @@ from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.infrared import InfraredParameters
-from chefbotd.sim.parameters import Simulation, SimulationParameters, build_launchpad
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
+from chefbotd.sim.simulation import Simulation, build_launchpad
+from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.codec import KHAN_EDGES, from_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import BoardTime, EncoderCounts, QuadratureEdges, QuadratureStill

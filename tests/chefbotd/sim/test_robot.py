@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.sim.battery import Battery, BatteryParameters
-from chefbotd.sim.motor import BodyParameters, MotorParameters
+from chefbotd.sim.battery import Battery
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot, arc
 from chefbotd.sim.rooms import default_room
 from chefbotd.sim.world import World
+from chefbotd.sim_parameters.battery import BatteryParameters
+from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
 
 FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
 NEAR_WALL = World([(0.5, -50.0, 0.5, 50.0)])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.sensors import Imu, ImuParameters, Motion, Ultrasonic, UltrasonicMount, UltrasonicParameters
+from chefbotd.sim.sensors import Imu, Motion, Ultrasonic, UltrasonicMount
 from chefbotd.sim.world import World
+from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
 
 EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
 EXACT_IMU = ImuParameters(

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.sim.parameters import Simulation, SimulationParameters
 from chefbotd.sim.simulate import simulate, stdin_lines
+from chefbotd.sim.simulation import Simulation
+from chefbotd.sim_parameters.simulation import SimulationParameters
 
 pytestmark = pytest.mark.realtime
 
@@ -22,7 +23,7 @@ PATIENCE_S = 10.0
 PROGRAM = """
 import asyncio, sys
 from pathlib import Path
-from chefbotd.sim.parameters import Simulation
+from chefbotd.sim.simulation import Simulation
 from chefbotd.sim.simulate import simulate
 asyncio.run(simulate(Simulation(), link_path=Path(sys.argv[1])))
 """

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.cli import gains_file
 from chefbotd.cli.common.exits import Exit
-from chefbotd.settings import load, packaged
+from chefbotd.settings import gains_file, load, packaged
 from tests.chefbotd.cli.conftest import Control
 
 

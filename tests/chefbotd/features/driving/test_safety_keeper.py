@@ -7,9 +7,9 @@ from chefbotd.clock import ManualClock
 from chefbotd.core.events import BoardRestarted, LinkClosed, LinkOpened
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import Rearm, SafetyParameters
-from chefbotd.services.latch import LatchFile
 from tests.chefbotd.features.driving.test_service import CHASSIS
 
 

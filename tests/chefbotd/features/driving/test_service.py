@@ -31,9 +31,9 @@ from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
+from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import GateState, Mode, Rearm, SafetyParameters
-from chefbotd.services.latch import LatchFile
 
 CHASSIS = ChassisParameters.model_validate(
     {

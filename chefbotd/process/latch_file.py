@@ -1,0 +1,97 @@
+"""The gate's memory in a file, so that an e-stop or a fault outlives a daemon that is killed or crashes.
+
+A few bytes are written whenever the mode changes, after the stop is on the wire and before its caller has the answer.
+The file belongs in memory (tmpfs, as /run is), for the loop waits until it is written.
+"""
+
+import os
+import stat
+from pathlib import Path
+from urllib.parse import quote
+
+import structlog
+
+from chefbotd.safety import latch
+from chefbotd.safety.gate import GateState, Mode
+from chefbotd.safety.latch import LatchParameters
+
+log = structlog.get_logger(component="safety")
+
+MAX_BYTES = 65536
+
+
+def path_of(parameters: LatchParameters, robot: str, *, simulated: bool) -> Path | None:
+    """A file of its own for each robot by its name, and for its simulation, whose ``arm`` must not arm the real one."""
+    if parameters.folder is None:
+        return None
+    kind = "simulated" if simulated else "robot"
+    return parameters.folder / f"{kind}-{quote(robot, safe='')}.json"
+
+
+class LatchFile:
+    """Never raises for a file that cannot be read or written; without a ``path`` it does nothing."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._state: GateState | None = None
+        self._written = b""
+        self._complained = False
+
+    def recall(self) -> GateState:
+        """The state to begin in: as the daemon before this one left it, or disarmed where that cannot be told."""
+        state = GateState() if self._path is None else _read(self._path)
+        if state.mode is not Mode.ARMED:
+            log.warning(
+                "begins as the last daemon ended",
+                mode=str(state.mode),
+                fault=state.fault,
+                reason=state.reason,
+            )
+        return state
+
+    def keep(self, state: GateState) -> None:
+        """Leave word of this state, if it is not what was written last."""
+        self._state = state
+        text = latch.write(state)
+        if self._path is None or text == self._written:
+            return
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            new = self._path.with_suffix(".new")
+            new.write_bytes(text)
+            new.replace(self._path)
+            self._written = text
+        except OSError as error:
+            self._complain("the latch cannot be written: a restart may forget it", error)
+
+    def end(self) -> None:
+        """The daemon ends in order: what is armed leaves no word, all else stays for the next one."""
+        if self._path is None or self._state is None or self._state.mode is not Mode.ARMED:
+            return
+        try:
+            self._path.unlink(missing_ok=True)
+        except OSError as error:
+            self._complain("the latch cannot be removed: the next start will be disarmed", error)
+
+    def _complain(self, event: str, error: OSError) -> None:
+        if not self._complained:
+            log.warning(event, path=str(self._path), error=str(error))
+        self._complained = True
+
+
+def _content(path: Path) -> bytes:
+    """A regular file's bytes; anything else could keep the start waiting for ever, as a FIFO does (open(2))."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise ValueError("expected a regular file")
+        return file.read(MAX_BYTES)
+
+
+def _read(path: Path) -> GateState:
+    try:
+        return latch.read(_content(path))
+    except FileNotFoundError:
+        return GateState()
+    except (OSError, ValueError) as error:
+        log.warning("the latch cannot be read: begins disarmed", path=str(path), error=str(error))
+        return latch.UNREADABLE

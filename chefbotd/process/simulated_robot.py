@@ -1,0 +1,68 @@
+"""The simulated robot that a configuration describes."""
+
+from chefbotd.link.line_load import BITS_A_BYTE
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
+from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.settings import Settings
+from chefbotd.sim import infrared
+from chefbotd.sim.battery import Divider
+from chefbotd.sim.chassis import Chassis, Wheel
+from chefbotd.sim.sensors import UltrasonicMount
+from chefbotd.sim.simulation import Simulation, build_launchpad
+from firmware_protocol.codec import VARIANTS
+
+
+class CannotSimulateError(Exception):
+    """A configuration of a robot that cannot be simulated; its text is ready to be shown."""
+
+
+def simulation_of(settings: Settings) -> Simulation:
+    """What to simulate for this robot: its own wire, line, wheels, divider and sensors, the rest from ``[sim]``.
+
+    Raises:
+        ValueError: it cannot be simulated.
+    """
+    ultrasonic = settings.ultrasonic
+    return Simulation(
+        settings.sim,
+        VARIANTS[settings.robot.wire],
+        _chassis(settings.chassis, settings.encoders.counts_per_turn),
+        settings.link.baud / BITS_A_BYTE,
+        Divider(settings.battery.reference_v, settings.battery.divider_ratio),
+        None
+        if ultrasonic is None
+        else UltrasonicMount(ultrasonic.base_from_sensor, ultrasonic.field_of_view_rad),
+        tuple(map(_infrared, settings.infrared)),
+        has_imu=settings.imu is not None,
+    )
+
+
+def checked_simulation(settings: Settings) -> Simulation:
+    """The same, which then can be built.
+
+    Raises:
+        CannotSimulateError: it cannot, and why.
+    """
+    try:
+        simulation = simulation_of(settings)
+        build_launchpad(simulation)
+    except (OSError, ValueError) as error:
+        told = " ".join(str(error).split())
+        raise CannotSimulateError(f"{settings.robot.name} cannot be simulated: {told}") from error
+    return simulation
+
+
+def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
+    """Built as calibration found the real one: effective radii and track."""
+    radii_m = Kinematics(chassis).radii_m
+    wheels = [
+        Wheel(wheel.side is Side.LEFT, radius_m, wheel.motor_sign, wheel.encoder_sign)
+        for wheel, radius_m in zip(chassis.wheels, radii_m, strict=True)
+    ]
+    return Chassis(tuple(wheels), chassis.effective_track_m, counts_per_turn)
+
+
+def _infrared(real: InfraredParameters) -> infrared.InfraredParameters:
+    """A sensor where the real one is; its noise and its rays are the simulator's own."""
+    shared = real.model_dump(include=set(infrared.InfraredParameters.model_fields))
+    return infrared.InfraredParameters.model_validate(shared)

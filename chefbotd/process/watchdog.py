@@ -1,0 +1,78 @@
+"""The watchdog: a thread that stops the motors when the event loop stands still.
+
+Python code that does not come back to the loop holds up everything, the dead-man too, while the board keeps the last
+duty for ever. The thread needs nothing of the loop. What it cannot see past is code that keeps the interpreter's lock,
+and what it does not outlive is the process: only firmware with a dead-man of its own covers those.
+"""
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol, Self
+
+from chefbotd.clock import Clock
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.watchdog import WatchdogParameters
+
+LOOKS_PER_PATIENCE = 8
+
+
+class Watched(Protocol):
+    """The control loop, read from the thread."""
+
+    acted_s: float
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the last duty was not zero."""
+        ...
+
+
+class Watchdog:
+    """Watches while its context lasts.
+
+    ``stop`` puts a stop on the wire and tells whether it went; ``report``, while the robot is driven, makes the loop
+    disarm once it goes on. Both are called from the thread, again and again while the loop stands still: a stop that
+    the loop has said last may be unsent, or lost. The clock must be real time.
+    """
+
+    def __init__(
+        self,
+        parameters: WatchdogParameters,
+        clock: Clock,
+        control: Watched,
+        stop: Callable[[], bool],
+        report: Callable[[Fault], None],
+    ) -> None:
+        self._patience_s, self._clock, self._control = parameters.patience_s, clock, control
+        self._stop, self._report = stop, report
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(self._patience_s / LOOKS_PER_PATIENCE):
+            stood_s = self._clock.now_s() - self._control.acted_s
+            if stood_s > self._patience_s:
+                self._intervene(stood_s)
+
+    def _intervene(self, stood_s: float) -> None:
+        outcome = "the watchdog stopped the motors" if self._stop() else "the board took no stop"
+        if not self._control.is_driving:
+            return
+        reason = (
+            f"the control loop stood still for {stood_s:.2f} s and {outcome}; its log may say what held it up"
+        )
+        self._report(Fault(FaultKind.LOOP_BLOCKED, reason))

@@ -1,0 +1,11 @@
+"""How long the control loop may stand still before a thread stops the motors (``chefbotd.process.watchdog``)."""
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class WatchdogParameters(Parameters):
+    """``patience_s``: how long the control loop may stand still."""
+
+    patience_s: float = Field(default=0.25, ge=0.1, le=5)

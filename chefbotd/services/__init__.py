@@ -1,1 +1,0 @@
-"""The only loops: await an event, call a pure step, publish."""

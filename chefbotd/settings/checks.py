@@ -1,0 +1,163 @@
+"""What the parts of a configuration ask of each other: sections that are right each, and wrong together."""
+
+import math
+from collections.abc import Iterator
+
+from chefbotd.features.tuning.tuning import ALL_WHEELS
+from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
+from chefbotd.motion.kinematics import Kinematics
+from chefbotd.motion.ramp import braking_distance
+from chefbotd.safety.guard import mount
+from chefbotd.settings.model import Settings
+from chefbotd.settings.urdf import joint_names
+from firmware_protocol.codec import VARIANTS
+from firmware_protocol.messages import (
+    AnalogueLevel,
+    Orientation,
+    QuadratureEdges,
+    RawImu,
+    UltrasonicDistance,
+)
+
+
+def check(settings: Settings) -> Iterator[str]:
+    """Everything that does not go together, each with the values."""
+    yield from _wheels(settings)
+    yield from _lines(settings)
+    yield from _load(settings)
+    yield from _duty(settings)
+    yield from _names(settings)
+    yield from _guard(settings)
+    yield from _braking(settings)
+
+
+def _wheels(settings: Settings) -> Iterator[str]:
+    wire = settings.robot.wire
+    wheels, named = VARIANTS[wire].wheels, len(settings.chassis.wheels)
+    if wheels != named:
+        yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
+    if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
+        yield f"no wheel can be named {ALL_WHEELS!r}: set_pid means every wheel by it"
+
+
+def _lines(settings: Settings) -> Iterator[str]:
+    """A section for what the board never tells would be a sensor that is for ever silent, and nobody knows."""
+    needs = {
+        "[ultrasonic]": (settings.ultrasonic is not None, (UltrasonicDistance,)),
+        "[[infrared]] " + " ".join(sensor.name for sensor in settings.infrared): (
+            bool(settings.infrared),
+            (AnalogueLevel,),
+        ),
+        "[imu]": (settings.imu is not None, (Orientation, RawImu)),
+        "[quadrature]": ("quadrature" in settings.model_fields_set, (QuadratureEdges,)),
+    }
+    for section, (is_there, messages) in needs.items():
+        speakers = [name for name, each in VARIANTS.items() if any(map(each.speaks, messages))]
+        if is_there and settings.robot.wire not in speakers:
+            yield (
+                f"{section} needs a line that the wire {settings.robot.wire!r} does not have; "
+                f"those with one: {', '.join(speakers)}"
+            )
+
+
+def _load(settings: Settings) -> Iterator[str]:
+    """Every edge must fit the line at the highest speed that a wheel is driven at."""
+    variant, there = VARIANTS[settings.robot.wire], settings.link.baud // BITS_A_BYTE
+    if not variant.speaks(QuadratureEdges) or variant.wheels != len(settings.chassis.wheels):
+        return
+    rim_m_s, counts = settings.drive.max_rim_speed_m_s, settings.encoders.counts_per_turn
+    wheels_rad_s = [rim_m_s / radius_m for radius_m in Kinematics(settings.chassis).radii_m]
+    needed = needed_bytes_s(
+        variant,
+        [wheel_rad_s * counts / math.tau for wheel_rad_s in wheels_rad_s],
+        analogue_inputs=len(settings.infrared),
+        ultrasonic=settings.ultrasonic is not None,
+        imu=settings.imu is not None,
+    )
+    if needed > there:
+        yield (
+            f"the wire {variant.name!r} cannot carry every edge: {variant.wheels} wheels of {counts:g} "
+            f"encoders.counts_per_turn at {max(wheels_rad_s):.1f} rad/s (drive.max_rim_speed_m_s {rim_m_s:g}) need "
+            f"{needed:.0f} bytes/s, and link.baud {settings.link.baud} carries {there}; use a faster line, "
+            "slower wheels, or a board that counts its encoders itself"
+        )
+
+
+def _duty(settings: Settings) -> Iterator[str]:
+    most, share = settings.drive.max_duty, settings.safety.wheels.driven_duty_share
+    for name, gains in settings.gains().items():
+        if round(gains.output_limit) <= share * most:
+            yield (
+                f"output_limit_duty {gains.output_limit} of {name} never drives it beyond {share * most:g} "
+                f"(safety.wheels.driven_duty_share {share:g} of drive.max_duty {most}): no stalled wheel would be found"
+            )
+        if gains.output_limit > most:
+            yield (f"output_limit_duty {gains.output_limit} of {name} is beyond drive.max_duty {most}")
+
+
+def _names(settings: Settings) -> Iterator[str]:
+    names = list(settings.range_mounts())
+    if len(names) < len(settings.infrared) + (settings.ultrasonic is not None):
+        yield f"range sensors need names of their own, there are {', '.join(names)}"
+    joints = joint_names(settings)
+    if repeated := sorted({joint for joint in joints if joints.count(joint) > 1} - set(names)):
+        yield f"wheels and sensors need joints of their own in the robot's description, repeated: {', '.join(repeated)}"
+    channels = [sensor.channel for sensor in settings.infrared]
+    if len(set(channels)) < len(channels):
+        yield f"infrared sensors need analogue inputs of their own, got channels {channels}"
+
+
+def _guard(settings: Settings) -> Iterator[str]:
+    guard = settings.safety.guard
+    if guard.enabled and "guard" in settings.safety.model_fields_set and not settings.range_mounts():
+        yield "[safety.guard] has no sensor to guard with: configure [ultrasonic] or [[infrared]], or enabled = false"
+    for sensor in settings.infrared:
+        stop_m = max(guard.stop_distance_m, sensor.min_range_m)
+        if guard.enabled and stop_m <= sensor.setback_m:
+            yield (
+                f"infrared {sensor.name} sits {sensor.setback_m:g} m behind the foremost part of the robot, which would "
+                f"touch before the guard stops it {stop_m:g} m from the sensor: raise safety.guard.stop_distance_m"
+            )
+
+
+BRAKING_SLACK_M = 0.01
+"""The guard keeps its stop distance as well as this."""
+
+
+def _braking(settings: Settings) -> Iterator[str]:
+    """The guard must not count on more braking than the limits allow, for any sensor that driving brings nearer.
+
+    It counts on ``c^2 / 2a`` from a closing speed ``c``. Driven at ``v``, a slanting beam shortens by ``p v``; braking
+    takes it ``p`` times the braking distance, in which a jerk limit has its share, at slow speeds most. Turning is left
+    out: nothing that the guard takes for a wall stays in the beam over so much of a turn.
+    """
+    guard, axis, linear = settings.safety.guard, settings.limits.linear.axis, settings.limits.linear
+    if not guard.enabled:
+        return
+    for beam in mount(settings.range_mounts()):
+        if beam.per_linear == 0:
+            continue
+        forward = beam.per_linear > 0
+        key = "deceleration_m_s2" if forward else "reverse_deceleration_m_s2"
+        allowed_m_s2 = axis.deceleration if forward else axis.reverse_deceleration
+        if guard.deceleration_m_s2 > allowed_m_s2:
+            yield (
+                f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on more braking than "
+                f"limits.linear.{key} {allowed_m_s2:g} allows: the robot would touch what {beam.sensor} sees"
+            )
+            continue
+        top_m_s = min(axis.max_forward if forward else axis.max_reverse, settings.drive.max_rim_speed_m_s)
+        slant, counted_on = abs(beam.per_linear), 2 * guard.deceleration_m_s2
+        brakings = [braking_distance(axis, top_m_s * share / 20, forward=forward) for share in range(1, 21)]
+        short_m, from_m_s, needed_m = max(
+            (slant * (needed_m - slant * from_m_s**2 / counted_on), from_m_s, needed_m)
+            for from_m_s, needed_m in brakings
+        )
+        if short_m > BRAKING_SLACK_M:
+            jerk = "" if linear.jerk_m_s3 is None else f" with jerk_m_s3 {linear.jerk_m_s3:g}"
+            yield (
+                f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on "
+                f"{needed_m - short_m / slant:.3f} m to brake from {from_m_s:.2f} m/s before what {beam.sensor} "
+                f"sees, and limits.linear.{key} "
+                f"{allowed_m_s2:g}{jerk} takes {needed_m:.3f} m: lower the guard's, or raise the limits"
+            )

@@ -1,0 +1,143 @@
+"""One TOML file per robot, and environment overrides, as validated and frozen parameters.
+
+A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
+the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``, and
+``CHEFBOTD_CHASSIS__WHEELS__LEFT_WHEEL__RADIUS_M=0.05`` the radius of the left wheel, by its name or by its number (0).
+"""
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from chefbotd.settings.checks import check
+from chefbotd.settings.errors import SettingsError, explain
+from chefbotd.settings.layers import Keys, UnknownKey, from_environment, place, read, variable
+from chefbotd.settings.model import Settings
+
+DEFAULT_ROBOT = "chefbot"
+
+
+def packaged(robot: str = DEFAULT_ROBOT) -> Path:
+    """The configuration that comes with chefbotd for this robot.
+
+    Raises:
+        SettingsError: there is none; the message names those there are.
+    """
+    folder = _packaged_folder()
+    path = folder / f"{robot}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+        raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {known}")
+    return path
+
+
+def _packaged_folder() -> Path:
+    """Inside the installed package, or in the source tree that the package is imported from."""
+    package = Path(str(resources.files("chefbotd")))
+    installed = package / "config"
+    return installed if installed.is_dir() else package.parent / "config"
+
+
+def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = None) -> Settings:
+    """Read a configuration (None: the packaged ChefBot's), and a description of one's own with it.
+
+    The environment goes before the file, and ``overrides``, whose keys are dotted (``link.device``), before both. What
+    is returned is valid for every program: none refuses it later for what a configuration says of a real robot.
+
+    Raises:
+        SettingsError: the file cannot be read or parsed, a value is refused, or the description is another robot's.
+    """
+    path = path or packaged()
+    values = _from_file(path)
+    dotted_keys = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    environment = {
+        keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted_keys
+    }
+    texts: dict[Keys, str] = {}
+    origins: dict[Keys, str] = {}
+    try:
+        for keys, text in environment.items():
+            origins[keys] = f"{variable(keys)}: "
+            placed = place(values, keys, read(text))
+            texts[placed], origins[placed] = text, origins[keys]
+        for keys, value in dotted_keys.items():
+            origins[keys] = ""
+            origins[place(values, keys, value)] = ""
+    except UnknownKey as error:
+        raise SettingsError(f"{origins[keys]}{error}") from error
+    _locate_description(values, path.parent)
+    try:
+        settings = _validate(values, texts)
+    except ValidationError as error:
+        raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
+    if wrong := "; ".join(check(settings)):
+        raise SettingsError(f"{path}: {wrong}")
+    _check_description(settings)
+    return settings
+
+
+def _from_file(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
+    except IsADirectoryError as error:
+        raise SettingsError(f"{path}: is a folder, expected a TOML file") from error
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: not valid TOML: {error}") from error
+
+
+def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
+    """Strictly: a number in quotes is no number, but a whole one may stand for any. As JSON, which knows no tuples.
+
+    A variable that reads as a number where text belongs, such as a robot called 7, is taken as text.
+    """
+    try:
+        return Settings.model_validate_json(json.dumps(values, default=_as_json), strict=True)
+    except ValidationError as error:
+        wanted = {
+            tuple(map(str, p["loc"])) for p in error.errors() if p["type"] in ("string_type", "path_type")
+        }
+        mistaken = [keys for keys in texts if keys in wanted and not isinstance(read(texts[keys]), str)]
+        if not mistaken:
+            raise
+    for keys in mistaken:
+        place(values, keys, texts[keys])
+    return _validate(values, {})
+
+
+def _as_json(value: object) -> object:
+    """TOML's dates as what no key takes: text would be taken by some."""
+    return str(value) if isinstance(value, Path) else {"date": str(value)}
+
+
+def _locate_description(values: dict[str, Any], folder: Path) -> None:
+    robot = values.get("robot")
+    if isinstance(robot, dict) and isinstance(named := robot.get("description"), str):
+        robot["description"] = str(folder / named)
+
+
+def _check_description(settings: Settings) -> None:
+    """A description of one's own is held against the configuration; the one that is made of it needs no check."""
+    path = settings.robot.description
+    if path is None:
+        return
+    from chefbotd.settings.description import (  # slow to import, and rarely needed
+        Description,
+        DescriptionError,
+    )
+    from chefbotd.settings.description_check import differences
+
+    try:
+        found = differences(Description(path), settings)
+    except DescriptionError as error:
+        raise SettingsError(f"robot.description: {error}") from error
+    if found:
+        told = f"robot.description: {path} does not describe the robot that is configured:"
+        raise SettingsError("\n".join([told, *found]), found)

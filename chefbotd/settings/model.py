@@ -1,0 +1,109 @@
+"""The configuration as validated and frozen parameters, one section for each part of the robot.
+
+A key is a field of the parameter class that lives beside its algorithm.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.features.driving.service import ControlParameters
+from chefbotd.link.port import LinkParameters
+from chefbotd.motion.drive_state import DriveParameters
+from chefbotd.motion.edge_speed import QuadratureParameters
+from chefbotd.motion.encoder import EncoderParameters
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.odometry import OdometryParameters
+from chefbotd.motion.pid import PidParameters
+from chefbotd.motion.same_side import SameSideParameters
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.safety.gate import SafetyParameters
+from chefbotd.safety.latch import LatchParameters
+from chefbotd.safety.watchdog import WatchdogParameters
+from chefbotd.sensing.battery import BatteryParameters
+from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.sensing.ultrasonic import UltrasonicParameters
+from chefbotd.settings.body import BodyParameters
+from chefbotd.sim_parameters.simulation import SimulationParameters
+from firmware_protocol.codec import VARIANTS
+
+Level = Literal["debug", "info", "warning", "error"]
+
+
+class RobotParameters(Parameters):
+    """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``).
+
+    ``description`` is a URDF of one's own, a path from the configuration's folder; without it the URDF is made from the
+    configuration (``chefbotd.settings.urdf``).
+    """
+
+    name: str = Field(default="chefbot", min_length=1)
+    wire: str = "classic"
+    description: Path | None = None
+
+    @field_validator("wire")
+    @classmethod
+    def _is_spoken(cls, wire: str) -> str:
+        if wire not in VARIANTS:
+            raise ValueError(f"should be one of {', '.join(VARIANTS)}")
+        return wire
+
+
+class LogParameters(Parameters):
+    """What is worth a line in the log."""
+
+    level: Level = "info"
+
+
+class Settings(Parameters):
+    """The whole configuration, one section per part of the robot."""
+
+    robot: RobotParameters
+    link: LinkParameters
+    chassis: ChassisParameters
+    body: BodyParameters | None = None
+    encoders: EncoderParameters
+    quadrature: QuadratureParameters = QuadratureParameters()
+    mates: SameSideParameters = SameSideParameters()
+    drive: DriveParameters
+    pid: PidParameters
+    wheel_pid: Mapping[str, PidParameters] = {}
+    limits: MotionLimits
+    odometry: OdometryParameters
+    control: ControlParameters = ControlParameters()
+    safety: SafetyParameters = SafetyParameters()
+    latch: LatchParameters = LatchParameters()
+    watchdog: WatchdogParameters = WatchdogParameters()
+    ultrasonic: UltrasonicParameters | None = None
+    infrared: tuple[InfraredParameters, ...] = ()
+    imu: ImuParameters | None = None
+    battery: BatteryParameters
+    api: ApiParameters = ApiParameters()
+    log: LogParameters = LogParameters()
+    sim: SimulationParameters = SimulationParameters()
+
+    @field_validator("wheel_pid")
+    @classmethod
+    def _of_known_wheels(
+        cls, gains: Mapping[str, PidParameters], info: ValidationInfo
+    ) -> Mapping[str, PidParameters]:
+        chassis: ChassisParameters | None = info.data.get("chassis")
+        unknown = gains.keys() - {wheel.name for wheel in chassis.wheels} if chassis else ()
+        if unknown:
+            raise ValueError(f"the chassis has no wheel {', '.join(sorted(unknown))}")
+        return gains
+
+    def range_mounts(self) -> dict[str, Pose2D]:
+        """Where each range sensor sits, by its name: ``base_from_sensor``."""
+        sensors = (*((self.ultrasonic,) if self.ultrasonic else ()), *self.infrared)
+        return {sensor.name: sensor.base_from_sensor for sensor in sensors}
+
+    def gains(self) -> dict[str, PidParameters]:
+        """Each wheel's gains by its name, in the chassis' order: ``[wheel_pid.NAME]``, or else ``[pid]``."""
+        return {wheel.name: self.wheel_pid.get(wheel.name, self.pid) for wheel in self.chassis.wheels}

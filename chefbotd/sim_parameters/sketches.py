@@ -1,0 +1,115 @@
+"""What tells one board's sketch from another's: a row of parameters each, for the one program in ``sim/sketch.py``.
+
+The four published ones were measured as they are, built for a computer and driven through a pty. What is not known of
+them is marked "assumed".
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.sim_parameters.pwm import PwmLaw
+
+UINT32_SPAN = 1 << 32
+LINE_KINDS = "teusiab"
+
+
+class SketchName(StrEnum):
+    """The published sketches, and a board of one's own."""
+
+    TIVA = "tiva"
+    TIVA_BARE = "tiva_bare"
+    DUEMILANOVE = "duemilanove"
+    TIVA_SECOND = "tiva_second"
+    OWN = "own"
+
+
+PUBLISHED_SKETCHES = tuple(name for name in SketchName if name is not SketchName.OWN)
+
+
+class SketchParameters(Parameters):
+    """A sketch, and the serial port below it.
+
+    ``lines`` are the kinds of a cycle in their order, as far as what they tell of is wired. A cycle takes at least
+    ``cycle_s``. A sketch that ``waits_for_imu`` waits for a sample of the motion processor, which has one every
+    ``cycle_s``; those that it is late for back up, and it reads the oldest.
+
+    ``missing_imu_share`` of the cycles find no sample. ``obeys_pieces``: numbers are read as ``atol`` does.
+    ``obeys_at_once``: a command is in force when it is read, and not only after all that waits and the echo. ``resets``:
+    ``r`` restarts the board, instead of only saying so. The USB converter hands over at once what came within
+    ``handover_s``. ``cuts_first_line``: whoever opens the port hears the end of a line first.
+    """
+
+    lines: str = Field("teusib", pattern=f"^[{LINE_KINDS}]+$")
+    cycle_s: float = Field(0.05, gt=0, le=10)
+    waits_for_imu: bool = False
+    missing_imu_share: float = Field(0.0, ge=0, le=1)
+    has_banner: bool = True
+    obeys_pieces: bool = True
+    obeys_at_once: bool = False
+    cuts_first_line: bool = True
+    resets: bool = True
+    receive_buffer_bytes: int = Field(1024, ge=1)
+    transmit_buffer_bytes: int = Field(64, ge=1)
+    handover_s: float = Field(0.0, ge=0, le=1)
+    pwm_full_scale: int = Field(255, ge=1, le=65_535)
+    pwm_law: PwmLaw = PwmLaw.CLIPPED
+
+
+SKETCHES: Mapping[SketchName, SketchParameters] = MappingProxyType(
+    {
+        SketchName.TIVA: SketchParameters(cycle_s=0.05, waits_for_imu=True, missing_imu_share=0.19),
+        SketchName.TIVA_BARE: SketchParameters(lines="esb", cycle_s=1 / 290, has_banner=False),
+        SketchName.DUEMILANOVE: SketchParameters(
+            lines="teusi",
+            cycle_s=0.02,
+            resets=False,
+            receive_buffer_bytes=63,
+            transmit_buffer_bytes=63,
+            handover_s=0.016,
+            pwm_law=PwmLaw.LOW_BYTE,
+        ),
+        SketchName.TIVA_SECOND: SketchParameters(lines="tesb", cycle_s=0.005, has_banner=False),
+        SketchName.OWN: SketchParameters(
+            lines=LINE_KINDS,
+            cycle_s=0.02,
+            obeys_pieces=False,
+            obeys_at_once=True,
+            cuts_first_line=False,
+        ),
+    }
+)
+"""The buffers of the Tiva's, and all of one's own, are assumed."""
+
+
+class BoardParameters(SketchParameters):
+    """The board, and its ``sketch`` (one of its own, unless told), whose values stand for those that are not given.
+
+    Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next. Its line is as
+    fast as the robot's, unless ``line_rate_bytes_s`` says another.
+    """
+
+    sketch: SketchName = SketchName.OWN
+    line_rate_bytes_s: float | None = Field(None, gt=0)
+    echo_timeout_s: float = Field(1.0, ge=0, le=1)
+    blocking_ultrasonic: bool = True
+    raw_imu: bool = False
+    edge_buffer: int = Field(512, ge=1)
+    boot_s: float = Field(0.2, ge=0, le=60)
+    reset_delay_s: float = Field(1.0, ge=0, le=60)
+    boot_micros: int = Field(0, ge=0, lt=UINT32_SPAN)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_the_sketch(cls, given: Any) -> Any:
+        """What is not given is as the sketch has it; a name that is none is left to be refused."""
+        if not isinstance(given, Mapping):
+            return given
+        name = given.get("sketch", SketchName.OWN)
+        if name not in list(SketchName):
+            return dict(given)
+        return {**SKETCHES[SketchName(name)].model_dump(), **given}

@@ -1,0 +1,87 @@
+"""What is simulated of a configured robot."""
+
+import pytest
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of
+from chefbotd.settings import load, packaged
+from chefbotd.sim.chassis import Wheel
+from chefbotd.sim.simulation import build_launchpad
+from firmware_protocol.codec import KHAN
+
+
+def test_khan_is_simulated_with_its_own_wire_wheels_and_sensors() -> None:
+    """Four wheels, one infrared sensor on input 0 at its mount, and neither ultrasonic nor IMU."""
+    simulated = simulation_of(load(packaged("khan")))
+    left, right = Wheel(True, 0.03), Wheel(False, 0.03)
+    assert (simulated.variant, simulated.chassis.wheels) == (KHAN, (left, right, left, right))
+    (sensor,) = simulated.infrared
+    assert (sensor.channel, sensor.mount_x_m, sensor.field_of_view_rad) == (0, 0.06, 0.1)
+    assert (simulated.ultrasonic, simulated.has_imu) == (None, False)
+
+
+def test_wheels_are_simulated_as_each_is_configured() -> None:
+    """Side, signs, order and effective radius of every wheel: 0.03 * 1.05 and 0.04 on the left, 0.03 * 0.98 right."""
+    overrides = {
+        "chassis.wheels.0.motor_sign": -1,
+        "chassis.wheels.1.side": "left",
+        "chassis.wheels.1.radius_m": 0.04,
+        "chassis.wheels.2.side": "right",
+        "chassis.wheels.2.encoder_sign": -1,
+        "chassis.left_radius_multiplier": 1.05,
+        "chassis.right_radius_multiplier": 0.98,
+    }
+    wheels = simulation_of(load(packaged("khan"), overrides=overrides)).chassis.wheels
+    assert [wheel.is_left for wheel in wheels] == [True, True, False, False]
+    assert [wheel.radius_m for wheel in wheels] == pytest.approx([0.0315, 0.042, 0.0294, 0.0294])
+    assert [(wheel.motor_sign, wheel.encoder_sign) for wheel in wheels] == [(-1, 1), (1, 1), (1, -1), (1, 1)]
+
+
+def test_a_sensor_has_its_mount_from_the_robot_and_its_flaws_from_the_simulation() -> None:
+    """ChefBot's ultrasonic sits and looks where it does; how noisy it is, ``[sim]`` says."""
+    mount = {"mount_x_m": 0.2, "mount_y_m": -0.1, "mount_heading_rad": 0.3}
+    overrides = {f"ultrasonic.{key}": value for key, value in mount.items()}
+    simulated = simulation_of(load(overrides={**overrides, "sim.ultrasonic.noise_m": 0.03}))
+    assert simulated.ultrasonic is not None
+    assert simulated.ultrasonic.base_from_sensor == Pose2D(0.2, -0.1, 0.3)
+    assert simulated.parameters.ultrasonic.noise_m == 0.03
+
+
+def test_turning_is_simulated_with_the_effective_track() -> None:
+    """A robot that behaves 1.5 times as wide does so on the simulated floor."""
+    simulated = simulation_of(load(packaged("khan"), overrides={"chassis.track_multiplier": 1.5}))
+    assert simulated.chassis.track_width_m == 0.189 * 1.5
+
+
+@pytest.mark.parametrize(
+    ("more", "bytes_s"), [({}, 5760.0), ({"sim.board.line_rate_bytes_s": 1000.0}, 1000.0)]
+)
+def test_the_simulated_line_is_as_fast_as_the_configured_one(more: dict[str, float], bytes_s: float) -> None:
+    """8N1: ten bits a byte, so 57,600 baud are 5,760 bytes a second; what ``[sim.board]`` says goes before it.
+
+    The gap between the ends of two lines of the banner is what the second takes.
+    """
+    launchpad = build_launchpad(simulation_of(load(overrides={"link.baud": 57_600, **more})))
+    (first_s, _), (second_s, second) = launchpad.advance(1.0)[:2]
+    assert second_s - first_s == pytest.approx(len(second) / bytes_s)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        ({"sim.world.start_x_m": 2.65, "sim.world.start_y_m": 0.8}, "from a wall"),
+        ({"sim.body.wheelbase_m": 0.2}, "wheelbase_m 0.2 needs a side with two wheels"),
+        ({"sim.world.map_path": "/no/such/map.yaml"}, "/no/such/map.yaml"),
+    ],
+)
+def test_what_cannot_be_simulated_is_told_in_one_line(overrides: dict[str, object], told: str) -> None:
+    """A start in the furniture, a wheelbase without wheels, no map: which robot, and why."""
+    with pytest.raises(CannotSimulateError, match=f"^chefbot cannot be simulated: .*{told}") as refused:
+        checked_simulation(load(overrides=overrides))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("robot_name", ["chefbot", "khan"])
+def test_the_packaged_robots_can_be_simulated(robot_name: str) -> None:
+    """Both that come with chefbotd."""
+    assert checked_simulation(load(packaged(robot_name))).variant.wheels in (2, 4)
