@@ -145,9 +145,11 @@ class Sketch:
     # The lines of a cycle
 
     def _report_time(self) -> Iterator[float]:
+        """The time at which the edges were taken, however long it takes to print them."""
+        taken_s = self._now_s
         if self._edges is not None:
-            yield from self._print_edges(self._edges.take(self._now_s))
-        yield from self._print(BoardTime(self._micros(self._now_s), self._now_s - self._previous_s))
+            yield from self._print_edges(self._edges.take(taken_s))
+        yield from self._print(BoardTime(self._micros(taken_s), taken_s - self._previous_s))
 
     def _report_encoders(self) -> Iterator[float]:
         if self._edges is None:

@@ -115,6 +115,15 @@ def heard(to_s: float, counts_per_turn: float = 800, **board: float) -> list[obj
     return messages
 
 
+def test_the_time_of_a_cycle_is_that_of_its_edges_however_long_they_take_to_print() -> None:
+    """With room for 16 bytes the board waits at each line; 20 ms lie between times all the same, standing or turning."""
+    messages = heard(2.0, transmit_buffer_bytes=16, line_rate_bytes_s=11520.0)
+    times_us = [message.micros for message in messages if isinstance(message, BoardTime)]
+    assert [after - before for before, after in pairwise(times_us[1:])] == pytest.approx(
+        [20_000] * (len(times_us) - 2), abs=2
+    )
+
+
 def test_a_cycle_is_its_edges_and_then_its_time() -> None:
     """Every edge lies between the ``t`` before its line and the ``t`` after it; counts are not sent."""
     messages = heard(3.0)
