@@ -20,6 +20,7 @@ from chefbotd.link.port import SerialPortTransport
 from chefbotd.link.session import BoardSession
 from chefbotd.motion import encoder, odometry
 from chefbotd.motion.drive import Drive
+from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Feed
 from chefbotd.safety import gate
@@ -40,7 +41,7 @@ DOORS: dict[str, tuple[tuple[Any, str], ...]] = {
     ),
     "odometry": ((odometry, "integrate"),),
     "sensors": ((ultrasonic, "interpret"), (imu, "from_quaternion"), (battery, "measure")),
-    "JSON": ((Feed, "line"),),
+    "JSON": ((Feed, "payload"), (jsonrpc, "event")),
     "writing to clients": ((Outbox, "telemetry"),),
     "requests": ((Dispatcher, "serve"),),
 }

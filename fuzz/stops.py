@@ -7,6 +7,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
 from chefbotd.transport.tcp.unread import UnreadSockets
@@ -54,7 +55,9 @@ async def _say(said: bytes, sizes: list[int], ends: int) -> None:
     transport.pause_writing, transport.resume_writing = connection.pause_writing, connection.resume_writing
     connection.connection_made(transport)
     transport.client_reads = ends & 4 == 0
-    connection.telemetry("text", True, b"x" * 5000)  # so that it is behind, unless it reads
+    connection.send_event(
+        EventPayload("text", 1, 0.0, 0.0, b"x" * 5000), True
+    )  # so that it is behind, unless it reads
     start, size = 0, cycle(sizes)
     while start < len(said):
         end = start + 1 + next(size)

@@ -1,9 +1,9 @@
-"""One event in, the same bytes out to everyone who asked for it.
+"""Takes events of the bus and hands each one, as the same payload, to every client that subscribed to its topic.
 
-Clients who want the same topic at the same rate under the same policy form a group; whether an event is due is
-decided once per group, and its JSON is made once for all. A value that comes too soon is not lost: the latest
-one follows when its time has come. Who has just had a snapshot skips the group's turns until a whole interval has
-passed, and is in step with the others from then on. For a topic without subscribers only the latest state is kept.
+Clients that want the same topic at the same rate under the same policy form a group. Whether an event is due is
+decided once per group, and its JSON is made once for all. A value that comes too soon is not lost: the latest value
+follows when it is due. A client that has just had a snapshot gets nothing for one interval, and then the same events
+as its group. For a topic without subscribers only the latest state is kept.
 """
 
 import asyncio
@@ -16,16 +16,17 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.messages.results import TopicState
 from chefbotd.messages.telemetry import TopicData
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.topics import Topic
 
 log = structlog.get_logger(__name__)
 
 
 class Receiver(Protocol):
-    """Where a client's telemetry goes."""
+    """A client that takes events."""
 
-    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
-        """Take a line now; never waits."""
+    def send_event(self, payload: EventPayload, latest: bool) -> None:
+        """Send an event, or keep it by the policy while the client is behind; never waits."""
         ...
 
 
@@ -41,7 +42,7 @@ class Feed:
         self._json: bytes | None = None
         self._faulty = False
 
-    def take(self, event: Any) -> None:
+    def take_event(self, event: Any) -> None:
         """Remember an event; nothing is converted."""
         self.state = self.topic.join(self.state, event)
         self.seq += 1
@@ -62,26 +63,15 @@ class Feed:
         self._faulty = False
         return data
 
-    def line(self, now_s: float) -> bytes | None:
-        """The state as an event notification; the data in it is encoded once, however often this is called."""
+    def payload(self, now_s: float) -> EventPayload | None:
+        """The state as an event's payload; its data is encoded once, however often this is called."""
         if self._json is None:
             data = self.data()
             if data is None:
                 return None
             self._json = data.model_dump_json().encode()
-        return _EVENT % (
-            self.topic.name.encode(),
-            self.seq,
-            self.stamp_s,
-            max(0.0, now_s - self.stamp_s),
-            self._json,
-        )
-
-
-_EVENT = (
-    b'{"jsonrpc":"2.0","method":"event","params":'
-    b'{"topic":"%b","seq":%d,"stamp_s":%.6f,"age_s":%.6f,"data":%b}}\n'
-)
+        age_s = max(0.0, now_s - self.stamp_s)
+        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s, self._json)
 
 
 TIMER_RESOLUTION_S = 0.002
@@ -125,10 +115,10 @@ class Group:
     def snapshot(self, receiver: Receiver) -> None:
         """The latest value, for one member."""
         now_s = self._clock.now_s()
-        line = self._feed.line(now_s)
-        if line is not None:
+        payload = self._feed.payload(now_s)
+        if payload is not None:
             self._members[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
-            receiver.telemetry(self._feed.topic.name, self._latest, line)
+            receiver.send_event(payload, self._latest)
 
     def offer(self, now_s: float) -> None:
         """There is a new value: send it if it is due, else when it will be."""
@@ -149,10 +139,10 @@ class Group:
     def _send(self, now_s: float) -> None:
         self._cancel_timer()
         self._due_s = now_s + self._interval_s
-        line = self._feed.line(now_s)
-        if line is None:
+        payload = self._feed.payload(now_s)
+        if payload is None:
             return
-        name, seq, latest, early = self._feed.topic.name, self._feed.seq, self._latest, False
+        seq, latest, early = self._feed.seq, self._latest, False
         for receiver, member in self._members.items():
             if member.seen == seq:  # a snapshot may have brought it already
                 continue
@@ -160,7 +150,7 @@ class Group:
                 early = True
                 continue
             member.seen = seq
-            receiver.telemetry(name, latest, line)
+            receiver.send_event(payload, latest)
         if early:
             self._send_when_due(now_s)
 
@@ -168,7 +158,7 @@ class Group:
 class Fanout:
     """The topics, their groups, and who is in which.
 
-    ``on_demand`` hears when the first client wants, and the last one leaves, a topic whose events cost something.
+    ``on_demand`` is called when a topic whose events are costly gets its first subscriber, and when it loses its last.
     """
 
     def __init__(
@@ -184,9 +174,9 @@ class Fanout:
         return {name: feed.topic for name, feed in self._feeds.items()}
 
     def publish(self, event: object) -> None:
-        """Hand an event of one of the topics to whoever it is due for."""
+        """Hand an event of one of the topics to every client for which it is due."""
         feed = self._by_event[type(event)]
-        feed.take(event)
+        feed.take_event(event)
         if feed.groups:
             now_s = self._clock.now_s()
             for group in feed.groups.values():

@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Any, NoReturn
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.rpc.event import EventPayload
 
 MAX_DEPTH = 8
 MAX_INTEGER_DIGITS = 19  # those of 2^63 - 1
@@ -242,19 +243,31 @@ def _envelope_problem(message: dict[str, Any]) -> str | None:
 
 
 def encode(message: Mapping[str, object]) -> bytes:
-    """One compact line with its end; raises ``ValueError`` for numbers that are not finite."""
-    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+    """Compact JSON without a line end; raises ``ValueError`` for numbers that are not finite."""
+    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
 
 
 def result(request_id: RequestId, body: bytes) -> bytes:
     """The answer to a call; ``body`` is the result, already JSON."""
     id_json = b"%d" % request_id if isinstance(request_id, int) else json.dumps(request_id).encode()
-    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (id_json, body)
+    return b'{"jsonrpc":"2.0","id":%b,"result":%b}' % (id_json, body)
 
 
 def notification(method: str, body: bytes) -> bytes:
     """A message that expects no answer; ``body`` is its params, already JSON."""
-    return b'{"jsonrpc":"2.0","method":"%b","params":%b}\n' % (method.encode(), body)
+    return b'{"jsonrpc":"2.0","method":"%b","params":%b}' % (method.encode(), body)
+
+
+def event(payload: EventPayload) -> bytes:
+    """The notification of an event."""
+    topic, seq, stamp_s, age_s, data = payload
+    return _EVENT % (topic.encode(), seq, stamp_s, age_s, data)
+
+
+_EVENT = (
+    b'{"jsonrpc":"2.0","method":"event","params":'
+    b'{"topic":"%b","seq":%d,"stamp_s":%.6f,"age_s":%.6f,"data":%b}}'
+)
 
 
 def error(failure: Failure) -> bytes:

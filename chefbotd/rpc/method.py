@@ -18,8 +18,8 @@ class Caller(Receiver, Protocol):
 
     session: Session
 
-    def reply(self, line: bytes) -> None:
-        """Take an answer now; never waits."""
+    def reply(self, message: bytes) -> None:
+        """Send an answer; never waits."""
         ...
 
     def end(self, failure: Failure) -> None:

@@ -9,12 +9,14 @@ client costs at most its buffers and its outbox, and no stop that has reached th
 import asyncio
 import socket
 from collections.abc import Callable
+from functools import lru_cache
 from typing import cast
 
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.last_look import LAST_LOOK_BYTES, LAST_LOOK_S, LastLook
 from chefbotd.rpc.session import Session
@@ -48,8 +50,6 @@ class Connection(asyncio.Protocol):
         self._last_look_ends: asyncio.TimerHandle | None = None
         self._outbox: Outbox
         self._transport: asyncio.Transport
-        self.reply: Callable[[bytes], None]
-        self.telemetry: Callable[[str, bool, bytes], None]
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Asyncio: a client that was admitted is connected; it is greeted."""
@@ -62,8 +62,15 @@ class Connection(asyncio.Protocol):
         # The kernel would keep megabytes for a slow client, all of it stale before it is read.
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._manager.parameters.write_buffer_bytes)
         self._outbox = Outbox(self._transport, self._manager.parameters, self._manager.drops, self._give_up)
-        self.reply, self.telemetry = self._outbox.reply, self._outbox.telemetry
         self.reply(self._manager.add(self))
+
+    def reply(self, message: bytes) -> None:
+        """Send an answer; never waits."""
+        self._outbox.reply(message + b"\n")
+
+    def send_event(self, payload: EventPayload, latest: bool) -> None:
+        """Send an event, or keep it by the policy while the client is behind; never waits."""
+        self._outbox.telemetry(payload.topic, latest, _event_line(payload))
 
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
@@ -294,3 +301,9 @@ class Connection(asyncio.Protocol):
         """Close now."""
         self._hears = False
         self._transport.abort()
+
+
+@lru_cache(maxsize=4)
+def _event_line(payload: EventPayload) -> bytes:
+    """An event as a line; the fan-out hands one payload to many clients in turn, so the line is made once."""
+    return jsonrpc.event(payload) + b"\n"

@@ -145,7 +145,7 @@ class Listener:
     def _refuse(self, accepted: socket.socket, failure: Failure) -> None:
         with accepted, contextlib.suppress(OSError):  # it may have gone already
             if self._tls is None:
-                accepted.send(jsonrpc.error(failure))
+                accepted.send(jsonrpc.error(failure) + b"\n")
 
     async def _connect(self, accepted: socket.socket, session: Session) -> None:
         handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_s

@@ -92,7 +92,8 @@ class Outbox:
         if self._dropped:
             notice = Dropped(topics=dict(self._dropped), total=self._dropped.total())
             self._dropped.clear()
-            self._transport.write(jsonrpc.notification("dropped", notice.model_dump_json().encode()))
+            message = jsonrpc.notification("dropped", notice.model_dump_json().encode())
+            self._transport.write(message + b"\n")
         while self._waiting and not self.blocked:
             _, line = self._waiting.popitem(last=False)
             self._waiting_bytes -= len(line)

@@ -14,27 +14,34 @@ from hypothesis import strategies as st
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
 from chefbotd.messages.telemetry import TextData, TopicData
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.topics import Topic, topics
 from tests.budget import examples
 
 
+def text_of(payload: EventPayload) -> str:
+    """The text in an event of the topic ``text``."""
+    text: str = json.loads(payload.data)["text"]
+    return text
+
+
 class Reader:
-    """A receiver that keeps every line."""
+    """A receiver that keeps every event."""
 
     def __init__(self) -> None:
-        self.lines: list[bytes] = []
+        self.payloads: list[EventPayload] = []
         self.policies: set[bool] = set()
 
-    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+    def send_event(self, payload: EventPayload, latest: bool) -> None:
         """Keep it."""
-        self.lines.append(line)
+        self.payloads.append(payload)
         self.policies.add(latest)
 
     @property
     def texts(self) -> list[str]:
         """The texts received, in order."""
-        return [json.loads(line)["params"]["data"]["text"] for line in self.lines]
+        return [text_of(payload) for payload in self.payloads]
 
 
 def ignore(topic: Topic, wanted: bool) -> None:
@@ -64,19 +71,14 @@ def publish_texts(fanout: Fanout, *texts: str, stamp_s: float = 0.0) -> None:
         fanout.publish(TextReceived(stamp_s, text))
 
 
-def test_event_line_is_the_contracts() -> None:
-    """Topic, sequence number, stamp, age when sent, and the data, in one JSON-RPC notification."""
+def test_a_payload_has_the_topic_its_times_and_the_encoded_data() -> None:
+    """The second event of the topic, from 99.75 s, handed out at 100 s."""
     clock, reader = ManualClock(100.0), Reader()
     fanout = text_fanout(clock)
     fanout.subscribe(reader, ["text"], "latest", 0.0)
+    fanout.publish(TextReceived(99.5, "hi"))
     fanout.publish(TextReceived(99.75, "hello"))
-    (line,) = reader.lines
-    assert line.endswith(b"}}\n")
-    assert json.loads(line) == {
-        "jsonrpc": "2.0",
-        "method": "event",
-        "params": {"topic": "text", "seq": 1, "stamp_s": 99.75, "age_s": 0.25, "data": {"text": "hello"}},
-    }
+    assert reader.payloads[1:] == [("text", 2, 99.75, 0.25, b'{"text":"hello"}')]
 
 
 def test_an_event_is_made_once_for_everyone() -> None:
@@ -88,8 +90,8 @@ def test_an_event_is_made_once_for_everyone() -> None:
     fanout.subscribe(readers[2], ["text"], "ordered", 0.0)
     publish_texts(fanout, "a")
     assert counting.conversions == 1
-    assert readers[0].lines[0] is readers[1].lines[0]
-    assert readers[0].lines == readers[1].lines == readers[2].lines
+    assert readers[0].payloads[0] is readers[1].payloads[0]
+    assert readers[0].payloads == readers[1].payloads == readers[2].payloads
 
 
 def test_nothing_is_made_for_nobody() -> None:
@@ -109,7 +111,7 @@ def test_sequence_numbers_count_events_not_deliveries() -> None:
     publish_texts(fanout, "a", "b")
     fanout.subscribe(reader, ["text"], "latest", 0.0)
     publish_texts(fanout, "c")
-    assert json.loads(reader.lines[0])["params"]["seq"] == 3
+    assert reader.payloads[0].seq == 3
 
 
 def test_a_snapshot_is_only_of_what_there_is() -> None:
@@ -118,7 +120,7 @@ def test_a_snapshot_is_only_of_what_there_is() -> None:
     fanout.subscribe(other, ["text"], "ordered", 0.0)
     fanout.subscribe(reader, ["text", "battery"], "latest", 0.0)
     publish_texts(fanout, "a")
-    reader.lines.clear()
+    reader.payloads.clear()
     fanout.snapshot(reader, ["text", "battery", "odometry"])
     assert (reader.texts, other.texts) == (["a"], ["a"])
 
@@ -131,8 +133,8 @@ def timeline(max_rate_hz: float, script: Callable[[Fanout], Any]) -> list[tuple[
         start_s = clock.now_s()
 
         class Timed(Reader):
-            def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
-                text = json.loads(line)["params"]["data"]["text"]
+            def send_event(self, payload: EventPayload, latest: bool) -> None:
+                text = text_of(payload)
                 got.append((round(clock.now_s() - start_s, 3), text))
 
         fanout.subscribe(Timed(), ["text"], "latest", 1.0 / max_rate_hz)
@@ -181,8 +183,8 @@ def test_nobody_gets_events_sooner_than_asked_for(
                 super().__init__()
                 self.got = got[number]
 
-            def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
-                self.got.append((clock.now_s(), json.loads(line)["params"]["data"]["text"]))
+            def send_event(self, payload: EventPayload, latest: bool) -> None:
+                self.got.append((clock.now_s(), text_of(payload)))
 
         async def join(number: int, after_ms: int) -> None:
             await asyncio.sleep(after_ms / 1000)
@@ -213,7 +215,7 @@ def test_a_snapshot_is_an_interval_away_from_what_follows() -> None:
         got_s: list[float] = []
 
         class Timed(Reader):
-            def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+            def send_event(self, payload: EventPayload, latest: bool) -> None:
                 got_s.append(clock.now_s())
 
         reader = Timed()
@@ -296,7 +298,7 @@ def test_demand_is_told_when_it_begins_and_ends() -> None:
     fanout.unsubscribe(one)
     fanout.unsubscribe(two, ["raw"])
     assert heard == [("raw", True), ("raw", False)]
-    assert len(two.lines) == 1
+    assert len(two.payloads) == 1
 
 
 def test_an_unknown_topic_is_a_bug_of_the_caller() -> None:
@@ -314,7 +316,7 @@ def test_data_that_does_not_fit_harms_only_its_own_topic() -> None:
     broken: Any = None
     publish_texts(fanout, broken, broken)
     fanout.snapshot(reader, ["text"])
-    assert (reader.lines, fanout.states()) == ([], {})
+    assert (reader.payloads, fanout.states()) == ([], {})
     publish_texts(fanout, "good")
     assert reader.texts == ["good"]
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 
 
@@ -112,7 +113,7 @@ def test_a_refused_envelope_is_answered_under_its_id() -> None:
 def test_error_line_has_code_message_kind_and_details() -> None:
     """An error is one compact line with the kind's code, its name, and whatever else helps."""
     line = jsonrpc.error(Failure(RefusalKind.DISARMED, "arm first", 3, {"since_s": 2}))
-    assert line.endswith(b"}\n")
+    assert line.endswith(b"}")
     assert json.loads(line) == {
         "jsonrpc": "2.0",
         "id": 3,
@@ -185,3 +186,13 @@ def test_what_json_writes_is_read_back(params: dict[str, object], request_id: in
         assert parsed.kind == ErrorKind.TOO_DEEP
     else:
         assert parsed == Request("m", params, request_id)
+
+
+def test_an_event_is_a_notification_with_the_data_as_it_is() -> None:
+    """Topic, sequence number, stamp and age in microseconds, and the data."""
+    message = jsonrpc.event(EventPayload("text", 7, 99.75, 0.0000004, b'{"text":"hello"}'))
+    assert json.loads(message) == {
+        "jsonrpc": "2.0",
+        "method": "event",
+        "params": {"topic": "text", "seq": 7, "stamp_s": 99.75, "age_s": 0.0, "data": {"text": "hello"}},
+    }

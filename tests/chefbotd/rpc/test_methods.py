@@ -19,6 +19,7 @@ from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.dispatch import Dispatcher
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ERRORS, Failure
 from chefbotd.rpc.method import Caller, Method
@@ -51,9 +52,9 @@ class Desk:
         """An answer."""
         self.heard.append(json.loads(line))
 
-    def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
+    def send_event(self, payload: EventPayload, latest: bool) -> None:
         """An event."""
-        self.heard.append(json.loads(line))
+        self.heard.append(json.loads(jsonrpc.event(payload)))
 
     def end(self, failure: Failure) -> None:
         """The error; then the connection would be closed."""
@@ -249,10 +250,10 @@ def test_a_fault_after_the_answer_is_counted_and_not_answered_again() -> None:
     desk = Desk()
     desk.fanout.publish(TextReceived(99.5, "hi"))
 
-    def broken(topic: str, latest: bool, line: bytes) -> None:
-        raise BufferError(topic)
+    def broken(payload: EventPayload, latest: bool) -> None:
+        raise BufferError(payload.topic)
 
-    desk.telemetry = broken  # type: ignore[method-assign]
+    desk.send_event = broken  # type: ignore[method-assign]
     with capture_logs() as logs:
         assert desk.ask("subscribe", topics=["text"])["result"] == {"topics": ["text"]}
     assert len(desk.heard) == 1

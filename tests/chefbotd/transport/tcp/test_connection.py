@@ -8,6 +8,7 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
+from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
@@ -51,6 +52,11 @@ def connected(plain: socket.socket | None = None) -> tuple[Connection, FakeTrans
     return connection, transport, robot
 
 
+def text(data: bytes) -> EventPayload:
+    """An event of the topic ``text``."""
+    return EventPayload("text", 1, 0.0, 0.0, data)
+
+
 def answers(transport: FakeTransport) -> int:
     """How many messages were written."""
     return len(transport.written)
@@ -65,6 +71,20 @@ def test_small_messages_are_not_held_back_and_kernel_buffers_are_small() -> None
             (socket.IPPROTO_TCP, socket.TCP_NODELAY): 1,
             (socket.SOL_SOCKET, socket.SO_SNDBUF): 4096,
         }
+
+    run_virtual(scenario())
+
+
+def test_an_event_is_encoded_once_for_all_clients() -> None:
+    """Two connections write the very same line, with one line end."""
+
+    async def scenario() -> None:
+        clients, event = [connected() for _ in range(2)], text(b"{}")
+        for connection, _, _ in clients:
+            connection.send_event(event, latest=True)
+        (one,), (other,) = (transport.written for _, transport, _ in clients)
+        assert one is other
+        assert (one.count(b"\n"), one.endswith(b'"data":{}}}\n')) == (1, True)
 
     run_virtual(scenario())
 
@@ -121,7 +141,7 @@ def test_a_stop_does_not_wait_for_a_client_that_is_behind() -> None:
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
-        connection.telemetry("text", True, BEHIND)
+        connection.send_event(text(BEHIND), latest=True)
         connection.data_received(PING + ESTOP[:20])
         assert (answers(transport), robot.calls) == (1, [])
         connection.data_received(ESTOP[20:] + STOP)
@@ -266,12 +286,12 @@ def test_who_falls_behind_on_telemetry_can_stop_the_robot() -> None:
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
-        connection.telemetry("text", True, BEHIND)
-        connection.telemetry("text", True, b"waits")
+        connection.send_event(text(BEHIND), latest=True)
+        connection.send_event(text(b"waits"), latest=True)
         connection.data_received(PING + STOP)
         assert (robot.calls, answers(transport)) == ([("stop",)], 2)
         transport.client_takes(6000)
-        assert (transport.written[2], answers(transport)) == (b"waits", 4)
+        assert (b"waits" in transport.written[2], answers(transport)) == (True, 4)
 
     run_virtual(scenario())
 
@@ -283,7 +303,7 @@ def test_catching_up_within_a_turn_keeps_the_turns() -> None:
         connection, transport, _ = connected()
         connection.data_received(PING * 20)
         transport.client_reads = False
-        connection.telemetry("text", True, b"x" * 5000)
+        connection.send_event(text(b"x" * 5000), latest=True)
         transport.client_takes(5000)
         assert answers(transport) == 16 + 1
         await asyncio.sleep(0)
@@ -457,7 +477,7 @@ def test_the_end_of_the_requests_waits_for_those_that_wait() -> None:
     async def scenario() -> None:
         connection, transport, robot = connected()
         transport.client_reads = False
-        connection.telemetry("text", True, BEHIND)
+        connection.send_event(text(BEHIND), latest=True)
         connection.data_received(PING + ARM + STOP.strip())
         connection.eof_received()
         assert (robot.calls, transport.closed) == ([("stop",)], False)
