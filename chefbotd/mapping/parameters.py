@@ -21,6 +21,8 @@ class MatchingParameters(Parameters):
     odometry_rad_per_m: float = Field(default=0.05, ge=0, le=1)
     window_at_most_m: float = Field(default=1.0, gt=0, le=5)
     window_at_most_rad: float = Field(default=0.6, gt=0, le=3.2)
+    jump_at_most_m: float = Field(default=5.0, gt=0, le=100)
+    """No odometry is believed that says more between two scans."""
     fits_share: float = Field(default=0.6, gt=0, le=1)
     """Of the points that lie where the map knows something, so many must be on a surface."""
     suspicious_drop: float = Field(default=0.08, gt=0, le=1)

@@ -45,6 +45,9 @@ NEEDS_SOLVING = 6.0
 
 UNSOLVED_AT_MOST = 20
 
+FARTHEST_M = 100.0
+"""No lidar that we know sees further, and the grids grow with what is inserted."""
+
 
 class Report(NamedTuple):
     """What a step found: where the robot is in the map, how surely, and how well the scan fits (0 to 1).
@@ -78,14 +81,19 @@ class _Kept:
 def step(
     params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan
 ) -> tuple[SlamState, Report]:
-    """Take in a scan; ``odometry`` is the pose of the robot in any frame that does not jump. Uses up ``state``."""
+    """Take in a scan; ``odometry`` is the pose of the robot in any frame that does not jump. Uses up ``state``.
+
+    Raises:
+        ValueError: a pose or a point is not finite or further away than any lidar sees, or the arrays do not fit.
+    """
+    _check(odometry, scan)
     if not len(state.nodes):
         state = replace(state, odometry=odometry.copy(), active=(Active(0, 0.0, empty()),))
         first = _with_node(params.submaps, state, stamp_s, scan, None)
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
     found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
-    if not found.fits:
+    if not found.fits or (state.misfits and found.fit.overlap < params.matching.least_overlap):
         return _misfit(params, state, stamp_s, odometry, scan, found)
     travel_m = _travel_m(between(state.local_pose, found.fit.pose))
     mode = SlamMode.SLIPPED if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
@@ -106,6 +114,17 @@ def step(
         state, forgotten = _rolled(params.submaps, state)
         result = replace(_looked_around(params, state), forgotten=forgotten)
     return result.state, _report(result.state, found, result, kept=kept)
+
+
+def _check(odometry: Floats, scan: Scan) -> None:
+    if odometry.shape != (3,) or not np.isfinite(odometry).all():
+        raise ValueError(f"odometry is three finite numbers (x, y, heading), got {odometry.tolist()}")
+    if scan.points.dtype != np.float32 or scan.points.shape != scan.facing.shape:
+        got = f"{scan.points.dtype} {scan.points.shape} and {scan.facing.shape}"
+        raise ValueError(f"points and normals are float32 arrays of one shape, got {got}")
+    if not (np.abs(scan.points) <= FARTHEST_M).all():
+        worst = scan.points[~(np.abs(scan.points) <= FARTHEST_M)][0]
+        raise ValueError(f"points are within {FARTHEST_M:g} m of the robot, got {worst:g}")
 
 
 def map_from_local(state: SlamState, local_pose: Floats) -> Floats:

@@ -47,6 +47,8 @@ def tracked(
     A fit that is clearly worse than the usual one has the scan searched further around: the wheels may have slipped.
     """
     sigma_m, sigma_rad = odometry_sigmas(params, moved)
+    if math.hypot(moved[0], moved[1]) > params.jump_at_most_m:
+        return _jumped(params, grids, last, scan)
     guess = compose(last, moved)
     information = np.diag([sigma_m**-2, sigma_m**-2, sigma_rad**-2])
     window = Window(
@@ -83,6 +85,16 @@ def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, f
         params.odometry_m + params.odometry_m_per_m * way_m + params.odometry_m_per_rad * turn_rad,
         params.odometry_rad + params.odometry_rad_per_rad * turn_rad + params.odometry_rad_per_m * way_m,
     )
+
+
+def _jumped(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> Tracked:
+    """The odometry is not to be believed: look where the robot was."""
+    found = _slipped(params, grids, (last,), scan)
+    if found is not None:
+        return found
+    there = Prior(last, np.eye(3))
+    fit = polish(grids, scan.points, scan.facing, last, there, params.laser_noise_m)
+    return Tracked(fit, inverted(fit.information + there.information), fits=False)
 
 
 def _slipped(

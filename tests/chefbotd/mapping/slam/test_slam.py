@@ -4,12 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from chefbotd.mapping.occupancy import occupancy
+from chefbotd.mapping.parameters import SlamParameters
+from chefbotd.mapping.parts import apart
 from chefbotd.mapping.poses import transform
 from chefbotd.mapping.saved import restored, saved
-from chefbotd.mapping.slam import apart
-from chefbotd.mapping.state import SlamMode
+from chefbotd.mapping.slam import step
+from chefbotd.mapping.state import Scan, SlamMode, start
 from tests.chefbotd.mapping.slam.drives import Drive, drive, off_m, walls_off_m
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,
@@ -93,6 +96,7 @@ def test_a_saved_state_goes_on_as_if_nothing_had_been() -> None:
     assert rest.state.edges.pose.tobytes() == whole.state.edges.pose.tobytes()
 
 
+@pytest.mark.slow
 def test_people_who_walk_about_leave_no_smear() -> None:
     """Three people cross the rooms all the time: nothing is occupied away from walls, and poses stay right."""
     lidar, odom = Lidar(WALLS, 7), odometry(TRUTH, 7)
@@ -191,6 +195,7 @@ def look_alike_corridor() -> Floats:
     return np.vstack([wall((0, 0), (0, 2), (22, 2), (22, 0)), *rooms])
 
 
+@pytest.mark.slow
 def test_rooms_that_look_alike_are_not_taken_for_each_other() -> None:
     """Five equal rooms along a corridor: each visited room is its own, and the way back leads to the first one."""
     walls = look_alike_corridor()
@@ -245,3 +250,50 @@ def test_a_slip_within_the_window_is_told_too() -> None:
     assert found.modes()[at] == "slipped"
     assert found.modes().count("slipped") == 1
     assert off_m(found.poses(), TRUTH[:120]).max() < 0.03
+
+
+def test_an_odometry_that_jumps_by_kilometres_is_not_believed() -> None:
+    """A counter that wrapped says a million metres: the scan says that the robot stands, and it goes on from there."""
+    lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 60
+    odom[at:, 0] += 1e6
+    found = drive(odom, lambda k: lidar.points(TRUTH[k]), finish=False)
+    assert found.modes()[at] == "slipped"
+    assert off_m(found.poses(), TRUTH[:120]).max() < 0.03
+    assert max(max(active.grids.likelihood.shape) for active in found.state.active) < 1000
+
+
+def test_no_grid_grows_when_neither_scan_nor_odometry_can_be_believed() -> None:
+    """It jumps while the robot is carried away: soon it is lost, and begins anew with a small map."""
+    lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 60
+    odom[at:, 0] += 1e6
+    there = int(np.argmin(np.hypot(TRUTH[:, 0] - 8.5, TRUTH[:, 1] - 7.2)))
+    truth = np.vstack([TRUTH[:at], TRUTH[there : there + 60]])
+    found = drive(odom, lambda k: lidar.points(truth[k]), finish=False)
+    assert "lost" in found.modes()[at : at + 6]
+    assert max(max(active.grids.likelihood.shape) for active in found.state.active) < 1000
+
+
+def test_scans_of_nothing_are_survived() -> None:
+    """A covered lidar sees nothing, at the beginning and on the way; odometry goes on."""
+    lidar, odom = Lidar(WALLS, 6), odometry(TRUTH[:120], 6)
+    nothing = np.zeros((0, 2), np.float32)
+    blind = {0, 1, 50, 51, 52}
+    found = drive(odom, lambda k: nothing if k in blind else lidar.points(TRUTH[k]))
+    assert "lost" not in found.modes()
+    assert off_m(found.poses(), TRUTH[:120]).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("odom", "points", "reason"),
+    [
+        (np.array([0.0, np.nan, 0.0]), np.zeros((1, 2), np.float32), "three finite numbers"),
+        (np.zeros(3), np.full((1, 2), np.nan, np.float32), "within 100 m of the robot, got nan"),
+        (np.zeros(3), np.full((1, 2), 101.0, np.float32), "within 100 m of the robot, got 101"),
+        (np.zeros(3), np.zeros((1, 2)), "float32 arrays of one shape, got float64"),
+    ],
+)
+def test_garbage_is_refused(odom: Floats, points: NDArray[np.float32], reason: str) -> None:
+    """Before it reaches a grid; the message names the value."""
+    scan = Scan(points, np.zeros_like(points), np.zeros(2))
+    with pytest.raises(ValueError, match=reason):
+        step(SlamParameters(), start(), 0.0, odom, scan)
