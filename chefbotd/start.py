@@ -1,7 +1,10 @@
 """Where both programs start: before anything is imported that takes a user's time, Ctrl-C is already answered."""
 
+import gc
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 INTERRUPTED = 130
@@ -36,3 +39,33 @@ def open_standard_streams() -> None:
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(descriptor, True)
     os.close(descriptor)
+
+
+@contextmanager
+def light_imports() -> Iterator[None]:
+    """Load what is imported meanwhile fast and small; pydantic and structlog must not have been imported before.
+
+    - pydantic looks for plugins in every installed package; chefbotd uses none.
+    - structlog imports rich wherever it is installed, to lay out tracebacks; it does without where that import fails.
+    - The garbage collector looks at every module and class again and again, and finds no garbage.
+    """
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    gc.disable()
+    try:
+        if "structlog" not in sys.modules:
+            _import_without("structlog", "rich")
+        yield
+    finally:
+        gc.enable()
+
+
+def _import_without(module: str, left_out: str) -> None:
+    """Import a module as if another one were not installed: an entry of None makes its import fail (sys.modules)."""
+    hidden = sys.modules.get(left_out)
+    sys.modules[left_out] = None  # type: ignore[assignment]
+    try:
+        import_module(module)
+    finally:
+        del sys.modules[left_out]
+        if hidden is not None:
+            sys.modules[left_out] = hidden

@@ -116,5 +116,4 @@ def freeze_gc() -> None:
 
     A full collection would stop the control loop for as long as it takes to look at every module, class and service.
     """
-    gc.collect()
     gc.freeze()

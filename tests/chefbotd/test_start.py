@@ -36,6 +36,41 @@ def test_ctrl_c_while_it_is_still_importing_says_so_in_a_word(program: str) -> N
     assert (process.returncode, said) == (130, b"Interrupted.\n")
 
 
+LOADED = """
+import gc, os, sys
+from chefbotd import start
+def tell():
+    print(*sys.modules, flush=True)
+    os._exit(0)
+gc.freeze = tell
+sys.argv = ["chefbotd", "run", "--port", "/dev/nowhere", "--listen", "127.0.0.1:0"]
+start.chefbotd()
+"""
+"""The daemon freezes what has been built once it listens; this one tells then what it has loaded."""
+
+
+def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_does_not_use() -> None:
+    """Its memory and its start are without simulator, numpy, images, screens, clients and parsers of other formats."""
+    said = subprocess.run(
+        [sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert said.returncode == 0, said.stderr
+    loaded = set(said.stdout.split())
+    assert "chefbotd.app" in loaded
+    absent = {
+        "chefbotd.sim",
+        "chefbotd.client",
+        "numpy",
+        "PIL",
+        "rich",
+        "pygments",
+        "yaml",
+        "textual",
+        "tomlkit",
+    }
+    assert loaded & absent == set()
+
+
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
 def test_the_daemon_ends_in_order_without_stdin_or_stdout(closed: str) -> None:
     """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv."""

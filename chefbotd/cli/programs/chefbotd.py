@@ -69,11 +69,12 @@ def run(
         "api.port": where and where.port,
         "log.level": log_level,
     }
-    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
-    if simulated:
-        simulation_of(settings)
-    from chefbotd.process import logs
-    from chefbotd.process import run as process
+    with start.light_imports():
+        settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
+        if simulated:
+            simulation_of(settings)
+        from chefbotd.process import logs
+        from chefbotd.process import run as process
 
     logs.configure(settings.log.level)
     ctx.exit(process.run(settings, simulated=simulated))
