@@ -121,9 +121,9 @@ def _cutting_is_sound(data: bytes, lines: list[bytes]) -> None:
         seen = []
         for start in range(0, len(data), size):
             backlog.add(data[start : start + size], NOW)
-            seen += list(iter(backlog.find, None))
+            seen += list(iter(backlog.find_urgent, None))
         assert seen == found
-        assert [line.text for line in iter(backlog.take, None)] == [line.strip() for line in lines[:-1]]
+        assert [line.text for line in iter(backlog.take_line, None)] == [line.strip() for line in lines[:-1]]
         assert len(backlog) == len(lines[-1])
 
 

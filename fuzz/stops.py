@@ -26,7 +26,7 @@ PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 
 _LOOP = VirtualLoop()
 _SERVER, _ROBOT, _ = new_server(requests_per_turn=4, write_buffer_bytes=4096)
-HINT = _SERVER.connections.dispatcher.hint
+HINT = _SERVER.connections.dispatcher.urgent_pattern
 
 
 def no_stop_is_lost(data: bytes) -> None:

@@ -1,6 +1,6 @@
-"""What a client has sent and has not been served yet: lines in their order, and a way to see a stop among them early.
+"""What a client has sent and has not been served yet: lines in order, searched once for those that are urgent.
 
-Pure: it holds bytes and cuts lines, and knows what a stop looks like only by a pattern.
+Pure: it holds bytes and cuts lines. A pattern tells it which lines may be urgent.
 """
 
 import re
@@ -10,30 +10,30 @@ from chefbotd.rpc.arrivals import Arrival
 
 
 class Line(NamedTuple):
-    """A line without its end, and when its first byte came."""
+    """A line without its end, and the arrival of its first byte."""
 
     text: bytearray
     arrival: Arrival
 
 
 class Mark(NamedTuple):
-    """From this position on, up to the next mark, bytes came at the same time."""
+    """The bytes from this position to the next mark arrived together."""
 
     position: int
     arrival: Arrival
 
 
 class Backlog:
-    """Lines of at most ``longest_bytes``; ``hint`` is found in every line that may have to be taken out early."""
+    """Lines of at most ``longest_bytes``; ``urgent_pattern`` matches in every line that may be urgent."""
 
-    def __init__(self, longest_bytes: int, hint: re.Pattern[bytes]) -> None:
-        self._longest_bytes, self._hint = longest_bytes, hint
+    def __init__(self, longest_bytes: int, urgent_pattern: re.Pattern[bytes]) -> None:
+        self._longest_bytes, self._urgent_pattern = longest_bytes, urgent_pattern
         self._bytes = bytearray()
         self._marks: list[Mark] = []
-        self._cut = 0  # where the line stood that was taken last
-        self._seen = 0  # up to here there is nothing more to be found
+        self._taken_at = 0  # the position of the line that was taken last
+        self._searched = 0  # up to here every urgent line was found
         self._found = slice(0, 0)
-        self._skips = False
+        self._skips_line = False
 
     def __len__(self) -> int:
         return len(self._bytes)
@@ -50,24 +50,24 @@ class Backlog:
         return (len(self._bytes) if end < 0 else end) > self._longest_bytes
 
     def add(self, data: bytes, arrival: Arrival) -> None:
-        """Bytes from the client, cut anywhere."""
-        if self._skips:
+        """Add bytes from the client, cut anywhere."""
+        if self._skips_line:
             _, line_end, data = data.partition(b"\n")
-            self._skips = not line_end
+            self._skips_line = not line_end
         if data and (not self._marks or self._marks[-1].arrival != arrival):
             self._marks.append(Mark(len(self._bytes), arrival))
         self._bytes += data
 
     def finish(self) -> None:
-        """No more will come: what has no line end yet is the last line."""
+        """No more bytes come: what has no line end yet is the last line."""
         if self._bytes and not self._bytes.endswith(b"\n"):
             self._bytes += b"\n"
 
-    def first(self) -> bytearray:
+    def first_line(self) -> bytearray:
         """The next line, which stays; empty when it is not complete."""
         return self._bytes[: max(0, self._bytes.find(b"\n"))]
 
-    def take(self) -> Line | None:
+    def take_line(self) -> Line | None:
         """The next line; None when it is not complete."""
         end = self._bytes.find(b"\n")
         if end < 0:
@@ -76,34 +76,34 @@ class Backlog:
         self._remove(0, end + 1)
         return line
 
-    def find(self) -> bytearray | None:
-        """The next complete line, of those that were not found before, in which the hint is; it stays."""
+    def find_urgent(self) -> bytearray | None:
+        """The next complete line that may be urgent and was not found before; it stays in the backlog."""
         last_end = self._bytes.rfind(b"\n") + 1
-        while (hint := self._hint.search(self._bytes, self._seen, last_end)) is not None:
-            start = self._bytes.rfind(b"\n", 0, hint.start()) + 1
-            end = self._bytes.find(b"\n", hint.end())
-            self._seen = end + 1
+        while (match := self._urgent_pattern.search(self._bytes, self._searched, last_end)) is not None:
+            start = self._bytes.rfind(b"\n", 0, match.start()) + 1
+            end = self._bytes.find(b"\n", match.end())
+            self._searched = end + 1
             if end - start <= self._longest_bytes:
                 self._found = slice(start, end + 1)
                 return self._bytes[start:end].strip()
-        self._seen = last_end
+        self._searched = last_end
         return None
 
-    def take_found(self) -> None:
-        """Take out what was found last."""
+    def remove_found(self) -> None:
+        """Remove the line that was found last."""
         self._remove(self._found.start, self._found.stop)
 
-    def stopped(self, before: int, now: int) -> None:
-        """The line that was taken last was a stop, by which there have been ``now``: what stands behind it came later.
+    def record_own_stop(self, before: int, now: int) -> None:
+        """The line that was taken last was a stop, number ``now`` after ``before``: the lines behind it are newer.
 
-        Unless that had come before another stop already.
+        Lines that arrived before another client's stop stay older than that one.
         """
-        if self._cut >= len(self):
+        if self._taken_at >= len(self):
             return
-        before_it = [mark for mark in self._marks if mark.position < self._cut]
-        behind = [mark for mark in self._marks if mark.position >= self._cut]
-        if not behind or behind[0].position > self._cut:
-            behind.insert(0, Mark(self._cut, before_it[-1].arrival))
+        before_it = [mark for mark in self._marks if mark.position < self._taken_at]
+        behind = [mark for mark in self._marks if mark.position >= self._taken_at]
+        if not behind or behind[0].position > self._taken_at:
+            behind.insert(0, Mark(self._taken_at, before_it[-1].arrival))
         self._marks = before_it + [
             mark._replace(arrival=mark.arrival._replace(stops=now)) if mark.arrival.stops == before else mark
             for mark in behind
@@ -111,24 +111,24 @@ class Backlog:
 
     def _remove(self, start: int, end: int) -> None:
         del self._bytes[start:end]
-        self._cut = start
-        self._seen = _after_removal(self._seen, start, end)
+        self._taken_at = start
+        self._searched = _after_removal(self._searched, start, end)
         marks = {_after_removal(mark.position, start, end): mark.arrival for mark in self._marks}
         marks.pop(len(self._bytes), None)
         self._marks = [Mark(position, arrival) for position, arrival in marks.items()]
 
-    def drop_seen(self) -> None:
-        """Forget what nothing more can be found in; so also a line that is too long already."""
-        self._remove(0, self._seen)
+    def drop_searched(self) -> None:
+        """Drop what was searched, and a line that is too long already."""
+        self._remove(0, self._searched)
         if len(self._bytes) > self._longest_bytes and self._bytes.find(b"\n") < 0:
             self.clear()
-            self._skips = True
+            self._skips_line = True
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop everything."""
         self._bytes.clear()
         self._marks.clear()
-        self._cut = self._seen = 0
+        self._taken_at = self._searched = 0
 
 
 def _after_removal(position: int, start: int, end: int) -> int:

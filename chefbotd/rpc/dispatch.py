@@ -31,7 +31,7 @@ class Dispatcher:
     """Serves lines; ``faults`` counts, by method, handlers that raised what they should not have.
 
     ``void`` counts, by the kind of error, commands that came too late; one moves the robot for ``command_timeout_s``.
-    ``hint`` is found in every line that ``early`` has a method of, however it is escaped.
+    ``urgent_pattern`` is found in every line that ``urgent_request`` accepts, however it is escaped.
     """
 
     def __init__(
@@ -43,10 +43,10 @@ class Dispatcher:
         self.void: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
         self._constants: dict[str, bytes] = {}
-        early = [
+        urgent = [
             re.escape(n.encode()) for n, method in methods.items() if method.urgent or method.role is None
         ]
-        self.hint = re.compile(rb'"(?:%b)"|\\u' % b"|".join(early))
+        self.urgent_pattern = re.compile(rb'"(?:%b)"|\\u' % b"|".join(urgent))
 
     def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
         """Carry out one line, and answer it unless it is a notification; without an arrival it has come just now.
@@ -57,18 +57,22 @@ class Dispatcher:
         if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
+        self.serve_request(caller, request, arrival)
+
+    def serve_request(self, caller: Caller, request: Request, arrival: Arrival | None = None) -> None:
+        """Carry out a request that was read already, as ``serve`` does."""
         caller.session.proven = True
         failure = self._carry_out(caller, request, arrival)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
 
-    def early(self, session: Session, line: bytes | bytearray) -> str | None:
-        """The method of a line that need not wait for its turn: a stop, or the token that it takes; else None."""
+    def urgent_request(self, session: Session, line: bytes | bytearray) -> Request | None:
+        """The request in a line that is served before others: a stop, or the token that it needs; else None."""
         request = self._read(line)
         method = None if isinstance(request, Failure) else self._methods.get(request.method)
         if isinstance(request, Failure) or method is None:
             return None
-        return request.method if method.urgent or (session.role is None and method.role is None) else None
+        return request if method.urgent or (session.role is None and method.role is None) else None
 
     def is_foreign(self, line: bytes | bytearray) -> bool:
         """Whether a line is of another protocol."""
@@ -81,14 +85,14 @@ class Dispatcher:
 
     def _urgent_in(self, line: bytes | bytearray) -> Request | None:
         """A request to stop, in a line that was refused for its form."""
-        request = lenient.read_leniently(line) if self.hint.search(line) is not None else None
+        request = lenient.read_leniently(line) if self.urgent_pattern.search(line) is not None else None
         method = self._methods.get(request.method) if request is not None else None
         return request if method is not None and method.urgent else None
 
     def _refuse(self, caller: Caller, failure: Failure, *, wants_answer: bool, foreign: bool = False) -> None:
         """Say what is wrong, and end a connection that is hopeless: one that has only ever spoken another protocol."""
         session = caller.session
-        if failure.kind in WASTED and not session.forgive(self._clock.now_s()):
+        if failure.kind in WASTED and not session.admit_error(self._clock.now_s()):
             failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this went on for too long", failure.id)
         if ERRORS[failure.kind].closes or (foreign and not session.proven):
             caller.end(failure)
@@ -156,7 +160,7 @@ class Dispatcher:
                 ErrorKind.TOO_MANY_CLIENTS, f"{session.stops_only}; this place is kept for stop and estop"
             )
         hurried = method is not None and method.urgent
-        if not hurried and not session.admit(self._clock.now_s()):
+        if not hurried and not session.admit_request(self._clock.now_s()):
             raise Unserved(ErrorKind.RATE_LIMITED, "too many requests a second")
         if method is None:
             raise Unserved(ErrorKind.METHOD_NOT_FOUND, f"no method {request.method!a}")

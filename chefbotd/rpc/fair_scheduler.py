@@ -1,9 +1,9 @@
-"""Whose turn it is: what all clients together may cost before everything else on the loop has its turn.
+"""Limits what all clients together may cost per iteration of the event loop, and shares it among them.
 
-A turn of the event loop has room for so many requests and for so much time, whichever is used up first, however many
-clients ask. Whoever comes while there is room is served at once. The others wait in a circle, and each is served one
-request when it is its turn: so a client waits for one request of every other, not for all that they have sent, and
-the control loop waits for one such slice.
+An iteration has room for a number of requests and for an amount of time, whichever is used up first, however many
+clients ask. A client that asks while there is room is served at once. The others queue, and each is served one request
+when it reaches the head (round robin): so a client waits for one request of every other client, not for all that they
+have sent, and the control loop waits for one such slice.
 """
 
 import asyncio
@@ -12,55 +12,55 @@ from typing import Protocol
 
 from chefbotd.clock import Clock
 
-TURN_S = 0.002
-"""A control step is a few turns of the loop from its encoder frame: with a slice in each it is still in time."""
+SLICE_S = 0.002
+"""A control step takes a few loop iterations from its encoder frame: with a slice in each it is still in time."""
 
 
-class Waiting(Protocol):
-    """A client whose requests wait for their turn."""
+class Schedulable(Protocol):
+    """A client with requests that wait."""
 
-    def turn(self) -> None:
-        """Do one thing of those that wait, and wait again when there are more."""
+    def run_scheduled(self) -> None:
+        """Serve one of the requests that wait, and queue again when there are more."""
         ...
 
 
 class FairScheduler:
-    """One for all clients: in a turn of the loop at most ``requests_per_turn`` are served, for ``TURN_S`` at most."""
+    """Serves at most ``requests_per_turn`` requests of all clients per loop iteration, for at most ``SLICE_S``."""
 
     def __init__(self, clock: Clock, requests_per_turn: int) -> None:
         self._clock, self._requests_per_turn = clock, requests_per_turn
-        self._circle: deque[Waiting] = deque()
-        self._next: asyncio.Handle | None = None
-        self._left, self._until_s = 0, 0.0
+        self._queue: deque[Schedulable] = deque()
+        self._next_slice: asyncio.Handle | None = None
+        self._requests_left, self._until_s = 0, 0.0
 
-    def wait(self, client: Waiting) -> None:
-        """Come to the end of the circle."""
-        self._circle.append(client)
-        self._take_the_next()
+    def add(self, client: Schedulable) -> None:
+        """Append a client to the queue."""
+        self._queue.append(client)
+        self._plan_next_slice()
 
-    def is_free(self) -> bool:
-        """Whether a client may be served at once: there is room, and nobody waits for it; the room is then taken."""
-        if self._next is None:
-            self._begin()
-        return not self._circle and self._has_room()
+    def try_acquire(self) -> bool:
+        """Take room for one request in this iteration; False when there is none, or others wait for it."""
+        if self._next_slice is None:
+            self._begin_slice()
+        return not self._queue and self._has_room()
 
     def _has_room(self) -> bool:
-        self._left -= 1
-        return self._left >= 0 and self._clock.now_s() < self._until_s
+        self._requests_left -= 1
+        return self._requests_left >= 0 and self._clock.now_s() < self._until_s
 
-    def _begin(self) -> None:
-        self._left, self._until_s = self._requests_per_turn, self._clock.now_s() + TURN_S
-        self._take_the_next()
+    def _begin_slice(self) -> None:
+        self._requests_left, self._until_s = self._requests_per_turn, self._clock.now_s() + SLICE_S
+        self._plan_next_slice()
 
-    def _take_the_next(self) -> None:
-        if self._next is None:
-            self._next = asyncio.get_running_loop().call_soon(self._turn_of_the_loop)
+    def _plan_next_slice(self) -> None:
+        if self._next_slice is None:
+            self._next_slice = asyncio.get_running_loop().call_soon(self._run_slice)
 
-    def _turn_of_the_loop(self) -> None:
-        """Go round in the circle while there is room; what is left of both is there for who comes during this turn."""
-        self._next = None
-        if not self._circle:
+    def _run_slice(self) -> None:
+        """Serve queued clients while there is room; clients that arrive during this iteration share what is left."""
+        self._next_slice = None
+        if not self._queue:
             return
-        self._begin()
-        while self._circle and self._has_room():
-            self._circle.popleft().turn()
+        self._begin_slice()
+        while self._queue and self._has_room():
+            self._queue.popleft().run_scheduled()

@@ -23,7 +23,7 @@ FULL_S = 1.0
 class Outbox:
     """The way out to one client; ``drops`` counts, by topic, what all clients together have lost.
 
-    ``give_up`` is called when the client has read nothing for ``patience_s``, and ends the connection.
+    ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Outbox:
         self._dropped: Counter[str] = Counter()
         self._watch: asyncio.TimerHandle | None = None
         self._unread_bytes = 0
-        self.patience_s = parameters.stuck_s
+        self.timeout_s = parameters.stuck_s
         self.blocked = self.closing = False
         transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
 
@@ -78,9 +78,9 @@ class Outbox:
         self.blocked = True
         self._expect_progress(self._parameters.stuck_s)
 
-    def hurry(self) -> None:
-        """No more can be taken from the client until it reads; that is not waited for as long."""
-        if self.patience_s > FULL_S:
+    def shorten_timeout(self) -> None:
+        """Nothing more is read from the client until it reads: wait for that only ``FULL_S``."""
+        if self.timeout_s > FULL_S:
             self._expect_progress(FULL_S)
 
     def resume(self) -> None:
@@ -115,14 +115,14 @@ class Outbox:
         self.closing = True
         self._stop_watching()
 
-    def _expect_progress(self, patience_s: float) -> None:
+    def _expect_progress(self, timeout_s: float) -> None:
         self._stop_watching()
-        self.patience_s, self._unread_bytes = patience_s, self._transport.get_write_buffer_size()
-        self._watch = asyncio.get_running_loop().call_later(patience_s, self._check_progress)
+        self.timeout_s, self._unread_bytes = timeout_s, self._transport.get_write_buffer_size()
+        self._watch = asyncio.get_running_loop().call_later(timeout_s, self._check_progress)
 
     def _check_progress(self) -> None:
         if self._transport.get_write_buffer_size() < self._unread_bytes:
-            self._expect_progress(self.patience_s)
+            self._expect_progress(self.timeout_s)
         else:
             self._give_up()
 

@@ -21,18 +21,18 @@ def backlog(*chunks: bytes, longest_bytes: int = 20) -> Backlog:
 
 def taken(waiting: Backlog) -> list[bytes]:
     """All that can be taken."""
-    return [bytes(line.text) for line in iter(waiting.take, None)]
+    return [bytes(line.text) for line in iter(waiting.take_line, None)]
 
 
 def stops_before(waiting: Backlog) -> list[tuple[bytes, int]]:
     """The same, and after how many stops each was sent."""
-    return [(bytes(line.text), line.arrival.stops) for line in iter(waiting.take, None)]
+    return [(bytes(line.text), line.arrival.stops) for line in iter(waiting.take_line, None)]
 
 
 def found(waiting: Backlog) -> list[bytes]:
     """All that is found; it stays."""
     lines = []
-    while (line := waiting.find()) is not None:
+    while (line := waiting.find_urgent()) is not None:
         lines.append(bytes(line))
     return lines
 
@@ -45,7 +45,7 @@ def test_lines_come_in_order_and_are_complete() -> None:
     waiting.finish()
     assert taken(waiting) == [b"c"]
     waiting.finish()
-    assert (len(waiting), waiting.unfinished, waiting.take()) == (0, False, None)
+    assert (len(waiting), waiting.unfinished, waiting.take_line()) == (0, False, None)
 
 
 def test_what_is_found_stays_in_its_place_and_is_found_once() -> None:
@@ -60,16 +60,16 @@ def test_what_is_found_stays_in_its_place_and_is_found_once() -> None:
 def test_what_stands_behind_a_stop_was_sent_after_it() -> None:
     """Of a, b, c!, d the last was, also when one of them has been taken meanwhile; of two stops each counts."""
     waiting = backlog(b"a\nb\nc!\nd\n")
-    assert waiting.find() == b"c!"
-    waiting.take_found()
-    waiting.stopped(0, 1)
+    assert waiting.find_urgent() == b"c!"
+    waiting.remove_found()
+    waiting.record_own_stop(0, 1)
     assert stops_before(waiting) == [(b"a", 0), (b"b", 0), (b"d", 1)]
     waiting = backlog(b"a\nb\nc!\nd\ne!\nf\n")
-    assert waiting.take() == (b"a", NOW)
+    assert waiting.take_line() == (b"a", NOW)
     for stops in range(2):
-        assert waiting.find() is not None
-        waiting.take_found()
-        waiting.stopped(stops, stops + 1)
+        assert waiting.find_urgent() is not None
+        waiting.remove_found()
+        waiting.record_own_stop(stops, stops + 1)
     assert stops_before(waiting) == [(b"b", 0), (b"d", 1), (b"f", 2)]
 
 
@@ -78,11 +78,11 @@ def test_a_stop_that_was_the_first_line_has_all_others_behind_it() -> None:
     for early in (True, False):
         waiting = backlog(b"a!\nb\n")
         if early:
-            assert waiting.find() == b"a!"
-            waiting.take_found()
+            assert waiting.find_urgent() == b"a!"
+            waiting.remove_found()
         else:
-            assert waiting.take() == (b"a!", NOW)
-        waiting.stopped(0, 1)
+            assert waiting.take_line() == (b"a!", NOW)
+        waiting.record_own_stop(0, 1)
         assert stops_before(waiting) == [(b"b", 1)]
 
 
@@ -91,8 +91,8 @@ def test_what_came_before_the_stop_of_another_stays_so_behind_a_stop_of_its_own(
     waiting = backlog()
     waiting.add(b"a!\nold\n", Arrival(1.0, 4))
     waiting.add(b"new\n", Arrival(1.1, 5))
-    assert waiting.take() is not None
-    waiting.stopped(5, 6)
+    assert waiting.take_line() is not None
+    waiting.record_own_stop(5, 6)
     assert stops_before(waiting) == [(b"old", 4), (b"new", 6)]
 
 
@@ -102,10 +102,10 @@ def test_a_line_is_as_old_as_its_first_byte() -> None:
     waiting.add(b"a\nb", Arrival(1.0, 0))
     waiting.add(b"bb\nc\nd!\n", Arrival(1.5, 1))
     waiting.add(b"e\n", Arrival(2.5, 2))
-    assert waiting.take() == (b"a", Arrival(1.0, 0))
-    assert waiting.find() == b"d!"
-    waiting.take_found()
-    assert [waiting.take() for _ in range(3)] == [
+    assert waiting.take_line() == (b"a", Arrival(1.0, 0))
+    assert waiting.find_urgent() == b"d!"
+    waiting.remove_found()
+    assert [waiting.take_line() for _ in range(3)] == [
         (b"bbb", Arrival(1.0, 0)),
         (b"c", Arrival(1.5, 1)),
         (b"e", Arrival(2.5, 2)),
@@ -123,29 +123,29 @@ def test_what_has_been_seen_can_be_dropped_and_so_can_a_line_without_end() -> No
     """Then what comes is only looked through, in bounded memory: the rest of a line that is too long is passed over."""
     waiting = backlog(b"a\nb!\n" + b"x" * 15)
     assert found(waiting) == [b"b!"]
-    waiting.drop_seen()
+    waiting.drop_searched()
     assert len(waiting) == 15
     for _ in range(1000):
         waiting.add(b"!" * 15, NOW)
-        assert waiting.find() is None
-        waiting.drop_seen()
+        assert waiting.find_urgent() is None
+        waiting.drop_searched()
         assert len(waiting) == 0
     waiting.add(b"! of the same\nc!\nd", NOW)
     assert found(waiting) == [b"c!"]
-    waiting.drop_seen()
+    waiting.drop_searched()
     assert len(waiting) == 1
 
 
 def test_the_first_line_can_be_seen() -> None:
     """It stays; while it is not complete it is empty."""
-    assert (backlog(b"ab").first(), backlog(b"ab\nc\n").first()) == (b"", b"ab")
+    assert (backlog(b"ab").first_line(), backlog(b"ab\nc\n").first_line()) == (b"", b"ab")
 
 
 def test_what_is_cleared_is_gone() -> None:
     """Nothing is left of what was seen either."""
     waiting = backlog(b"a\nb!\n")
-    assert waiting.find() == b"b!"
-    waiting.take_found()
+    assert waiting.find_urgent() == b"b!"
+    waiting.remove_found()
     waiting.clear()
     waiting.add(b"c!\n", NOW)
     assert found(waiting) == [b"c!"]
@@ -164,10 +164,10 @@ def test_no_line_is_lost_or_doubled_however_it_is_cut(lines: list[bytes], data: 
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         waiting.add(stream[start:end], NOW)
         for looks in data.draw(st.lists(st.booleans(), max_size=4)):
-            if looks and (line := waiting.find()) is not None:
-                waiting.take_found()
+            if looks and (line := waiting.find_urgent()) is not None:
+                waiting.remove_found()
                 early.append(bytes(line))
-            elif not looks and (served := waiting.take()) is not None:
+            elif not looks and (served := waiting.take_line()) is not None:
                 ordered.append(bytes(served.text))
     ordered += taken(waiting)
     assert sorted(ordered + early) == sorted(lines)

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.rpc.fair_scheduler import TURN_S, FairScheduler
+from chefbotd.rpc.fair_scheduler import SLICE_S, FairScheduler
 from chefbotd.rpc.session import Session
 from chefbotd.transport.tcp.connection import Connection
 from chefbotd.transport.tcp.unread import UnreadSockets
@@ -141,15 +141,15 @@ def test_all_are_answered_in_the_end() -> None:
 class Costly:
     """A client whose requests take so long each, and which has no end of them."""
 
-    def __init__(self, turns: FairScheduler, clock: ManualClock, cost_s: float) -> None:
-        self._turns, self._clock, self._cost_s = turns, clock, cost_s
+    def __init__(self, scheduler: FairScheduler, clock: ManualClock, cost_s: float) -> None:
+        self._scheduler, self._clock, self._cost_s = scheduler, clock, cost_s
         self.served = 0
 
-    def turn(self) -> None:
+    def run_scheduled(self) -> None:
         """Serve one, and wait again."""
         self.served += 1
         self._clock.advance(self._cost_s)
-        self._turns.wait(self)
+        self._scheduler.add(self)
 
 
 @pytest.mark.parametrize(("share", "served"), [(0.4, 3), (3.0, 1)])
@@ -158,15 +158,15 @@ def test_a_turn_ends_when_its_time_is_used_up(share: float, served: int) -> None
 
     async def main() -> None:
         clock = ManualClock()
-        turns = FairScheduler(clock, requests_per_turn=1000)
-        clients = [Costly(turns, clock, share * TURN_S) for _ in range(3)]
+        scheduler = FairScheduler(clock, requests_per_turn=1000)
+        clients = [Costly(scheduler, clock, share * SLICE_S) for _ in range(3)]
         for client in clients:
-            turns.wait(client)
+            scheduler.add(client)
         for turn in range(1, 4):
             await asyncio.sleep(0)
             assert sum(client.served for client in clients) == served * turn
         assert [client.served for client in clients] == [served] * 3
-        assert not turns.is_free()
+        assert not scheduler.try_acquire()
 
     run_virtual(main())
 
@@ -175,9 +175,9 @@ def test_what_a_turn_has_left_is_for_who_comes_in_it() -> None:
     """Once: then the next turn of the loop has as much again."""
 
     async def main() -> None:
-        turns = FairScheduler(ManualClock(), requests_per_turn=3)
+        scheduler = FairScheduler(ManualClock(), requests_per_turn=3)
         for _turn in range(2):
-            assert [turns.is_free() for _ in range(5)] == [True] * 3 + [False] * 2
+            assert [scheduler.try_acquire() for _ in range(5)] == [True] * 3 + [False] * 2
             await asyncio.sleep(0)
 
     run_virtual(main())

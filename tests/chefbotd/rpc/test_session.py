@@ -47,14 +47,14 @@ def test_a_client_without_a_token_has_five_seconds() -> None:
 def test_a_request_may_take_ten_seconds_however_its_bytes_drip() -> None:
     """Counted from its first byte; a line end in time ends the count, and the next begins its own."""
     client = session()
-    client.heard(110.0)
-    client.waits_for_line_end(True)
-    client.heard(119.0)
-    client.waits_for_line_end(True)
+    client.record_activity(110.0)
+    client.set_incomplete(True)
+    client.record_activity(119.0)
+    client.set_incomplete(True)
     assert overdue(client, 120.0) is None
     assert overdue(client, 120.1) == "a request was not complete within 10 s"
-    client.waits_for_line_end(False)
-    client.waits_for_line_end(True)
+    client.set_incomplete(False)
+    client.set_incomplete(True)
     assert overdue(client, 129.0) is None
     assert overdue(client, 129.1) == "a request was not complete within 10 s"
 
@@ -62,7 +62,7 @@ def test_a_request_may_take_ten_seconds_however_its_bytes_drip() -> None:
 def test_a_silent_client_may_stay_a_minute_and_a_subscriber_for_ever() -> None:
     """Silence is counted from the last bytes."""
     client = session()
-    client.heard(150.0)
+    client.record_activity(150.0)
     assert overdue(client, 210.0) is None
     assert overdue(client, 210.1) == "neither a request nor a subscription for 60 s"
     assert overdue(client, 10_000.0, subscribed=True) is None
@@ -71,6 +71,6 @@ def test_a_silent_client_may_stay_a_minute_and_a_subscriber_for_ever() -> None:
 def test_requests_and_refusals_are_rationed_apart() -> None:
     """Two at once of each; a tenth of a second later one more of each."""
     client = session()
-    assert [client.admit(100.0) for _ in range(3)] == [True, True, False]
-    assert [client.forgive(100.0) for _ in range(3)] == [True, True, False]
-    assert (client.admit(100.11), client.forgive(100.11)) == (True, True)
+    assert [client.admit_request(100.0) for _ in range(3)] == [True, True, False]
+    assert [client.admit_error(100.0) for _ in range(3)] == [True, True, False]
+    assert (client.admit_request(100.11), client.admit_error(100.11)) == (True, True)
