@@ -122,6 +122,7 @@ class Daemon:
                 _description(settings),
                 tuple(settings.safety.sources),
                 LimitPreview(settings.drive, settings.chassis, settings.limits),
+                settings.safety.held_until_silent_s,
             ),
             self.bus,
             clock,

@@ -1,6 +1,6 @@
 """The robot as the command socket knows it: one face for the parts that carry its requests out."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
@@ -29,6 +29,7 @@ class WiredRobot:
     description: str | None
     sources: tuple[str, ...]
     allowance: LimitPreview
+    let_go_s: float
 
     def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
         """Take a velocity command."""
@@ -47,9 +48,13 @@ class WiredRobot:
         """Forget a source's command."""
         self.driving.release(source)
 
-    def stop(self) -> None:
-        """Come to rest."""
-        self.driving.stop()
+    def stop(self, by: str, excluded: Collection[str] = ()) -> None:
+        """Come to rest, and hold the sources that are driven."""
+        self.driving.stop(by, excluded)
+
+    def resume(self, sources: Collection[str]) -> None:
+        """Hold these sources no longer."""
+        self.driving.resume(sources)
 
     def estop(self, reason: str) -> None:
         """Brake now, and until armed."""

@@ -1,5 +1,6 @@
 """What a command is answered with: what is allowed of it, or why it is not carried out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar
@@ -20,6 +21,7 @@ class RefusalKind(StrEnum):
 
     DISARMED = "disarmed"
     ESTOPPED = "estopped"
+    STOPPED = "stopped"
     LINK_DOWN = "link_down"
     UNKNOWN_SOURCE = "unknown_source"
     UNKNOWN_WHEEL = "unknown_wheel"
@@ -30,6 +32,8 @@ class RefusalKind(StrEnum):
 class Refused(Exception):
     """A command that was understood and not carried out: nothing moved, nothing changed."""
 
-    def __init__(self, kind: RefusalKind, message: str) -> None:
+    def __init__(
+        self, kind: RefusalKind, message: str, details: Mapping[str, str | float] | None = None
+    ) -> None:
         super().__init__(message)
-        self.kind = kind
+        self.kind, self.details = kind, details

@@ -1,11 +1,7 @@
 """Who drives: a lease on each source of commands, taken by driving and taken over only explicitly.
 
-A lease ends with its client, when it is given back, or ``lease_s`` after its last drive. When it ends with its client
-or is taken over, the source's last command is withdrawn: nobody answers for it any more.
-
-A stop holds the source of every other client that drives: it is refused until it has let go, which is to say nothing
-for ``let_go_s``, or to give its sources back, or asks anew with ``arm``. Who repeats a command in ignorance of the
-stop would undo it otherwise. The client that has stopped the robot knows, and is not held.
+A lease ends with its client, when it is given back, or ``lease_s`` after its last attempt to drive. When it ends with
+its client or is taken over, the source's last command is withdrawn: nobody answers for it any more.
 """
 
 from collections.abc import Callable
@@ -19,14 +15,10 @@ from chefbotd.rpc.session import Session
 
 @dataclass(slots=True)
 class Lease:
-    """Whose a source is, and since when it has not tried to drive; one lasts for as long as it does.
-
-    ``stopped_by`` names whose stop holds it, empty where none does.
-    """
+    """Whose a source is, and when it last tried to drive."""
 
     holder: Session
     stamp_s: float
-    stopped_by: str = ""
 
 
 class ControlLeases:
@@ -42,21 +34,19 @@ class ControlLeases:
         self._lease_s, self._let_go_s = lease_s, let_go_s
         self._withdraw, self._announce = withdraw, announce
         self._leases: dict[str, Lease] = {}
+        self._tried: dict[str, Session] = {}
 
     def holder(self, source: str, now_s: float) -> Session | None:
         """Whose a source is."""
         lease = self._leases.get(source)
-        if lease is None:
-            return None
-        lasts_s = max(self._lease_s, self._let_go_s) if lease.stopped_by else self._lease_s
-        return lease.holder if now_s - lease.stamp_s <= lasts_s else None
+        return lease.holder if lease is not None and now_s - lease.stamp_s <= self._lease_s else None
 
     def has(self, session: Session) -> bool:
         """Whether a client has control of a source."""
         return any(lease.holder is session for lease in self._leases.values())
 
     def require(self, source: str, session: Session, now_s: float) -> None:
-        """Raise ``Unserved`` when the source is another client's, or held by another client's stop."""
+        """A client tries to drive a configured source; raises ``Unserved`` when it is another client's."""
         holder = self.holder(source, now_s)
         if holder is not None and holder is not session:
             raise Unserved(
@@ -65,20 +55,12 @@ class ControlLeases:
                 {"source": source, "holder": str(holder)},
             )
         if holder is not None:
-            self._require_let_go(source, self._leases[source], now_s)
+            self._leases[source].stamp_s = now_s
+        self._tried[source] = session
 
-    def _require_let_go(self, source: str, lease: Lease, now_s: float) -> None:
-        if not lease.stopped_by:
-            return
-        has_let_go, lease.stamp_s = self._has_let_go(lease, now_s), now_s
-        if has_let_go:
-            lease.stopped_by = ""
-            return
-        raise Unserved(
-            ErrorKind.STOPPED,
-            f"{source} was stopped by {lease.stopped_by}: do not drive for {self._let_go_s:g} s, or send arm",
-            {"source": source, "stopped_by": lease.stopped_by, "let_go_s": self._let_go_s},
-        )
+    def tried(self, session: Session) -> list[str]:
+        """The sources that this client was the last to try to drive, refused or not."""
+        return [source for source, last in self._tried.items() if last is session]
 
     def drivers(self, now_s: float) -> dict[str, str]:
         """Who drives, by source; who has let go does not."""
@@ -86,20 +68,8 @@ class ControlLeases:
             s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)
         }
 
-    def hold(self, session: Session, now_s: float) -> None:
-        """A client has stopped the robot: refuse the other drivers until they have let go."""
-        for lease in self._leases.values():
-            if lease.holder is not session and not self._has_let_go(lease, now_s):
-                lease.stopped_by = str(session)
-
     def _has_let_go(self, lease: Lease, now_s: float) -> bool:
         return now_s - lease.stamp_s >= self._let_go_s
-
-    def resume(self, session: Session) -> None:
-        """A client that was held asks anew."""
-        for lease in self._leases.values():
-            if lease.holder is session:
-                lease.stopped_by = ""
 
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""
@@ -124,6 +94,7 @@ class ControlLeases:
         for source in sources:
             del self._leases[source]
             self._withdraw(source)
+        self._tried = {source: last for source, last in self._tried.items() if last is not session}
         if sources:
             self._tell(now_s)
         return sources
@@ -131,6 +102,7 @@ class ControlLeases:
     def forget(self) -> None:
         """End every lease and withdraw nothing: the daemon is ending, and stops the robot itself."""
         self._leases.clear()
+        self._tried.clear()
 
     def expire(self, now_s: float) -> None:
         """Forget the leases that have ended with time."""

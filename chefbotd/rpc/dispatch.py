@@ -120,7 +120,7 @@ class Dispatcher:
         except Unserved as problem:
             return Failure(problem.kind, str(problem), request.id, problem.details)
         except Refused as refusal:
-            return Failure(refusal.kind, str(refusal), request.id)
+            return Failure(refusal.kind, str(refusal), request.id, refusal.details or {})
         except Exception:
             self.faults[request.method] += 1
             log.exception("handler_fault", method=request.method)

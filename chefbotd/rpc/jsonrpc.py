@@ -47,7 +47,6 @@ class ErrorKind(StrEnum):
     TIMED_OUT = "timed_out"
     OVERTAKEN = "overtaken"
     TOO_OLD = "too_old"
-    STOPPED = "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +99,11 @@ ERRORS: Mapping[str, ErrorClass] = {
     ErrorKind.TOO_OLD: ErrorClass(
         -32028, "the command waited for longer than one moves the robot; send it again if it still holds"
     ),
-    ErrorKind.STOPPED: ErrorClass(
-        -32029, "another client's stop holds this source until its driver lets go or sends arm"
-    ),
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
+    RefusalKind.STOPPED: ErrorClass(
+        -32029, "another client's stop holds this source until its driver lets go or sends arm"
+    ),
     RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
     RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
     RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),

@@ -22,6 +22,7 @@ from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.lenient import EstopParams, StopParams
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.robot import Robot
+from chefbotd.rpc.session import Session
 from chefbotd.rpc.topics import link_data, safety_data
 
 log = structlog.get_logger(__name__)
@@ -151,7 +152,7 @@ class Methods:
     def _drive(self, caller: Caller, params: params.DriveParams) -> results.Driven:
         """Move so until the command is replaced or too old; repeat it to keep moving."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
-        self._control.require(source, caller.session, now_s)
+        self._require_control(source, caller.session, now_s)
         allowed = self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))
         self._control.renew(source, caller.session, now_s)
         twist = allowed.command
@@ -159,12 +160,16 @@ class Methods:
             linear_m_s=twist.linear_m_s, angular_rad_s=twist.angular_rad_s, limited_by=allowed.limited_by
         )
 
+    def _require_control(self, source: str, session: Session, now_s: float) -> None:
+        if source in self._robot.sources:  # the robot refuses any other
+            self._control.require(source, session, now_s)
+
     def _set_wheel_velocities(
         self, caller: Caller, params: params.SetWheelVelocitiesParams
     ) -> results.WheelsDriven:
         """Turn each wheel so, as ``drive`` moves the whole robot; wheels that are not named stand."""
         now_s, source = self._clock.now_s(), params.source or self._robot.default_source
-        self._control.require(source, caller.session, now_s)
+        self._require_control(source, caller.session, now_s)
         allowed = self._robot.set_wheel_velocities(source, params.by_name())
         self._control.renew(source, caller.session, now_s)
         speeds = [allowed.command[name] for name in params.name]
@@ -179,6 +184,8 @@ class Methods:
             )
         before = self._control.take(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
+        if others is not None:
+            self._robot.resume((source,))
         return results.Taken(source=source, taken_from=others)
 
     def _release_control(self, caller: Caller, params: params.NoParams) -> results.Released:
@@ -186,14 +193,13 @@ class Methods:
         return results.Released(sources=self._control.release(caller.session, self._clock.now_s()))
 
     def _stop(self, caller: Caller, params: StopParams) -> results.Stopped:
-        """Come to rest within the deceleration limit; other clients that drive are held until they let go."""
+        """Come to rest within the deceleration limit; sources that others drive are held until they let go."""
         now_s = self._clock.now_s()
         drivers = self._control.drivers(now_s)
         try:
-            self._robot.stop()
+            self._robot.stop(str(caller.session), self._control.tried(caller.session))
         finally:
             self._arrivals.record_stop(caller, str(caller.session))
-            self._control.hold(caller.session, now_s)
         return results.Stopped(drivers=drivers)
 
     def _estop(self, caller: Caller, params: EstopParams) -> results.Stopped:
@@ -208,7 +214,7 @@ class Methods:
     def _arm(self, caller: Caller, params: params.NoParams) -> results.Done:
         """Allow motion, after an emergency stop or a fault."""
         self._robot.arm()
-        self._control.resume(caller.session)
+        self._robot.resume(self._control.tried(caller.session))
         return DONE
 
     def _get_pid(self, caller: Caller, params: params.NoParams) -> results.Wheels:

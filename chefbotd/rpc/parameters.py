@@ -55,10 +55,6 @@ class ApiParameters(Parameters):
     idle_s: float = Field(600.0, gt=0.0, le=1e6, description="without a request and without a subscription")
     lease_s: float = Field(3.0, ge=0.1, le=600.0, description="control is free again so long after a drive")
 
-    let_go_s: float = Field(
-        1.0, ge=0.1, le=60.0, description="a driver that was stopped by another must not drive for so long"
-    )
-
     @field_validator("host")
     @classmethod
     def _guarded_off_loopback(cls, host: str, info: ValidationInfo) -> str:

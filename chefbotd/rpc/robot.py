@@ -1,6 +1,6 @@
 """What the socket asks of the robot; whoever wires the daemon implements it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Protocol
 
 from chefbotd.core.commands import Allowed
@@ -18,6 +18,11 @@ class Robot(Protocol):
     @property
     def command_timeout_s(self) -> float:
         """For how long a command moves the robot at most: the dead-man's time."""
+        ...
+
+    @property
+    def let_go_s(self) -> float:
+        """A source that a stop holds is free when no command has come from it for so long."""
         ...
 
     @property
@@ -49,8 +54,12 @@ class Robot(Protocol):
         """Nobody answers for this source's last command any more: lower sources go on; never refused."""
         ...
 
-    def stop(self) -> None:
-        """Come to rest; the next drive moves again."""
+    def stop(self, by: str, excluded: Collection[str] = ()) -> None:
+        """Come to rest; sources that are driven are held, but for the ``excluded`` ones, whose next drive moves."""
+        ...
+
+    def resume(self, sources: Collection[str]) -> None:
+        """The drivers of these sources know of the stop and ask anew: nothing holds them any longer."""
         ...
 
     def estop(self, reason: str) -> None:

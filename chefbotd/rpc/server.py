@@ -53,8 +53,7 @@ class RpcServer:
         self._bus, self._keyring = bus, keyring
         self._robot_name, self._session = robot_name, session
         self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
-        let_go_s = max(parameters.let_go_s, robot.command_timeout_s)  # who drives may be that slow to repeat
-        control = ControlLeases(parameters.lease_s, let_go_s, robot.release, bus.publish)
+        control = ControlLeases(parameters.lease_s, robot.let_go_s, robot.release, bus.publish)
         self.arrivals = Arrivals(clock)
         methods = Methods(robot, self._fanout, clock, control, self.arrivals, keyring, parameters.arm_role)
         self._methods = methods.table

@@ -56,10 +56,12 @@ class Rearm(StrEnum):
 class SafetyParameters(Parameters):
     """``command_timeout_s`` is the dead-man: no command, of whatever source, moves the robot for longer.
 
-    ``default_source`` is whose a command is that does not say.
+    ``default_source`` is whose a command is that does not say. A source that a stop holds is free when no command has
+    come from it for ``let_go_s``, or for the dead-man's time if that is longer.
     """
 
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
+    let_go_s: float = Field(default=1.0, ge=0.1, le=60.0)
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
     default_source: str = "teleop"
@@ -70,6 +72,11 @@ class SafetyParameters(Parameters):
     echo: EchoParameters = EchoParameters()
     battery: BatteryMonitorParameters = BatteryMonitorParameters()
     guard: GuardParameters = GuardParameters()
+
+    @property
+    def held_until_silent_s(self) -> float:
+        """For how long a held source must be silent: a driver may repeat its command as rarely as the dead-man lets."""
+        return max(self.let_go_s, self.command_timeout_s)
 
     @model_validator(mode="after")
     def _has_its_default(self) -> Self:

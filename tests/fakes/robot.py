@@ -1,7 +1,7 @@
 """A robot behind the command socket that remembers what it was asked, and refuses on demand."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
@@ -37,12 +37,14 @@ class FakeRobot:
     """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
 
     command_timeout_s = 0.5
+    let_go_s = 1.0
     default_source = "teleop"
     description: str | None = "<robot name='fake'/>"
     sources = ("safety", "teleop", "navigation")
 
     def __init__(self) -> None:
         self.calls: list[tuple[object, ...]] = []
+        self.resumed: list[str] = []
         self.answer: Exception | None = None
         self.gains = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
 
@@ -75,9 +77,13 @@ class FakeRobot:
         """Remember it."""
         self._record("release", source)
 
-    def stop(self) -> None:
+    def stop(self, by: str, excluded: Collection[str] = ()) -> None:
         """Remember it."""
         self._record("stop")
+
+    def resume(self, sources: Collection[str]) -> None:
+        """Remember whose driver asks anew, apart from the commands."""
+        self.resumed.extend(sources)
 
     def estop(self, reason: str) -> None:
         """Remember it."""

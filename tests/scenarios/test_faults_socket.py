@@ -149,7 +149,10 @@ def test_a_driver_that_falls_silent_gives_the_robot_up():
 
 
 def test_anyone_may_stop_and_estop_whoever_drives():
-    """Another client's stop ends the motion, its estop latches; the driver's lease is no shield."""
+    """Another client's stop ends the motion, its estop latches; the driver's lease is no shield.
+
+    The stop holds the driver until it has said nothing for 1 s.
+    """
 
     async def scenario(robot: SimulatedRobot) -> None:
         async with another(robot, "Ann") as ann:
@@ -157,6 +160,8 @@ def test_anyone_may_stop_and_estop_whoever_drives():
             await robot.client.stop()
             await asyncio.sleep(0.4)
             assert abs(speed_m_s(robot)) < 0.02
+            await refused(ann, "stopped")
+            await asyncio.sleep(1.0)
             await ann.arm()  # another client's stop holds her source until she asks anew
             await drive(ann, 0.2, 1.0)
             await robot.client.estop("smoke")
@@ -165,6 +170,83 @@ def test_anyone_may_stop_and_estop_whoever_drives():
             with pytest.raises(CallError) as caught:
                 await ann.drive(0.2, 0.0)
             assert caught.value.kind == "estopped"
+
+    on_robot(scenario)
+
+
+async def refused(client: Client, kind: str) -> CallError:
+    """A drive is refused so."""
+    with pytest.raises(CallError) as caught:
+        await client.drive(0.2, 0.1)
+    assert caught.value.kind == kind
+    return caught.value
+
+
+@pytest.mark.parametrize("way", ["stop", "estop"])
+def test_who_repeats_through_a_stop_is_held_until_it_lets_go_or_asks_anew(way: str):
+    """Ann repeats for 5 s through Bob's stop, or through an e-stop that Bob leaves by arm: the robot stands.
+
+    So it does for navigation, which began only after the stop was latched. Ann's own arm lets her drive at once.
+    """
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann, another(robot, "Bob") as bob:
+            await drive(ann, 0.2, 1.0)
+            await (bob.stop() if way == "stop" else bob.estop("smoke"))
+            kinds = ["stopped"] * 100 if way == "stop" else ["estopped"] * 50 + ["stopped"] * 50
+            for i, kind in enumerate(kinds):
+                if way == "estop" and i == 50:
+                    await bob.arm()
+                await refused(ann, kind)
+                await asyncio.sleep(0.05)
+            assert speed_m_s(robot) == 0.0
+            await ann.arm()
+            await drive(ann, 0.2, 1.0)
+            assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
+
+    on_robot(scenario)
+
+
+def test_who_begins_to_drive_during_an_estop_is_held_after_it():
+    """Nobody drove before; Ann tries while it is latched, somebody arms: she moves the robot after a second's pause."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann, another(robot, "Bob") as bob:
+            await bob.estop("smoke")
+            await refused(ann, "estopped")
+            await bob.arm()
+            await refused(ann, "stopped")
+            await drive(bob, 0.1, 0.5, "navigation")
+            await asyncio.sleep(0.55)
+            await drive(ann, 0.2, 0.5)
+
+    on_robot(scenario)
+
+
+def test_connections_that_come_and_go_for_each_drive_are_held_as_well():
+    """Ten a second, each with one drive and an end: after a stop not one of them moves the robot."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        line = b'{"jsonrpc":"2.0","id":1,"method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.1}}\n'
+
+        async def once() -> bytes:
+            reader, writer = await connected(robot)
+            writer.write(line)
+            await reader.readline()
+            answer = await reader.readline()
+            writer.close()
+            return answer
+
+        for _ in range(10):
+            assert b'"result"' in await once()
+            await asyncio.sleep(0.1)
+        await robot.client.stop()
+        for _ in range(30):
+            assert b'"kind":"stopped"' in await once()
+            await asyncio.sleep(0.1)
+        assert speed_m_s(robot) == 0.0
+        await asyncio.sleep(1.0)
+        assert b'"result"' in await once()
 
     on_robot(scenario)
 

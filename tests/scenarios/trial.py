@@ -22,6 +22,9 @@ from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_mov
 from tests.scenarios.robots import ROBOTS, settings_of
 
 RUN_UP_S, LEAVING_S = 1.5, 1.5
+LET_GO_S = 1.1
+"""A driver that repeated its command through an e-stop has let go after a second."""
+
 AHEAD = (0.2, 0.0)
 """Metres and radians per second."""
 
@@ -210,7 +213,7 @@ async def _leave(fault: Fault, trial: Trial) -> None:
     driver.twist, driver.says = fault.leave, driver.drive
     if fault.expected.mode != "armed":
         driver.says = None
-        await asyncio.sleep(0.5)
+        await asyncio.sleep(LET_GO_S)
         try:
             await robot.client.arm()
         except CallError as refusal:

@@ -3,7 +3,7 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import structlog
@@ -24,7 +24,7 @@ from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.logs import RateLimitedLog
-from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, wheels
+from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, hold, wheels
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
@@ -39,6 +39,7 @@ OBSTACLE = "obstacle:"
 NO_BOARD = "no_board"
 """The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
 
+EMERGENCY_STOP = "an emergency stop"
 WAITING = "waiting for the board"
 
 
@@ -64,6 +65,7 @@ class SafetyKeeper:
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
+        self._attempts: hold.Attempts = ()
         self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
@@ -90,21 +92,53 @@ class SafetyKeeper:
             Refused: the link is down, the robot is not armed, or there is no such source.
         """
         self._take_report()
+        self._note_attempt(command)
         accepted = gate.accept(self._parameters, self._gate, command)
+        self._require_free(command.source)
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
         self._gate = accepted
 
-    def stop(self) -> None:
-        """Forget every command."""
+    def _note_attempt(self, command: Command) -> None:
+        """Who tries to drive while an e-stop is latched is held from then on, as who did before it."""
+        let_go_s = self._parameters.held_until_silent_s
+        if command.source not in self._parameters.sources:
+            return
+        self._attempts = hold.note_attempt(self._attempts, command.source, command.stamp_s, let_go_s)
+        if self._gate.mode is Mode.ESTOPPED:
+            self._hold(EMERGENCY_STOP)
+
+    def _require_free(self, source: str) -> None:
+        stopped_by = hold.holder_of(self._attempts, source)
+        if stopped_by:
+            let_go_s = self._parameters.held_until_silent_s
+            raise Refused(
+                RefusalKind.STOPPED,
+                f"{source} was stopped by {stopped_by}: do not drive for {let_go_s:g} s, or send arm",
+                {"source": source, "stopped_by": stopped_by, "let_go_s": let_go_s},
+            )
+
+    def _hold(self, by: str, excluded: Collection[str] = ()) -> None:
+        now_s, let_go_s = self._clock.now_s(), self._parameters.held_until_silent_s
+        self._attempts = hold.hold(self._attempts, now_s, let_go_s, by, excluded)
+
+    def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
+        """Forget every command; hold the sources that are driven, but for the ``excluded`` ones, if told by whom."""
         self._gate = gate.stop(self._gate)
+        if by:
+            self._hold(by, excluded)
+
+    def resume(self, sources: Collection[str]) -> None:
+        """The drivers of these sources ask anew: no stop holds them any longer."""
+        self._attempts = hold.free(self._attempts, sources)
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
         self._gate = gate.release(self._gate, source)
 
     def estop(self, reason: str) -> None:
-        """Latch, until ``arm``."""
+        """Latch, until ``arm``; who drives is held beyond that."""
+        self._hold(EMERGENCY_STOP)
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
 
     def arm(self) -> None:

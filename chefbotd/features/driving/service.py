@@ -4,7 +4,7 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 goes out as events.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import structlog
 from pydantic import Field
@@ -97,10 +97,17 @@ class DriveService:
         self._keeper.stop()
         self._halt()
 
-    def stop(self) -> None:
-        """Come to rest within the deceleration limit; every source's command is forgotten."""
-        self._keeper.stop()
+    def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
+        """Come to rest within the deceleration limit; every source's command is forgotten.
+
+        Sources that are driven are held in the name of ``by``, but for the ``excluded`` ones; without a name, none is.
+        """
+        self._keeper.stop(by, excluded)
         self._obey(self._clock.now_s())
+
+    def resume(self, sources: Collection[str]) -> None:
+        """Hold these sources no longer."""
+        self._keeper.resume(sources)
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""

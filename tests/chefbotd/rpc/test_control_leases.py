@@ -150,70 +150,24 @@ def test_a_new_name_is_told_of_those_who_drive() -> None:
     assert desk.told[-1] == ControlChanged(0.5, {"teleop": "Carol (10.0.0.7:3)"})
 
 
-def test_a_stop_holds_who_goes_on_driving_and_lets_go_of_who_lets_go() -> None:
-    """At 20 Hz for 5 s it is refused each time, and told why; 1.0 s after the last attempt it drives again."""
+def test_who_tried_last_is_remembered_until_it_goes() -> None:
+    """Ann drives teleop, Bob navigation: each tried its own. A refused attempt counts; another's source does not."""
     desk = Desk()
     desk.drive(ANN, 10.0)
-    assert desk.control.drivers(10.02) == {"teleop": "Ann (10.0.0.7:1)"}
-    desk.control.hold(BOB, 10.02)
-    for i in range(1, 101):
-        with pytest.raises(Unserved, match=r"stopped by Bob .*1 s, or send arm") as caught:
-            desk.drive(ANN, 10.0 + i / 20)
-        assert caught.value.kind == ErrorKind.STOPPED
-    assert caught.value.details == {"source": "teleop", "stopped_by": "Bob (10.0.0.7:2)", "let_go_s": 1.0}
+    desk.control.require("navigation", BOB, 10.0)
     with pytest.raises(Unserved):
-        desk.drive(ANN, 15.999)
-    desk.drive(ANN, 17.0)
-    desk.drive(ANN, 17.05)
+        desk.drive(BOB, 10.1)
+    assert (desk.control.tried(ANN), desk.control.tried(BOB)) == (["teleop"], ["navigation"])
+    desk.control.release(ANN, 10.2)
+    desk.drive(BOB, 10.3)
+    assert (desk.control.tried(ANN), desk.control.tried(BOB)) == ([], ["navigation", "teleop"])
 
 
-def test_a_stop_does_not_hold_its_own_client_nor_who_had_let_go() -> None:
-    """Ann drives teleop and stops: she goes on at once. Bob's navigation, silent for 1.1 s, had let go already."""
-    desk = Desk()
-    desk.drive(BOB, 8.95, "navigation")
-    desk.drive(ANN, 10.0)
-    assert desk.control.drivers(10.05) == {"teleop": "Ann (10.0.0.7:1)"}
-    desk.control.hold(ANN, 10.05)
-    desk.drive(ANN, 10.06)
-    desk.drive(BOB, 10.06, "navigation")
-
-
-def test_every_source_of_every_other_client_is_held() -> None:
-    """Bob drives two, Ann stops: both are refused, and asking anew with arm frees both; Ann's arm frees neither."""
-    desk = Desk()
-    for source in ("navigation", "safety"):
-        desk.drive(BOB, 10.0, source)
-    desk.control.hold(ANN, 10.1)
-    desk.control.resume(ANN)
-    for source in ("navigation", "safety"):
-        with pytest.raises(Unserved):
-            desk.drive(BOB, 10.2, source)
-    desk.control.resume(BOB)
-    for source in ("navigation", "safety"):
-        desk.drive(BOB, 10.3, source)
-
-
-def test_a_hold_outlasts_a_lease_that_is_shorter() -> None:
-    """With leases of 0.2 s, who tries every 0.6 s is still held, and its source is still its own."""
-    control = ControlLeases(0.2, 1.0, lambda _: None, lambda _: None)
-    control.renew("teleop", ANN, 10.0)
-    control.hold(BOB, 10.1)
-    for i in range(1, 4):
-        control.expire(10.0 + 0.6 * i)
-        with pytest.raises(Unserved) as caught:
-            control.require("teleop", ANN, 10.0 + 0.6 * i)
-        assert caught.value.kind == ErrorKind.STOPPED
-    assert control.holder("teleop", 12.0) is ANN
-    assert control.holder("teleop", 13.0) is None
-
-
-def test_who_takes_a_held_source_over_may_drive_it() -> None:
-    """The hold was for Ann, who is told that Bob drives now."""
+def test_a_lease_lasts_for_as_long_as_its_client_tries() -> None:
+    """Refused by the robot for 6 s at 20 Hz: the source is still Ann's 3 s later, and nobody's after that."""
     desk = Desk()
     desk.drive(ANN, 10.0)
-    desk.control.hold(BOB, 10.1)
-    desk.control.take("teleop", BOB, 10.2)
-    desk.drive(BOB, 10.2)
-    with pytest.raises(Unserved) as caught:
-        desk.drive(ANN, 10.3)
-    assert caught.value.kind == ErrorKind.LEASE_HELD
+    for i in range(120):
+        desk.control.require("teleop", ANN, 10.0 + i / 20)
+    assert desk.control.holder("teleop", 18.9) is ANN
+    assert desk.control.holder("teleop", 19.0) is None

@@ -1,0 +1,58 @@
+"""Which sources of commands a stop holds: who repeats a command in ignorance of it would undo it 50 ms later.
+
+A stop holds every source from which a command has come lately. Each further command from it is refused, and lets the
+time begin anew: a source is free again when none has come for ``let_go_s``, or when its driver asks anew. An emergency
+stop holds in addition what tries to drive while it is latched, so that ``arm`` alone never moves the robot. It does not
+matter who sends the commands: a connection that comes and goes for each of them is held as well.
+"""
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+
+class Attempt(NamedTuple):
+    """When the last command came from a source, refused or not, and whose stop holds it (empty: none)."""
+
+    source: str
+    stamp_s: float
+    stopped_by: str = ""
+
+
+Attempts = tuple[Attempt, ...]
+"""The latest of each source that has ever tried."""
+
+
+def note_attempt(state: Attempts, source: str, now_s: float, let_go_s: float) -> Attempts:
+    """A command comes from this source; one that had let go is no longer held."""
+    before = _of(state, source)
+    goes_on = before is not None and now_s - before.stamp_s < let_go_s
+    stopped_by = before.stopped_by if before is not None and goes_on else ""
+    others = [each for each in state if each.source != source]
+    return (*others, Attempt(source, now_s, stopped_by))
+
+
+def hold(state: Attempts, now_s: float, let_go_s: float, by: str, excluded: Collection[str] = ()) -> Attempts:
+    """A stop: hold every source from which commands have come lately, but for the ``excluded`` ones."""
+    return tuple(
+        [
+            each._replace(stopped_by=by)
+            if each.source not in excluded and now_s - each.stamp_s < let_go_s
+            else each
+            for each in state
+        ]
+    )
+
+
+def free(state: Attempts, sources: Collection[str]) -> Attempts:
+    """The drivers of these sources ask anew."""
+    return tuple([each._replace(stopped_by="") if each.source in sources else each for each in state])
+
+
+def holder_of(state: Attempts, source: str) -> str:
+    """Whose stop holds a source; empty where none does."""
+    attempt = _of(state, source)
+    return "" if attempt is None else attempt.stopped_by
+
+
+def _of(state: Attempts, source: str) -> Attempt | None:
+    return next((each for each in state if each.source == source), None)
