@@ -17,7 +17,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.meeting import Hello
+from chefbotd.client.handshake import Hello
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
 from chefbotd.client.sync_subscription import SyncSubscription

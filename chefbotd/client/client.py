@@ -25,23 +25,30 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.meeting import CLOSING_PATIENCE_S, RECOVERABLE, Door, Greeted, Hello, meet
+from chefbotd.client.handshake import (
+    CLOSING_PATIENCE_S,
+    RECOVERABLE,
+    Endpoint,
+    GreetedConnection,
+    Hello,
+    open_connection,
+)
 from chefbotd.client.methods import Methods
 from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
 from chefbotd.client.topics import Topics
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0
+FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
 
 
 class Client(Methods, Topics):
     """A connected daemon; made by ``connect``. ``hello`` is its latest greeting."""
 
-    def __init__(self, door: Door, *, reconnect: bool) -> None:
-        self._door, self._reconnect = door, reconnect
+    def __init__(self, endpoint: Endpoint, *, reconnect: bool) -> None:
+        self._endpoint, self._reconnect = endpoint, reconnect
         self._subscriptions: weakref.WeakSet[Subscription[Any]] = weakref.WeakSet()
-        self._greeted: Greeted
-        self._returning: asyncio.Task[None] | None = None
-        self._back = asyncio.Event()
+        self._connection: GreetedConnection
+        self._reconnecting: asyncio.Task[None] | None = None
+        self._connected_again = asyncio.Event()
         self._closing = False
         self._loop = asyncio.get_running_loop()
         self.dropped: Counter[str] = Counter()
@@ -75,9 +82,9 @@ class Client(Methods, Topics):
             ConnectionLost: the same, and it was said why.
             IncompatibleProtocol: the daemon speaks another major version.
         """
-        client = cls(Door(host, port, token, tls, name, timeout_s), reconnect=reconnect)
-        client._greeted = await meet(client._door, client._notified, client._lost)
-        client._back.set()
+        client = cls(Endpoint(host, port, token, tls, name, timeout_s), reconnect=reconnect)
+        client._connection = await open_connection(client._endpoint, client._notified, client._lost)
+        client._connected_again.set()
         try:
             yield client
         finally:
@@ -85,21 +92,21 @@ class Client(Methods, Topics):
 
     async def _close(self) -> None:
         self._closing = True
-        if self._returning is not None:
-            self._returning.cancel()
-            await asyncio.gather(self._returning, return_exceptions=True)
-        await self._greeted.wire.close(CLOSING_PATIENCE_S)
+        if self._reconnecting is not None:
+            self._reconnecting.cancel()
+            await asyncio.gather(self._reconnecting, return_exceptions=True)
+        await self._connection.wire.close(CLOSING_PATIENCE_S)
         self._end_all(ConnectionLost("the client is closed"))
 
     @property
     def hello(self) -> Hello:
         """The daemon's latest greeting; ``session`` changes when the daemon restarts."""
-        return self._greeted.hello
+        return self._connection.hello
 
     @property
     def connected(self) -> bool:
         """Whether the connection stands."""
-        return self._greeted.wire.lost is None
+        return self._connection.wire.lost is None
 
     async def wait_until_connected(self, timeout_s: float = 10.0) -> None:
         """Wait for the connection to stand again, with ``reconnect``.
@@ -109,18 +116,18 @@ class Client(Methods, Topics):
             ConnectionLost: it is lost for good.
         """
         if not self.connected and not self._reconnect:
-            raise ConnectionLost(str(self._greeted.wire.lost))
+            raise ConnectionLost(str(self._connection.wire.lost))
         try:
             async with asyncio.timeout(timeout_s):
-                await self._back.wait()
+                await self._connected_again.wait()
         except TimeoutError:
             raise CallTimeout(f"not connected again within {timeout_s:g} s") from None
         if not self.connected:
-            raise ConnectionLost(str(self._greeted.wire.lost))
+            raise ConnectionLost(str(self._connection.wire.lost))
 
     async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
         """Any method by its name: the answer's ``result`` as it came."""
-        return await self._greeted.wire.call(method, params, self._door.timeout_s)
+        return await self._connection.wire.call(method, params, self._endpoint.timeout_s)
 
     # telemetry
 
@@ -133,11 +140,13 @@ class Client(Methods, Topics):
             request, options.get("queue_size", 256), self._subscribe, self._unsubscribe
         )
         # one that nobody holds any more, after a break out of its loop, has been left
-        weakref.finalize(subscription, _call_on_loop, self._loop, weakref.WeakMethod(self._left), wanted)
+        weakref.finalize(
+            subscription, _call_on_loop, self._loop, weakref.WeakMethod(self._drop_topics), wanted
+        )
         return subscription
 
     async def _subscribe(self, subscription: Subscription[Any]) -> None:
-        import chefbotd.client.state  # noqa: F401 - the models, before there are events to read
+        import chefbotd.client.state  # noqa: F401 - the models, before there are events to parse
 
         for other in list(self._subscriptions):
             if problem := subscription.request.conflict(other.request):
@@ -147,21 +156,21 @@ class Client(Methods, Topics):
             await self.call("subscribe", **subscription.request.params())
         except BaseException:
             self._subscriptions.discard(subscription)
-            self._left(subscription.topics)
+            self._drop_topics(subscription.topics)
             raise
 
     async def _unsubscribe(self, subscription: Subscription[Any]) -> None:
         self._subscriptions.discard(subscription)
-        if over := self._unwanted(subscription.topics):
+        if over := self._topics_without_subscriber(subscription.topics):
             with contextlib.suppress(ConnectionLost):  # then it is over all the same
                 await self.call("unsubscribe", topics=over)
 
-    def _left(self, topics: tuple[str, ...]) -> None:
+    def _drop_topics(self, topics: tuple[str, ...]) -> None:
         """Somebody has gone without a word."""
-        if over := self._unwanted(topics):
-            self._greeted.wire.tell("unsubscribe", {"topics": over})
+        if over := self._topics_without_subscriber(topics):
+            self._connection.wire.notify("unsubscribe", {"topics": over})
 
-    def _unwanted(self, topics: tuple[str, ...]) -> list[str]:
+    def _topics_without_subscriber(self, topics: tuple[str, ...]) -> list[str]:
         wanted = {topic for other in list(self._subscriptions) for topic in other.topics}
         return [topic for topic in topics if topic not in wanted]
 
@@ -176,11 +185,11 @@ class Client(Methods, Topics):
         receivers = [s for s in list(self._subscriptions) if topic in s.topics]
         if not receivers:
             return
-        from chefbotd.client.state import read_event  # loaded when it was subscribed
+        from chefbotd.client.state import parse_event  # loaded when it was subscribed
 
         event: Event[Any] | ProtocolError
         try:
-            event = read_event(params)
+            event = parse_event(params)
         except ProtocolError as problem:
             event = problem
         for subscription in receivers:
@@ -195,36 +204,36 @@ class Client(Methods, Topics):
     # losing the connection, and finding it again
 
     def _lost(self, loss: ConnectionLost) -> None:
-        self._back.clear()
+        self._connected_again.clear()
         if self._closing or not self._reconnect:
             self._end_all(loss)
-        elif self._returning is None:
-            self._returning = asyncio.create_task(self._return(loss))
+        elif self._reconnecting is None:
+            self._reconnecting = asyncio.create_task(self._reconnect_until_connected(loss))
 
     def _end_all(self, failure: ChefbotError) -> None:
         for subscription in list(self._subscriptions):
             subscription.end(failure)
         self._subscriptions.clear()
-        self._back.set()
+        self._connected_again.set()
 
-    async def _return(self, loss: ConnectionLost) -> None:
+    async def _reconnect_until_connected(self, loss: ConnectionLost) -> None:
         """Connect again until it stands, and have every open subscription go on."""
-        began_s, pause_s = self._loop.time(), FIRST_PAUSE_S
+        began_s, pause_s = self._loop.time(), FIRST_RETRY_PAUSE_S
         try:
-            while not await self._try_to_return(loss, began_s):
+            while not await self._try_to_reconnect(loss, began_s):
                 await asyncio.sleep(pause_s)
-                pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
-            self._back.set()
+                pause_s = min(2 * pause_s, LONGEST_RETRY_PAUSE_S)
+            self._connected_again.set()
         except ChefbotError as failure:  # trying again would not help
             self._end_all(failure)
         finally:
-            self._returning = None
+            self._reconnecting = None
 
-    async def _try_to_return(self, loss: ConnectionLost, began_s: float) -> bool:
-        session = self._greeted.hello.session
+    async def _try_to_reconnect(self, loss: ConnectionLost, began_s: float) -> bool:
+        session = self._connection.hello.session
         try:
-            self._greeted = await meet(self._door, self._notified, self._lost)
-            restarted = self._greeted.hello.session != session
+            self._connection = await open_connection(self._endpoint, self._notified, self._lost)
+            restarted = self._connection.hello.session != session
             gap = Gap(str(loss), self._loop.time() - began_s, restarted)
             for subscription in list(self._subscriptions):
                 subscription.resume(gap)

@@ -1,7 +1,7 @@
-"""One method per method of the socket, over any way of calling it.
+"""One Python method per method of the command socket.
 
-A method that answers with a model loads the models before it asks: building them takes some 0.3 s, which ``stop`` and
-``estop`` of a program that has just started must not wait for, nor a robot that already drives.
+Importing the result models takes about 0.3 s. Each method imports its own model before it calls, so that ``stop`` and
+``estop`` of a program that has just started do not wait for models, and a robot never drives while they load.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
-from chefbotd.client.reading import read
+from chefbotd.client.parsing import parse
 
 if TYPE_CHECKING:
     from chefbotd.client.state import State
@@ -48,29 +48,29 @@ class Gains(TypedDict, total=False):
 
 
 class Methods(ABC):
-    """What can be asked of the robot, over some way of calling it. Every error is a ``ChefbotError``.
+    """The methods of the robot. ``call`` is what a subclass provides. Every error is a ``ChefbotError``.
 
-    Most often it is ``CallError`` (refused; ``kind`` says why), ``CallTimeout`` or ``ConnectionLost``.
+    The usual ones are ``CallError`` (refused; ``kind`` says why), ``CallTimeout`` and ``ConnectionLost``.
     """
 
     @abstractmethod
     async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
-        """Any method by its name: the answer's ``result`` as it came."""
+        """Call a method by its name; returns the answer's ``result`` unchanged."""
 
     # motion
 
     async def drive(
         self, linear_m_s: float, angular_rad_s: float, source: str | None = None
     ) -> results.Driven:
-        """Ask for a velocity: forward in m/s, turning in rad/s (CCW positive). The answer is what the limits allow.
+        """Command a velocity: forward in m/s, turning in rad/s (CCW positive). Returns what the limits allow.
 
-        It holds for the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``. Without a
-        source it is the robot's default one that asks.
+        The command expires after the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``.
+        Without ``source`` the robot's default source is used.
         """
         from chefbotd.messages import results
 
         velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
-        return read(results.Driven, await self.call("drive", **velocity, **_named(source)))
+        return parse(results.Driven, await self.call("drive", **velocity, **_named(source)))
 
     async def drive_for(
         self,
@@ -79,9 +79,9 @@ class Methods(ABC):
         angular_rad_s: float = 0.0,
         source: str | None = None,
     ) -> results.Driven:
-        """Drive for some seconds by repeating ``drive`` within the dead-man time, then brake until the robot stands.
+        """Drive for ``seconds`` by repeating ``drive`` within the dead-man time, then brake and wait for standstill.
 
-        The robot brakes on every way out: the end, an error, a cancellation.
+        The robot also brakes after an error or a cancellation.
         """
         loop = asyncio.get_running_loop()
         ends_s = loop.time() + seconds
@@ -96,7 +96,7 @@ class Methods(ABC):
         return allowed
 
     async def _brake(self, source: str | None) -> None:
-        """Zero for our own source: others that drive are not stopped with it. Lost or refused, we do not drive."""
+        """Command zero for our own source only. A lost connection or a refusal is ignored: we do not drive then."""
         with contextlib.suppress(CallError, ConnectionLost):
             await self.drive(0.0, 0.0, source)
 
@@ -112,23 +112,23 @@ class Methods(ABC):
     async def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
     ) -> results.WheelsDriven:
-        """Ask for a speed of each wheel by name, in rad/s; the others stand. It holds as long as a ``drive`` does."""
+        """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
         from chefbotd.messages import results
 
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
         asked = {"name": names, "velocity_rad_s": velocities}
-        return read(results.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
+        return parse(results.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
 
     async def stop(self) -> dict[str, str]:
-        """Bring the robot to rest within the deceleration limit, whoever drives it; by source, who did.
+        """Brake the robot to standstill, whoever drives it. Returns the name of each source's driver.
 
-        Other clients that drive are refused until they let go; our own next ``drive`` moves again.
+        Other clients' commands are refused until they pause. Our own next ``drive`` moves the robot again.
         """
         drivers: dict[str, str] = (await self.call("stop")).get("drivers", {})
         return drivers
 
     async def estop(self, reason: str | None = None) -> None:
-        """Stop the motors at once, and until ``arm``; of a long reason the beginning is told."""
+        """Stop the motors at once and keep them stopped until ``arm``. A long ``reason`` is cut."""
         told = {} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}
         await self.call("estop", **told)
 
@@ -139,44 +139,44 @@ class Methods(ABC):
     # who drives
 
     async def set_client_name(self, client: str) -> None:
-        """Say what this client is called where others see who drives: 1 to 64 characters."""
+        """Set the name under which other clients see this one: 1 to 64 characters."""
         await self.call("set_client_name", client=client)
 
     async def authenticate(self, token: str) -> results.Known:
-        """Show a token; ``connect(token=...)`` does so by itself."""
+        """Authenticate with a token; ``connect(token=...)`` does this already."""
         from chefbotd.messages import results
 
-        return read(results.Known, await self.call("authenticate", token=token))
+        return parse(results.Known, await self.call("authenticate", token=token))
 
     async def take_control(self, source: str | None = None) -> str | None:
-        """Have a source of commands (the robot's default one) for ourselves; who had it until now, if another did."""
+        """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
         from chefbotd.messages import results
 
-        return read(results.Taken, await self.call("take_control", **_named(source))).taken_from
+        return parse(results.Taken, await self.call("take_control", **_named(source))).taken_from
 
     async def release_control(self) -> list[str]:
-        """Give back every source that we have, and name them; our commands are withdrawn."""
+        """Release all sources that we control, and withdraw our commands. Returns the names of the sources."""
         from chefbotd.messages import results
 
-        return read(results.Released, await self.call("release_control")).sources
+        return parse(results.Released, await self.call("release_control")).sources
 
     # state
 
     async def get_state(self) -> State:
         """The link, the safety, and the latest value of each topic with its age."""
-        from chefbotd.client.state import read_state
+        from chefbotd.client.state import parse_state
 
-        return read_state(await self.call("get_state"))
+        return parse_state(await self.call("get_state"))
 
     async def wait_until_armed(self, timeout_s: float = 10.0) -> State:
-        """Wait until the robot may move: its board is connected, it has reported odometry, and it is armed.
+        """Wait until the robot can move: the board is connected, odometry has been reported, and the robot is armed.
 
-        It does not arm the robot: after an emergency stop somebody has to look, and to say ``arm``.
+        It does not arm the robot: after an emergency stop a person has to check it and call ``arm``.
 
         Raises:
             CallTimeout: not within ``timeout_s`` seconds; the message says what is missing.
         """
-        missing = "nothing heard"
+        missing = "no answer yet"
         try:
             async with asyncio.timeout(timeout_s):
                 while missing:
@@ -192,25 +192,25 @@ class Methods(ABC):
         """The daemon's counters, as in the topic ``stats``."""
         from chefbotd.messages.telemetry import StatsData
 
-        return read(StatsData, await self.call("get_stats"))
+        return parse(StatsData, await self.call("get_stats"))
 
     async def get_description(self) -> str | None:
         """The robot's links and joints as a URDF document; None where the configuration names none."""
         from chefbotd.messages import results
 
-        return read(results.RobotDescription, await self.call("get_description")).urdf
+        return parse(results.RobotDescription, await self.call("get_description")).urdf
 
     async def describe(self) -> results.Description:
         """Methods, topics and error kinds with their JSON Schemas."""
         from chefbotd.messages import results
 
-        return read(results.Description, await self.call("describe"))
+        return parse(results.Description, await self.call("describe"))
 
     async def ping(self) -> results.Pong:
-        """Whether the daemon answers; ``stamp_s`` is its monotonic clock."""
+        """Check that the daemon answers. ``stamp_s`` is its monotonic clock."""
         from chefbotd.messages import results
 
-        return read(results.Pong, await self.call("ping"))
+        return parse(results.Pong, await self.call("ping"))
 
     # tuning and resets
 
@@ -219,15 +219,15 @@ class Methods(ABC):
         return _gains(await self.call("get_pid"))
 
     async def set_pid(self, wheel: str = "all", **changes: Unpack[Gains]) -> dict[str, PidParameters]:
-        """Change some gains of a wheel, or of all; what every wheel now has."""
+        """Change some gains of one wheel or of all. Returns the gains of every wheel."""
         return _gains(await self.call("set_pid", wheel=wheel, **changes))
 
     async def undo_pid(self) -> dict[str, PidParameters]:
-        """Take the latest change of gains back, whoever made it; what every wheel now has."""
+        """Undo the latest change of gains, whoever made it. Returns the gains of every wheel."""
         return _gains(await self.call("undo_pid"))
 
     async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
-        """Say where the robot stands in ``odom``."""
+        """Set the robot's pose in ``odom``."""
         await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
 
     async def reset_board(self) -> None:
@@ -246,7 +246,7 @@ def _missing_to_move(state: State) -> str:
 def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
     from chefbotd.messages import results
 
-    return read(results.Wheels, answer).wheels
+    return parse(results.Wheels, answer).wheels
 
 
 def _named(source: str | None) -> dict[str, str]:

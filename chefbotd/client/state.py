@@ -1,4 +1,4 @@
-"""The robot's state, and events: read from what the daemon sent."""
+"""The robot's state, and events: parsed from what the daemon sent."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from chefbotd.client.errors import NotReported
 from chefbotd.client.event import Event
-from chefbotd.client.reading import read
+from chefbotd.client.parsing import parse
 from chefbotd.messages.results import Result
 from chefbotd.messages.telemetry import (
     DATA_BY_TOPIC,
@@ -43,14 +43,14 @@ class _WireState(Result):
     topics: dict[str, _Envelope]
 
 
-def read_event(params: object) -> Event[Any]:
+def parse_event(params: object) -> Event[Any]:
     """The parameters of an ``event`` notification; raises ``ProtocolError``."""
-    envelope = read(_NamedEnvelope, params)
+    envelope = parse(_NamedEnvelope, params)
     return _opened(envelope.topic, envelope)
 
 
 def _opened(topic: str, envelope: _Envelope) -> Event[Any]:
-    data = read(DATA_BY_TOPIC.get(topic, UnknownData), envelope.data)
+    data = parse(DATA_BY_TOPIC.get(topic, UnknownData), envelope.data)
     return Event(topic, envelope.seq, envelope.stamp_s, envelope.age_s, data)
 
 
@@ -104,8 +104,8 @@ class State:
         return event.data
 
 
-def read_state(result: object) -> State:
+def parse_state(result: object) -> State:
     """The result of ``get_state``; raises ``ProtocolError``."""
-    told = read(_WireState, result)
+    told = parse(_WireState, result)
     topics = {topic: _opened(topic, envelope) for topic, envelope in told.topics.items()}
     return State(told.stamp_s, told.link, told.safety, topics)

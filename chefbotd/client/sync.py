@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, Unpack
 
 from chefbotd.client.background import BackgroundLoop
 from chefbotd.client.client import Client
-from chefbotd.client.meeting import Hello
+from chefbotd.client.handshake import Hello
 from chefbotd.client.methods import Gains
 from chefbotd.client.subscription import SubscribeOptions, Subscription
 from chefbotd.client.sync_subscription import SyncSubscription

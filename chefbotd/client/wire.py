@@ -1,4 +1,4 @@
-"""The client's end of the socket: lines to messages, answers to whoever asked, the rest to a listener."""
+"""The client's end of the socket. It decodes lines, resolves pending calls, and passes notifications on."""
 
 import asyncio
 import itertools
@@ -8,20 +8,20 @@ from typing import Any, cast
 
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 
-Listener = Callable[[str, dict[str, Any]], None]
+OnNotification = Callable[[str, dict[str, Any]], None]
 MAX_LINE_BYTES = 1 << 20
 
 
 class Wire(asyncio.Protocol):
-    """One connection; ``lost`` says why it is gone, and then everyone who waits for an answer is told."""
+    """One connection. When it is lost, ``lost`` holds the reason and every pending call raises it."""
 
-    def __init__(self, on_notification: Listener, on_lost: Callable[[ConnectionLost], None]) -> None:
+    def __init__(self, on_notification: OnNotification, on_lost: Callable[[ConnectionLost], None]) -> None:
         self._on_notification, self._on_lost = on_notification, on_lost
         self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._ids = itertools.count(1)
         self._unfinished = bytearray()
         self._writable = asyncio.Event()
-        self._complaint = ""
+        self._lost_reason = ""
         self.lost: ConnectionLost | None = None
         self.closed = asyncio.Event()
 
@@ -32,7 +32,7 @@ class Wire(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Asyncio: the socket is gone; ``exc`` is None when the daemon closed it in good order."""
-        reason = self._complaint or str(exc or "the daemon closed the connection")
+        reason = self._lost_reason or str(exc or "the daemon closed the connection")
         self.lost = ConnectionLost(reason)
         for answer in self._answers.values():
             if not answer.done():
@@ -43,12 +43,12 @@ class Wire(asyncio.Protocol):
         self._on_lost(self.lost)
 
     @property
-    def explained(self) -> bool:
-        """Whether the other end said, or showed, why the connection is lost."""
-        return bool(self._complaint)
+    def has_reason(self) -> bool:
+        """Whether the reason for the loss is known."""
+        return bool(self._lost_reason)
 
     def pause_writing(self) -> None:
-        """Asyncio: the daemon does not read as fast as we ask."""
+        """Asyncio: the daemon does not read as fast as we send."""
         self._writable.clear()
 
     def resume_writing(self) -> None:
@@ -61,37 +61,37 @@ class Wire(asyncio.Protocol):
         *lines, rest = self._unfinished.split(b"\n")
         self._unfinished = rest
         for line in lines:
-            self._take(line)
+            self._take_line(line)
         if len(rest) > MAX_LINE_BYTES:
-            self._give_up(f"a line of more than {MAX_LINE_BYTES} bytes")
+            self._abort(f"a line of more than {MAX_LINE_BYTES} bytes")
 
-    def _take(self, line: bytearray) -> None:
+    def _take_line(self, line: bytearray) -> None:
         try:
             message = json.loads(line)
             method = message.get("method")
         except (ValueError, AttributeError):
-            self._give_up(f"no JSON object: {bytes(line[:60])!r}")
+            self._abort(f"no JSON object: {bytes(line[:60])!r}")
             return
         if method is not None:
             self._on_notification(method, message.get("params", {}))
         else:
-            self._settle(message)
+            self._resolve(message)
 
-    def _settle(self, message: Mapping[str, Any]) -> None:
+    def _resolve(self, message: Mapping[str, Any]) -> None:
         error = CallError.from_wire(message["error"]) if "error" in message else None
         answer = self._answers.pop(message.get("id") or 0, None)
         if (
             answer is None or answer.done()
-        ):  # nobody waits: it came too late, or it is about the connection itself
-            self._complaint = error.message if error and message.get("id") is None else self._complaint
+        ):  # no call is pending: the answer is late, or it concerns the connection itself
+            self._lost_reason = error.message if error and message.get("id") is None else self._lost_reason
         elif error is not None:
             answer.set_exception(error)
         else:
             answer.set_result(message.get("result", {}))
 
-    def _give_up(self, complaint: str) -> None:
-        if not self._transport.is_closing():  # what follows the first complaint is of no interest
-            self._complaint = f"the daemon sent {complaint}"
+    def _abort(self, reason: str) -> None:
+        if not self._transport.is_closing():  # keep the first reason
+            self._lost_reason = f"the daemon sent {reason}"
             self._transport.abort()
 
     async def call(self, method: str, params: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
@@ -119,18 +119,18 @@ class Wire(asyncio.Protocol):
         if self.lost is not None:
             raise ConnectionLost(str(self.lost))
         request = {"jsonrpc": "2.0", "id": request_id, "method": method, "params": params}
-        line = _line(request)  # may raise, and then nobody waits for an answer
+        line = _line(request)  # may raise: before the call is registered as pending
         answer = self._answers[request_id] = asyncio.get_running_loop().create_future()
         self._transport.write(line)
         return answer
 
-    def tell(self, method: str, params: Mapping[str, Any]) -> None:
-        """Ask for something whose answer nobody waits for; never waits, and does nothing on a lost connection."""
+    def notify(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send a notification without waiting. Nothing is sent while the connection is lost or its buffer is full."""
         if self.lost is None and self._writable.is_set():
             self._transport.write(_line({"jsonrpc": "2.0", "method": method, "params": params}))
 
     async def close(self, patience_s: float) -> None:
-        """Close the socket; a daemon that does not take our last bytes within ``patience_s`` is cut off."""
+        """Close the socket; abort it when the last bytes are not taken within ``patience_s`` seconds."""
         self._transport.close()
         try:
             async with asyncio.timeout(patience_s):

@@ -10,7 +10,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from chefbotd.cli.drive.course import CourseParameters, TurnTo
-from chefbotd.cli.drive.course_driver import Walker
+from chefbotd.cli.drive.course_driver import CourseDriver
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D
@@ -185,14 +185,16 @@ def test_a_turn_in_place_ends(robot_name: str, board: dict[str, object], degrees
 
         telling = asyncio.create_task(tell_truth())
         target = TurnTo(Pose2D(0.0, 0.0, heading_rad))
-        walk = await Walker(robot.client, CourseParameters(), lambda progress: None).walk([target])
+        drive_course = await CourseDriver(
+            robot.client, CourseParameters(), lambda progress: None
+        ).drive_course([target])
         telling.cancel()
-        odometric, true = walk.marks[-1].odometric, walk.marks[-1].true
+        odometric, true = drive_course.marks[-1].odometric, drive_course.marks[-1].true
         assert true is not None
         assert abs(math.degrees(odometric.heading_rad) - degrees) <= 0.5
         assert abs(math.degrees(true.heading_rad) - degrees) <= 2.0
         way_rad = abs(heading_rad)
         ideal_s = way_rad / 1.2 + 0.6 if way_rad > 0.72 else 2 * math.sqrt(way_rad / 2)
-        assert walk.seconds <= ideal_s + 2.0
+        assert drive_course.seconds <= ideal_s + 2.0
 
     on_robot(story, robot_name, **{f"sim.board.{key}": value for key, value in board.items()})

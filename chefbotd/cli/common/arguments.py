@@ -1,4 +1,4 @@
-"""What arguments may look like; each function is a click type, and what does not fit is a usage error."""
+"""The formats of command-line arguments: each function is a click type and refuses a bad value as a usage error."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 NUMBERS_MAY_BE_NEGATIVE = {"ignore_unknown_options": True}
-"""Context settings of a command whose arguments are numbers: ``-0.1`` is then no option."""
+"""Context settings of a command whose arguments are numbers, so that ``-0.1`` is not taken for an option."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def configuration(text: str) -> Path:
         raise click.BadParameter(f"{text} is a folder, expected a TOML file{advice}")
     if path.suffix or len(path.parts) > 1:
         raise click.BadParameter(f"there is no file {text}")
-    from chefbotd.settings import SettingsError, packaged  # here: who only connects need not wait for it
+    from chefbotd.settings import SettingsError, packaged  # imported here: most commands do not need it
 
     try:
         return packaged(text)

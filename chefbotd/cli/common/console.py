@@ -4,8 +4,8 @@ from rich.console import Console
 
 
 class Printer(Console):
-    """rich's console, but what becomes of a program whose output was closed is left to the program."""
+    """rich's console without its own exit when the output is closed: the program decides."""
 
     def on_broken_pipe(self) -> None:
-        """rich: a write has just failed, which is passed on; rich itself would end the program."""
+        """rich: a write has just failed. Raise the error; rich itself would end the program."""
         raise

@@ -1,4 +1,4 @@
-"""A program's conversation with a running daemon: where it is, and what each way of failing is called."""
+"""What the commands of chefbotctl share: the daemon's address, the event loop, and an exit code for each failure."""
 
 import asyncio
 import os
@@ -54,46 +54,46 @@ def run_until_signalled(main: Coroutine[Any, Any, T]) -> T:
 
 
 @dataclass(frozen=True, slots=True)
-class Trust:
-    """What we show the daemon, and whose certificate we believe (None: the connection is not encrypted)."""
+class Credentials:
+    """The token for the daemon, and the TLS context that verifies its certificate (None: not encrypted)."""
 
     token: str | None = field(default=None, repr=False)
     tls: ssl.SSLContext | None = None
 
 
-NO_TRUST = Trust()
+NO_CREDENTIALS = Credentials()
 
 
 @dataclass(frozen=True, slots=True)
-class Conversation:
-    """What every command of chefbotctl needs: where the daemon is, how to print, and an event loop."""
+class CommandContext:
+    """Where the daemon is, whether to print JSON, how to run an event loop, and the credentials."""
 
     address: Address
     as_json: bool = False
     run: Runner = run_until_signalled
-    trust: Trust = NO_TRUST
+    credentials: Credentials = NO_CREDENTIALS
 
     def in_json(self) -> Self:
-        """The same, printing JSON."""
+        """A copy that prints JSON."""
         return replace(self, as_json=True)
 
-    def hold(
-        self, talk: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+    def run_with_client(
+        self, action: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
     ) -> T:
-        """Connect, by our ``name`` if we have one, ``talk``, disconnect; a lost connection may be opened again.
+        """Run ``action`` with a connected client called ``name``; ``reconnect`` opens a lost connection again.
 
         Raises:
-            ProgramError: whatever went wrong, with its exit code.
+            ProgramError: any failure, with its exit code.
         """
-        return self.run(self.connected(talk, name=name, reconnect=reconnect))
+        return self.run(self.with_client(action, name=name, reconnect=reconnect))
 
-    async def connected(
-        self, talk: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+    async def with_client(
+        self, action: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
     ) -> T:
-        """The same, on a loop that runs."""
+        """As ``run_with_client``, on the running loop."""
         try:
             async with AsyncExitStack() as stack:
-                return await talk(await self._meet(stack, name, reconnect=reconnect))
+                return await action(await self._connect(stack, name, reconnect=reconnect))
         except CallError as error:
             raise refusal(error) from error
         except (ConnectionLost, CallTimeout) as error:
@@ -101,22 +101,27 @@ class Conversation:
         except IncompatibleProtocol as error:
             raise ProgramError(Exit.CANNOT_CONNECT, str(error)) from error
 
-    async def _meet(self, stack: AsyncExitStack, name: str | None, *, reconnect: bool) -> Client:
-        """Connect, until the stack ends. What fails later, such as printing, is not the connection's failure."""
-        where, trust = self.address, self.trust
-        meeting = Client.connect(
-            where.host, where.port, token=trust.token, tls=trust.tls, name=name, reconnect=reconnect
+    async def _connect(self, stack: AsyncExitStack, name: str | None, *, reconnect: bool) -> Client:
+        """Connect until the stack ends. Only failures to connect are reported as such, not those of a later action."""
+        where, credentials = self.address, self.credentials
+        connection = Client.connect(
+            where.host,
+            where.port,
+            token=credentials.token,
+            tls=credentials.tls,
+            name=name,
+            reconnect=reconnect,
         )
         try:
-            return await stack.enter_async_context(meeting)
+            return await stack.enter_async_context(connection)
         except (CallError, IncompatibleProtocol):
             raise
         except CannotConnect as error:
-            told = f"cannot connect to {where} ({_why(error.__cause__)}); is chefbotd running there?"
-            raise ProgramError(Exit.CANNOT_CONNECT, told) from error
+            message = f"cannot connect to {where} ({_reason(error.__cause__)}); is chefbotd running there?"
+            raise ProgramError(Exit.CANNOT_CONNECT, message) from error
         except ChefbotError as error:
-            silent = isinstance(error, NoGreeting) and trust.tls is None
-            advice = "; if it is a chefbotd that speaks TLS, --ca is needed" if silent else ""
+            may_need_tls = isinstance(error, NoGreeting) and credentials.tls is None
+            advice = "; if it is a chefbotd that speaks TLS, --ca is needed" if may_need_tls else ""
             raise ProgramError(Exit.CANNOT_CONNECT, f"cannot connect to {where} ({error}){advice}") from error
 
 
@@ -124,26 +129,26 @@ ADVICE = {
     "lease_held": "--take-over does so, where a command has it",
     "unauthenticated": "--token-file names a file with one",
 }
-"""What a refusal means for who types commands."""
+"""What a user can do after each kind of refusal."""
 
 
 def refusal(error: CallError) -> ProgramError:
-    """The robot's refusal as the end of a program: the stable kind first, for people and for scripts."""
+    """The daemon's refusal as a program error; the message starts with the stable kind."""
     advice = f" ({ADVICE[error.kind]})" if error.kind in ADVICE else ""
     return ProgramError(Exit.REFUSED, f"{error.kind}: {error.message}{advice}", kind=error.kind)
 
 
-def _why(error: BaseException | None) -> str:
+def _reason(error: BaseException | None) -> str:
     if not isinstance(error, OSError):
         return str(error)
-    if isinstance(error, ssl.SSLError):  # its number is not the system's
-        return f"TLS: {_why_tls(error)}"
+    if isinstance(error, ssl.SSLError):  # its number is not an errno
+        return f"TLS: {_tls_reason(error)}"
     if error.errno is not None and error.errno > 0:  # asyncio's own text repeats the address
         return os.strerror(error.errno)
     return error.strerror or str(error) or type(error).__name__
 
 
-def _why_tls(error: ssl.SSLError) -> str:
+def _tls_reason(error: ssl.SSLError) -> str:
     if isinstance(error, ssl.SSLCertVerificationError):
         return error.verify_message
     return (error.reason or str(error)).lower().replace("_", " ")

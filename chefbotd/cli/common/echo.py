@@ -1,4 +1,4 @@
-"""Printing on standard output: a full disk, or a reader that has left, is told as what it is."""
+"""Printing on standard output, with an exit code for a full disk and for closed output."""
 
 import os
 import sys
@@ -12,21 +12,21 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """Around whatever prints.
+    """Turn a failure to print in this block into a ``ProgramError``.
 
     Raises:
-        ProgramError: it could not be written; ``OUTPUT_CLOSED`` when the reader has left, as ``head`` does.
+        ProgramError: the output could not be written; ``OUTPUT_CLOSED`` when the reader closed it, as ``head`` does.
     """
     try:
         yield
     except OSError as error:
-        _let_go()
+        _discard_buffered_output()
         code = Exit.OUTPUT_CLOSED if isinstance(error, BrokenPipeError) else Exit.FAILED
         raise ProgramError(code, f"cannot write the output: {error.strerror}") from error
 
 
-def _let_go() -> None:
-    """What is still in the buffer goes nowhere, or it would fail once more as the interpreter ends."""
+def _discard_buffered_output() -> None:
+    """Discard buffered output, which would otherwise fail again when the interpreter ends."""
     void = os.open(os.devnull, os.O_WRONLY)
     os.dup2(void, sys.stdout.fileno())
     os.close(void)

@@ -1,4 +1,4 @@
-"""What the programs' exit codes mean: one table, shown in ``--help`` and used by every command."""
+"""The exit codes of both programs and their meaning, as shown in ``--help``."""
 
 from enum import IntEnum
 
@@ -25,8 +25,8 @@ MEANING = {
     Exit.USAGE: "wrong arguments",
     Exit.CANNOT_CONNECT: "no daemon answers at the address",
     Exit.REFUSED: "the robot refused (the kind of refusal is printed)",
-    Exit.CONNECTION_LOST: "the connection broke or an answer did not come",
-    Exit.NOT_DONE: "the motion did not end as asked",
+    Exit.CONNECTION_LOST: "the connection broke, or an answer did not come in time",
+    Exit.NOT_DONE: "the motion did not end as commanded",
     Exit.NOT_INSTALLED: "an optional part of the program is not installed",
     Exit.BAD_CONFIGURATION: "the configuration is not valid",
     Exit.INTERRUPTED: "interrupted by a signal",

@@ -8,10 +8,10 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 
 @contextmanager
 def extra(name: str, *packages: str) -> Iterator[None]:
-    """Around an import: say what to install when one of these packages of the extra ``name`` is missing.
+    """Around an import: tell the user to install the extra ``name`` if one of its ``packages`` is missing.
 
     Raises:
-        ProgramError: it is, or a shared library that it needs; any other failure to import passes through.
+        ProgramError: a package, or a shared library that it needs, is missing. Other import errors pass unchanged.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""How late things are: round trips, and the age of telemetry when it arrives, from stamps of two clocks."""
+"""Latencies of a connection: round trips, and the age of telemetry on arrival, from stamps of two clocks."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """A question and its answer: sent and received by our clock, stamped by the daemon's."""
+    """One ping: sent and received by our clock, answered with a stamp of the daemon's clock."""
 
     sent_s: float
     received_s: float
@@ -15,18 +15,18 @@ class Ping:
 
     @property
     def round_trip_s(self) -> float:
-        """From asking to the answer."""
+        """From request to answer."""
         return self.received_s - self.sent_s
 
     @property
-    def ahead_s(self) -> float:
-        """The daemon's clock less ours, taking both ways to be as long; wrong by half a round trip at most."""
+    def clock_offset_s(self) -> float:
+        """The daemon's clock minus ours, assuming equal delay both ways; off by half a round trip at most."""
         return self.stamp_s - (self.sent_s + self.received_s) / 2
 
 
 @dataclass(slots=True)
 class Latencies:
-    """What was seen of a connection; ``arrivals`` are pairs of our time and the daemon's stamp of an event."""
+    """Pings and arrivals on a connection; an arrival is our time and the daemon's stamp of an event."""
 
     pings: list[Ping] = field(default_factory=list)
     arrivals: list[tuple[float, float]] = field(default_factory=list)
@@ -39,8 +39,8 @@ class Latencies:
         """Of every event when it arrived, the clocks compared by the quickest ping (as NTP does)."""
         if not self.pings:
             return []
-        ahead_s = min(self.pings, key=lambda ping: ping.round_trip_s).ahead_s
-        return [received_s + ahead_s - stamp_s for received_s, stamp_s in self.arrivals]
+        clock_offset_s = min(self.pings, key=lambda ping: ping.round_trip_s).clock_offset_s
+        return [received_s + clock_offset_s - stamp_s for received_s, stamp_s in self.arrivals]
 
 
 def percentile(values: Sequence[float], percent: float) -> float:

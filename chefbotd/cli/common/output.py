@@ -17,7 +17,7 @@ Data = Mapping[str, Any]
 
 
 def say(as_json: bool, value: object, text: str) -> None:
-    """One JSON object, or one sentence."""
+    """Print a JSON object, or a sentence."""
     echo(json.dumps(value) if as_json else text)
 
 
@@ -50,7 +50,7 @@ def _status(answer: Data) -> "Table":
     table = _table(answer["robot"], f"protocol {answer['protocol']}, session {answer['session']}", "age")
     for fact in [*state_text.of_state(answer), state_text.counters(answer["stats"])]:
         age = "" if fact.age_s is None else f"{fact.age_s:.3f} s"
-        table.add_row(fact.label, Text(fact.text, style=fact.mood), Text(age, style=state_text.Mood.FAINT))
+        table.add_row(fact.label, Text(fact.text, style=fact.style), Text(age, style=state_text.Style.FAINT))
     return table
 
 
@@ -78,7 +78,7 @@ def _brief(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ",".join(f"{k}={_brief(v)}" for k, v in value.items()) + "}"
     if value is None or isinstance(value, bool):
-        return str(value).lower()  # as ``pid set`` takes them
+        return str(value).lower()  # the words that ``pid set`` accepts
     return str(value)
 
 
@@ -117,7 +117,7 @@ def _fields(schema: Data) -> str:
 def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], None]]:
     """A progress bar over ``seconds`` where there is a terminal."""
     if console.quiet or not console.is_terminal:
-        yield _unseen
+        yield _no_progress
         return
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -128,5 +128,5 @@ def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], 
         yield lambda gone_s: bar.update(task, completed=gone_s)
 
 
-def _unseen(_gone_s: float) -> None:
-    """Nobody looks."""
+def _no_progress(_gone_s: float) -> None:
+    """Show nothing."""

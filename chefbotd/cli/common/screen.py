@@ -1,4 +1,4 @@
-"""What the screens of chefbotctl share: parts that run beside them, a line for messages, an end with a reason."""
+"""The base of chefbotctl's screens: background tasks, a message line, and the error that ended the screen."""
 
 import asyncio
 import contextlib
@@ -10,11 +10,11 @@ from textual.widgets import Static
 
 from chefbotd.client import CallError, CallTimeout, ChefbotError, Client, ConnectionLost
 
-NOT_ASKED = "The connection is lost: the daemon may not have got this."
+MAYBE_NOT_RECEIVED = "The connection is lost: the daemon may not have got this."
 
 
 class RobotScreen(App[None]):
-    """A screen over one robot; ``failure`` is what ended it, when it was not the user."""
+    """A screen for one robot; ``failure`` is the error that ended it, None when the user did."""
 
     ENABLE_COMMAND_PALETTE = False
     BASE_CSS: ClassVar[str] = """
@@ -23,41 +23,41 @@ class RobotScreen(App[None]):
     """
 
     def __init__(self, robot: Client, address: str, *, reconnects: bool = False) -> None:
-        """With ``reconnects`` the client opens a lost connection again, and the screen waits for that."""
+        """``reconnects``: the client opens a lost connection again, and the screen waits for it."""
         super().__init__()
         self.reconnects = reconnects
         self.robot, self.heading = robot, f"{robot.hello.robot} at {address}"
         self.failure: ChefbotError | None = None
-        self._parts: list[asyncio.Task[None]] = []
+        self._background_tasks: list[asyncio.Task[None]] = []
 
     async def show(self) -> None:
-        """Until the user quits; raises the client's error when that is what ended it."""
+        """Show the screen until the user quits; raises the client error that ended it, if any."""
         await self.run_async(mouse=False)
         if self.failure is not None:
             raise self.failure
 
-    def run_beside(self, *parts: Coroutine[Any, Any, None]) -> None:
-        """Run these until the screen goes; an error of the client's in one of them ends the screen."""
-        self._parts += [asyncio.create_task(self._guarded(part)) for part in parts]
+    def run_tasks(self, *coroutines: Coroutine[Any, Any, None]) -> None:
+        """Run these until the screen ends. A client error in one of them ends the screen."""
+        self._background_tasks += [asyncio.create_task(self._guarded(task)) for task in coroutines]
 
-    async def _guarded(self, part: Coroutine[Any, Any, None]) -> None:
+    async def _guarded(self, task: Coroutine[Any, Any, None]) -> None:
         try:
-            await part
+            await task
         except ChefbotError as failure:
             self._fail(failure)
 
     async def on_unmount(self) -> None:
-        """Textual: the screen is going; the parts have their last word."""
-        for part in self._parts:
-            part.cancel()
-        await asyncio.gather(*self._parts, return_exceptions=True)
+        """Textual: the screen ends. Cancel the tasks and wait for their cleanup."""
+        for task in self._background_tasks:
+            task.cancel()
+        await asyncio.gather(*self._background_tasks, return_exceptions=True)
 
     async def action_leave(self) -> None:
         """Textual: a key that quits."""
         self.exit()
 
     async def wait_for_connection(self, loss: ConnectionLost) -> None:
-        """After a ``ConnectionLost``: until the connection stands again; raises it if nobody opens it again."""
+        """Wait after a ``ConnectionLost`` until connected again; raises it if the client does not reconnect."""
         if not self.reconnects:
             raise loss
         while True:
@@ -65,13 +65,13 @@ class RobotScreen(App[None]):
                 return await self.robot.wait_until_connected()
 
     async def ask(self, request: Coroutine[Any, Any, object], done: str) -> None:
-        """Ask something of the robot and say that it is done, or why it was refused."""
+        """Send a request and show that it is done, or why it was refused."""
         try:
             await request
         except CallError as error:
             done = f"{error.kind}: {error.message}"
         except ConnectionLost as loss:
-            done = NOT_ASKED
+            done = MAYBE_NOT_RECEIVED
             if not self.reconnects:
                 self._fail(loss)
         except ChefbotError as failure:
@@ -79,12 +79,12 @@ class RobotScreen(App[None]):
         self.say(done)
 
     def say(self, text: str) -> None:
-        """Show it on the line for messages."""
+        """Show a text on the message line."""
         if self.is_running:
             self.query_one("#message", Static).update(text)
 
     def draw_at(self, rate_hz: float, draw: Callable[[], None]) -> None:
-        """Draw so often, but not on a screen that is being taken down, whose widgets go one by one."""
+        """Draw ``rate_hz`` times a second while the screen runs: its widgets are removed one by one at the end."""
 
         def draw_if_there() -> None:
             if self.is_running:

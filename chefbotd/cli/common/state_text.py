@@ -1,6 +1,6 @@
-"""The robot's state in words for people: pure functions from the socket's data to short texts.
+"""The robot's state as short texts: pure functions of the socket's data.
 
-``status`` and the teleop screen show the same words.
+``status`` and the teleop screen show the same texts.
 """
 
 import math
@@ -14,11 +14,11 @@ from chefbotd.core.geometry import Pose2D
 Data = Mapping[str, Any]
 
 STALE_S = 1.0
-"""Telemetry comes several times a second; a value older than this says nothing of now."""
+"""Telemetry comes several times a second; an older value is shown faint."""
 
 
-class Mood(StrEnum):
-    """How a fact strikes the reader; each is also a style of rich."""
+class Style(StrEnum):
+    """How a fact is shown, as a style of rich."""
 
     PLAIN = "default"
     GOOD = "green"
@@ -33,30 +33,30 @@ class Fact:
 
     label: str
     text: str
-    mood: Mood = Mood.PLAIN
+    style: Style = Style.PLAIN
     age_s: float | None = None
 
 
 def link(data: Data) -> Fact:
     """Up or down, with the device and the reason."""
     if data["state"] == "up":
-        return Fact("link", f"up on {data['device']}", Mood.GOOD)
+        return Fact("link", f"up on {data['device']}", Style.GOOD)
     device = f"{data['device']}: " if data["device"] else ""
-    return Fact("link", f"down, {device}{data['reason'] or 'no device yet'}", Mood.ALARM)
+    return Fact("link", f"down, {device}{data['reason'] or 'no device yet'}", Style.ALARM)
 
 
 def safety(data: Data) -> Fact:
     """Whether the robot may move, and who drives."""
     if not data["armed"]:
-        return Fact("mode", f"{data['mode']}: {data['reason']}", Mood.ALARM)
+        return Fact("mode", f"{data['mode']}: {data['reason']}", Style.ALARM)
     driver = _driver(data["source"], data.get("control", {}))
     if data["limited_by"] is None:
-        return Fact("mode", f"{data['mode']}, {driver}", Mood.GOOD)
-    return Fact("mode", f"{data['mode']}, {driver}, held up by {data['limited_by']}", Mood.NOTICE)
+        return Fact("mode", f"{data['mode']}, {driver}", Style.GOOD)
+    return Fact("mode", f"{data['mode']}, {driver}, slowed by {data['limited_by']}", Style.NOTICE)
 
 
 def _driver(source: str | None, control: Mapping[str, str]) -> str:
-    """Whose command is in force, by the client's name where it has control; else who has control of what."""
+    """The driver: the source whose command is in force, with the client that controls it; else who controls what."""
     if source:
         return f"driven by {control[source]} as {source}" if source in control else f"driven by {source}"
     held = [f"{name} has {held}" for held, name in control.items()]
@@ -93,8 +93,8 @@ def wheels(data: Data) -> Fact:
 
 def battery(data: Data) -> Fact:
     """Volts, percentage, and whether that is low."""
-    mood = {"ok": Mood.GOOD, "low": Mood.NOTICE, "critical": Mood.ALARM}[data["status"]]
-    return Fact("battery", f"{data['voltage_v']:.2f} V, {data['percentage']:.0f} %, {data['status']}", mood)
+    style = {"ok": Style.GOOD, "low": Style.NOTICE, "critical": Style.ALARM}[data["status"]]
+    return Fact("battery", f"{data['voltage_v']:.2f} V, {data['percentage']:.0f} %, {data['status']}", style)
 
 
 def ranges(data: Data) -> Fact:
@@ -113,7 +113,7 @@ def imu(data: Data) -> Fact:
         return Fact("imu", f"heading {math.degrees(data['heading_rad']):+.1f}°")
     if data["angular_velocity_rad_s"] is not None:
         return Fact("imu", f"turning {data['angular_velocity_rad_s'][2]:+.3f} rad/s")
-    return Fact("imu", "says nothing", Mood.NOTICE)
+    return Fact("imu", "no data", Style.NOTICE)
 
 
 def truth(data: Data) -> Fact:
@@ -123,7 +123,7 @@ def truth(data: Data) -> Fact:
 
 
 def counters(data: Data) -> Fact:
-    """What the daemon has counted, with everything that went wrong."""
+    """The daemon's counters; errors only when there are any."""
     wrong = {
         "lines refused": sum(data["refused"].values()),
         "encoder readings refused": data["encoder_readings_refused"],
@@ -134,7 +134,7 @@ def counters(data: Data) -> Fact:
     lines = f"{sum(data['frames'].values())} lines in, {data['lines_out']} out"
     clients = "1 client" if data["clients"] == 1 else f"{data['clients']} clients"
     text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, clients, *told])
-    return Fact("counters", text, Mood.NOTICE if told else Mood.PLAIN)
+    return Fact("counters", text, Style.NOTICE if told else Style.PLAIN)
 
 
 BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
@@ -149,7 +149,7 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("sim", truth),
 )
 AGEING = {"odometry", "wheels", "imu", "ranges", "battery", "sim"}
-"""Topics whose values move; the others are told when they change, and hold until then."""
+"""Topics that are sent periodically. The others are sent when they change, and do not age."""
 
 
 def of_topics(latest: Mapping[str, Data]) -> list[Fact]:
@@ -162,7 +162,7 @@ def _aged(topic: str, word: Callable[[Data], Fact], value: Data) -> Fact:
     if topic not in AGEING:
         return fact
     age_s = value["age_s"]
-    return replace(fact, age_s=age_s, mood=fact.mood if age_s < STALE_S else Mood.FAINT)
+    return replace(fact, age_s=age_s, style=fact.style if age_s < STALE_S else Style.FAINT)
 
 
 def of_state(state: Data) -> list[Fact]:

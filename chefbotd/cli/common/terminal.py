@@ -1,4 +1,4 @@
-"""What a screen needs: somebody who sees it and can press keys."""
+"""The check that a screen has a terminal."""
 
 import sys
 
@@ -6,7 +6,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 
 
 def need_terminal() -> None:
-    """Refuse to draw a screen where there is none (Textual itself reads stdin and draws on stderr).
+    """Check that there is a terminal (Textual reads stdin and draws on stderr).
 
     Raises:
         ProgramError: stdin, stdout or stderr is a file or a pipe.

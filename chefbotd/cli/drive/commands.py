@@ -7,11 +7,11 @@ import click
 
 from chefbotd.cli.common import output, state_text
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finite, positive
-from chefbotd.cli.common.context import Conversation
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra
 from chefbotd.cli.common.terminal import need_terminal
-from chefbotd.cli.drive.take_control import lead, take_over
+from chefbotd.cli.drive.take_control import run_as_driver, take_over
 from chefbotd.core.geometry import Twist2D
 
 SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
@@ -24,32 +24,32 @@ SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
 @take_over
 @click.pass_obj
 def drive(
-    chat: Conversation, linear_m_s: float, angular_rad_s: float, seconds: float, takes_over: bool
+    context: CommandContext, linear_m_s: float, angular_rad_s: float, seconds: float, takes_over: bool
 ) -> None:
     """Drive at V m/s, turning left at W rad/s, for S seconds.
 
-    It always ends with a stop. Negative numbers go backwards and to the right. What is beyond the robot's limits is
-    slowed, and told. Exit code 6 means that odometry saw next to no motion.
+    It always ends with a stop. Negative numbers go backwards and to the right. A speed beyond the
+    robot's limits is reduced, with a message. Exit code 6 means that odometry saw next to no motion.
     """
     from rich.console import Console
 
     from chefbotd.cli.drive.timed_drive import drive_for
 
     twist = Twist2D(linear_m_s, angular_rad_s)
-    with output.countdown(seconds, Console(stderr=True, quiet=chat.as_json)) as report:
-        done = lead(
-            chat, "drive", lambda robot: drive_for(robot, twist, seconds, report), takes_over=takes_over
+    with output.countdown(seconds, Console(stderr=True, quiet=context.as_json)) as report:
+        done = run_as_driver(
+            context, "drive", lambda robot: drive_for(robot, twist, seconds, report), takes_over=takes_over
         )
     moved = {"x_m": done.moved.x_m, "y_m": done.moved.y_m, "heading_rad": done.moved.heading_rad}
     allowed = state_text.twist(done.allowed.linear_m_s, done.allowed.angular_rad_s)
     output.say(
-        chat.as_json,
+        context.as_json,
         {"moved": moved, "happened": done.happened, "allowed": asdict(done.allowed), **asdict(done.told)},
-        f"{done.told.clipped(allowed)}Moved, seen from the start: {state_text.pose(done.moved)}",
+        f"{done.told.limit_line(allowed)}Moved, seen from the start: {state_text.pose(done.moved)}",
     )
     if not done.happened:
-        told = "the robot was told to move, and odometry saw next to no motion"
-        raise ProgramError(Exit.NOT_DONE, f"{told}{done.told.because}")
+        told = "the robot was told to move, but odometry saw next to no motion"
+        raise ProgramError(Exit.NOT_DONE, f"{told}{done.told.limit_suffix}")
 
 
 @click.command()
@@ -61,40 +61,38 @@ def drive(
     "--robot", metavar="NAME", type=configuration, help="Which robot to simulate: a packaged one, or a file."
 )
 @click.pass_obj
-def square(chat: Conversation, side_m: float, simulated: bool, robot: Path | None) -> None:
+def square(context: CommandContext, side_m: float, simulated: bool, robot: Path | None) -> None:
     """Drive a square, and show how well it closed.
 
-    It goes to the left, is closed over odometry, and shows poses and latencies. It needs M metres of room ahead and
-    to the left. Exit code 6 means that it ended elsewhere than it should.
+    The square is to the left; the robot follows it by odometry. Poses and latencies are shown. It needs M metres of room
+    ahead and to the left. Exit code 6 means that the robot did not reach the goal.
     """
     from chefbotd.cli.drive.square import drive_square
 
     if robot is not None and not simulated:
         raise click.UsageError("--robot chooses what to simulate, and needs --sim")
-    drive_square(chat, side_m, simulated=simulated, robot=robot)
+    drive_square(context, side_m, simulated=simulated, robot=robot)
 
 
 @click.command()
 @take_over
 @click.pass_obj
-def teleop(chat: Conversation, takes_over: bool) -> None:
+def teleop(context: CommandContext, takes_over: bool) -> None:
     """Drive by keyboard; the robot stops when the keys do. A lost connection is opened again."""
     with extra("teleop", "textual"):
         from chefbotd.cli.drive.teleop import teleop as run_screen
     need_terminal()
-    lead(
-        chat,
+    run_as_driver(
+        context,
         "teleop",
-        lambda robot: run_screen(robot, str(chat.address)),
+        lambda robot: run_screen(robot, str(context.address)),
         takes_over=takes_over,
         reconnect=True,
     )
 
 
 @click.command()
-@click.option(
-    "--source", metavar="NAME", help="Whose commands these are; joystick, where the robot has that."
-)
+@click.option("--source", metavar="NAME", help="The command source; default: joystick, if the robot has it.")
 @click.option("--linear", "linear_m_s", metavar="M/S", type=SPEED, default=0.2, show_default=True)
 @click.option("--angular", "angular_rad_s", metavar="RAD/S", type=TURNING, default=0.8, show_default=True)
 @click.option("--turbo", metavar="FACTOR", type=click.FloatRange(1.0, 10.0), default=2.0, show_default=True)
@@ -102,7 +100,7 @@ def teleop(chat: Conversation, takes_over: bool) -> None:
 @take_over
 @click.pass_obj
 def joystick(
-    chat: Conversation,
+    context: CommandContext,
     source: str | None,
     linear_m_s: float,
     angular_rad_s: float,
@@ -112,9 +110,9 @@ def joystick(
 ) -> None:
     """Drive by gamepad, while its enable button is held.
 
-    The left shoulder button enables, the right one is turbo, the left stick drives. Letting the enable button go ends
-    this motion and gives the robot back to whoever else drives it; X stops it whoever drives, B is the emergency stop,
-    Start arms.
+    The left shoulder button enables, the right one is turbo, the left stick drives. Releasing the enable
+    button ends this motion; another driver may go on. X stops the robot, whoever drives; B is the emergency stop; Start
+    arms.
     """
     with extra("joystick", "sdl2"):
         from chefbotd.cli.drive.sdl_gamepad import HELP, SdlPad
@@ -126,11 +124,11 @@ def joystick(
     )
     with SdlPad() as pad:
         click.echo(HELP, err=True)
-        lead(
-            chat,
+        run_as_driver(
+            context,
             "joystick",
             lambda robot: JoystickPilot(robot, pad, _say, parameters, source, takes_over=takes_over).run(),
-            takes_over=False,  # the pilot knows whose control it takes
+            takes_over=False,  # the pilot takes control of its own source
         )
 
 

@@ -1,4 +1,4 @@
-"""Following a course of straight lines and turns in place: from where the robot is to what to drive.
+"""Following a course of straight lines and turns in place: pure functions from the robot's pose to a velocity.
 
 Poses are in the course's own frame, whose origin is where the robot started: ``course_from_base``.
 """
@@ -15,9 +15,9 @@ from chefbotd.core.parameters import Parameters
 
 
 class CourseParameters(Parameters):
-    """How fast to go, how to slow down, and how near is near enough.
+    """Speeds, deceleration and tolerances of a course.
 
-    A side on which the robot comes no nearer for ``patience_s`` is given up; corrections turn by ``turn_rad_s`` at most.
+    A side fails when the robot comes no nearer for ``patience_s``. Corrections turn at ``turn_rad_s`` at most.
     """
 
     cruise_m_s: float = Field(0.3, gt=0)
@@ -62,27 +62,27 @@ def square(side_m: float) -> tuple[Leg, ...]:
 
 
 def remaining(leg: Leg, course_from_base: Pose2D) -> float:
-    """How far to go on this leg: metres along a side (negative beyond its end), or radians of a turn."""
+    """The rest of this leg: metres along a side (negative beyond its end), or radians of a turn."""
     if isinstance(leg, GoTo):
         return -leg.target.inverse().compose(course_from_base).x_m
-    return abs(left_rad(leg, course_from_base))
+    return abs(remaining_rad(leg, course_from_base))
 
 
-def left_rad(leg: TurnTo, course_from_base: Pose2D) -> float:
-    """How far to turn, the shorter way: CCW positive."""
+def remaining_rad(leg: TurnTo, course_from_base: Pose2D) -> float:
+    """The angle left to turn, the shorter way, in radians: CCW positive."""
     return wrap_angle(leg.target.heading_rad - course_from_base.heading_rad)
 
 
 def steer(parameters: CourseParameters, leg: GoTo, course_from_base: Pose2D) -> Twist2D | None:
-    """What to drive along this side; None when it is done."""
+    """The velocity for this side; None when it is done."""
     return _along(parameters, leg.target.inverse().compose(course_from_base))
 
 
 def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | None:
-    left_m = -target_from_base.x_m
-    if left_m <= parameters.position_tolerance_m:
+    remaining_m = -target_from_base.x_m
+    if remaining_m <= parameters.position_tolerance_m:
         return None
-    linear = slowing(left_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
+    linear = slowing(remaining_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
     wanted_rad = -parameters.cross_track_gain_rad_per_m * target_from_base.y_m
     angular = parameters.heading_gain_per_s * wrap_angle(wanted_rad - target_from_base.heading_rad)
     return Twist2D(linear, math.copysign(min(abs(angular), parameters.turn_rad_s), angular))
@@ -95,7 +95,7 @@ def slowing(distance: float, cruise: float, creep: float, deceleration: float) -
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """How far two poses are apart."""
+    """The difference of two poses: distance, and absolute difference of heading."""
 
     distance_m: float
     heading_rad: float
@@ -104,7 +104,7 @@ class Deviation:
         return f"{1000 * self.distance_m:.1f} mm and {math.degrees(self.heading_rad):.2f}°"
 
     def within(self, distance_m: float, heading_rad: float) -> bool:
-        """Whether both parts are at most this large."""
+        """Whether both differences are at most this large."""
         return self.distance_m <= distance_m and self.heading_rad <= heading_rad
 
 

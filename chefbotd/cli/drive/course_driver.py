@@ -1,4 +1,4 @@
-"""Following a course over the command socket, closed over odometry, and what became of it."""
+"""Driving a course over the command socket with feedback from odometry, and judging the result."""
 
 import asyncio
 import math
@@ -15,8 +15,8 @@ from chefbotd.cli.drive.course import (
     Leg,
     TurnTo,
     deviation,
-    left_rad,
     remaining,
+    remaining_rad,
     steer,
 )
 from chefbotd.cli.drive.timed_drive import pose, standing
@@ -25,10 +25,10 @@ from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.messages.telemetry import OdometryData
 
 PING_PERIOD_S = 0.1
-FIRST_PATIENCE_S = 10.0
+FIRST_ODOMETRY_TIMEOUT_S = 10.0
 """A daemon that has just started has to open its device, and the board to boot."""
 
-PATIENCE_S = 2.0
+ODOMETRY_TIMEOUT_S = 2.0
 SETTLING_S = 0.5
 NEARER_M = 0.005
 ALLOWED_DISTANCE_M = 0.05
@@ -37,7 +37,7 @@ ALLOWED_HEADING_RAD = math.radians(5)
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Where the robot should be at the end of a leg, where odometry says it is, and (simulated) where it is."""
+    """The end of a leg: the commanded pose, the pose by odometry, and the true pose (simulated robots only)."""
 
     name: str
     commanded: Pose2D
@@ -47,7 +47,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A moment of the walk: legs done, the name and the share done of the present one, and where odometry is."""
+    """Progress along a course: legs done, name and completed share (0 to 1) of the present leg, pose by odometry."""
 
     leg: int
     legs: int
@@ -57,8 +57,8 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
-    """A finished walk; the last mark was made when the robot stood."""
+class CourseResult:
+    """A finished course. The last mark was made after the robot stood."""
 
     marks: tuple[Mark, ...]
     seconds: float
@@ -66,8 +66,8 @@ class Walk:
 
 
 Report = Callable[[Progress], None]
-GoOn = Callable[[Twist2D], Awaitable[None]]
-"""Ask for a twist, and wait for the next odometry."""
+DriveStep = Callable[[Twist2D], Awaitable[None]]
+"""Command a twist, and wait for the next odometry."""
 
 
 @dataclass(slots=True)
@@ -82,7 +82,7 @@ class _Track:
         self.latest = self.start.inverse().compose(at)
 
 
-class Walker:
+class CourseDriver:
     """Drives a robot along a course, from wherever it stands."""
 
     def __init__(self, robot: Client, parameters: CourseParameters, report: Report) -> None:
@@ -90,11 +90,11 @@ class Walker:
         self._tracks = {"odometry": _Track(), "sim": _Track()}
         self._odometry = self._tracks["odometry"]
         self._standing = True
-        self._lead_s: float | None = None
+        self._delay_s: float | None = None
         self._latencies = Latencies()
 
-    async def walk(self, legs: Sequence[Leg]) -> Walk:
-        """Follow the legs and come to rest; the robot is told to stop on every way out.
+    async def drive_course(self, legs: Sequence[Leg]) -> CourseResult:
+        """Drive the legs and brake to standstill. The robot is told to stop after an error and a cancellation too.
 
         Raises:
             ProgramError: odometry stopped coming, or the course took longer than ``time_limit_s``.
@@ -114,18 +114,20 @@ class Walker:
             finally:
                 await self._robot.stop()
             seconds = loop.time() - began_s
-            await self._settle(events)
-        return Walk((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)
+            await self._wait_for_standstill(events)
+        return CourseResult((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)
 
     async def _first_values(self, events: Subscription[Any], topics: Sequence[str]) -> None:
         try:
-            async with asyncio.timeout(FIRST_PATIENCE_S + PATIENCE_S):  # without odometry sooner
+            async with asyncio.timeout(
+                FIRST_ODOMETRY_TIMEOUT_S + ODOMETRY_TIMEOUT_S
+            ):  # covers topics other than odometry
                 while any(self._tracks[topic].start is None for topic in topics):
-                    await self._next(events, FIRST_PATIENCE_S)
+                    await self._next(events, FIRST_ODOMETRY_TIMEOUT_S)
         except TimeoutError as error:
             missing = " and ".join(topic for topic in topics if self._tracks[topic].start is None)
             raise ProgramError(
-                Exit.NOT_DONE, f"no {missing} for {FIRST_PATIENCE_S + PATIENCE_S:g} s"
+                Exit.NOT_DONE, f"no {missing} for {FIRST_ODOMETRY_TIMEOUT_S + ODOMETRY_TIMEOUT_S:g} s"
             ) from error
 
     async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> Mark:
@@ -133,74 +135,78 @@ class Walker:
         leg, name = legs[index], _name(legs, index)
         whole = remaining(leg, self._odometry.latest)
 
-        async def go_on(asked: Twist2D) -> None:
+        async def drive_step(asked: Twist2D) -> None:
             await self._robot.drive(asked.linear_m_s, asked.angular_rad_s)
-            await self._ping_now_and_then()
-            await self._next(events, PATIENCE_S)
+            await self._ping_if_due()
+            await self._next(events, ODOMETRY_TIMEOUT_S)
             share = 1 - remaining(leg, self._odometry.latest) / whole if whole else 1.0
             self._report(Progress(index, len(legs), name, share, self._odometry.latest))
 
         try:
-            await (self._along(leg, go_on) if isinstance(leg, GoTo) else self._around(leg, go_on))
+            await (
+                self._drive_side(leg, drive_step) if isinstance(leg, GoTo) else self._turn(leg, drive_step)
+            )
         except ProgramError as error:
-            raise ProgramError(error.code, f"{name}: {error}{await self._held_by()}") from error
+            raise ProgramError(error.code, f"{name}: {error}{await self._limit_suffix()}") from error
         return self._mark(name, leg)
 
-    async def _along(self, leg: GoTo, go_on: GoOn) -> None:
-        """A side, as long as the robot comes nearer to its end."""
+    async def _drive_side(self, leg: GoTo, drive_step: DriveStep) -> None:
+        """Drive a side; fails when the robot comes no nearer to its end for ``patience_s``."""
         loop = asyncio.get_running_loop()
         nearest_m, nearer_s = math.inf, loop.time()
         while (twist := steer(self._parameters, leg, self._odometry.latest)) or not self._standing:
-            left_m = remaining(leg, self._odometry.latest)
-            if left_m < nearest_m - NEARER_M:
-                nearest_m, nearer_s = left_m, loop.time()
+            remaining_m = remaining(leg, self._odometry.latest)
+            if remaining_m < nearest_m - NEARER_M:
+                nearest_m, nearer_s = remaining_m, loop.time()
             if loop.time() - nearer_s > self._parameters.patience_s:
-                told = f"{left_m:.2f} m are left, and no nearer for {self._parameters.patience_s:g} s"
+                told = f"{remaining_m:.2f} m are left, and no nearer for {self._parameters.patience_s:g} s"
                 raise ProgramError(Exit.NOT_DONE, told)
-            await go_on(twist or STANDING)
+            await drive_step(twist or STANDING)
 
-    async def _around(self, leg: TurnTo, go_on: GoOn) -> None:
-        """A turn; what it learned of the robot's delay is for the next one, too."""
+    async def _turn(self, leg: TurnTo, drive_step: DriveStep) -> None:
+        """Turn in place. The delay that this turn learned is used for the next one."""
         loop, parameters = asyncio.get_running_loop(), self._parameters.turn
-        turn = turning.begin(parameters, loop.time(), left_rad(leg, self._odometry.latest), self._lead_s)
+        turn = turning.begin(
+            parameters, loop.time(), remaining_rad(leg, self._odometry.latest), self._delay_s
+        )
         while True:
-            left = left_rad(leg, self._odometry.latest)
-            turn, rate = turning.step(parameters, turn, loop.time(), left, stands=self._standing)
+            angle_rad = remaining_rad(leg, self._odometry.latest)
+            turn, rate = turning.step(parameters, turn, loop.time(), angle_rad, stands=self._standing)
             if rate is None:
-                self._lead_s = turn.lead_s
+                self._delay_s = turn.delay_s
                 return
-            await go_on(Twist2D(0.0, rate))
+            await drive_step(Twist2D(0.0, rate))
 
-    async def _held_by(self) -> str:
-        """What the daemon says that holds the robot up, at the end of a sentence."""
+    async def _limit_suffix(self) -> str:
+        """What slows or stops the robot according to the daemon, to append to a sentence; may be empty."""
         safety = (await self._robot.get_state()).safety
         held_by = safety.limited_by or (None if safety.mode == "armed" else safety.reason)
-        return "" if held_by is None else f"; held up by {held_by}"
+        return "" if held_by is None else f"; slowed by {held_by}"
 
-    async def _settle(self, events: Subscription[Any]) -> None:
-        """Wait until the robot has stood for a while, so that late readings are in."""
+    async def _wait_for_standstill(self, events: Subscription[Any]) -> None:
+        """Wait until the robot has stood for ``SETTLING_S``, so that late readings have arrived."""
         loop = asyncio.get_running_loop()
         stood_since_s = loop.time()
         while loop.time() - stood_since_s < SETTLING_S:
-            await self._next(events, PATIENCE_S)
+            await self._next(events, ODOMETRY_TIMEOUT_S)
             stood_since_s = stood_since_s if self._standing else loop.time()
 
     async def _next(self, events: Subscription[Any], patience_s: float) -> None:
-        """Take events up to and including one of odometry."""
+        """Read events up to and including the next one of odometry."""
         try:
             async with asyncio.timeout(patience_s):
                 while (event := await anext(events)).topic != "odometry":
                     self._tracks[event.topic].update(pose(event.data))
         except TimeoutError as error:
             raise ProgramError(Exit.NOT_DONE, f"no odometry for {patience_s:g} s") from error
-        self._take(event)
+        self._take_odometry(event)
 
-    def _take(self, odometry: Event[OdometryData]) -> None:
+    def _take_odometry(self, odometry: Event[OdometryData]) -> None:
         self._odometry.update(pose(odometry.data))
         self._standing = standing(odometry.data)
         self._latencies.arrivals.append((asyncio.get_running_loop().time(), odometry.stamp_s))
 
-    async def _ping_now_and_then(self) -> None:
+    async def _ping_if_due(self) -> None:
         loop, pings = asyncio.get_running_loop(), self._latencies.pings
         sent_s = loop.time()
         if not pings or sent_s - pings[-1].sent_s >= PING_PERIOD_S:
@@ -220,13 +226,13 @@ def _name(legs: Sequence[Leg], index: int) -> str:
     return f"{'side' if kind is GoTo else 'turn'} {ordinal}"
 
 
-def problems(walk: Walk) -> list[str]:
-    """What is wrong with where the walk ended; nothing when it is good."""
-    end = walk.marks[-1]
+def problems(result: CourseResult) -> list[str]:
+    """The problems with the final pose; empty when there are none."""
+    end = result.marks[-1]
     found = []
     closing = deviation(end.commanded, end.odometric)
     if not closing.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):
-        found.append(f"odometry says that the robot ended {closing} from where it was sent")
+        found.append(f"odometry says that the robot ended {closing} from the goal")
     if end.true is not None:
         drift = deviation(end.true, end.odometric)
         if not drift.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):

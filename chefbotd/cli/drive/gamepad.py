@@ -1,8 +1,8 @@
-"""A gamepad's stick and buttons turned into orders for a robot: the pure half of ``chefbotctl joystick``.
+"""A gamepad's stick and buttons as orders for a robot: the pure half of ``chefbotctl joystick``.
 
-Nothing moves unless the enable button is held, and it must have been seen up before: a pad that is plugged in, or a
-program that starts, with the button held down drives nothing. Letting it go ends this pad's own motion and no other's: a
-button of its own stops the robot, whoever drives it.
+The robot moves only while the enable button is held. A button that is already held when the program starts, or when the
+pad is plugged in, has no effect until it is released once. Releasing it ends only this pad's own motion. The stop button
+stops the robot, whoever drives it.
 """
 
 import math
@@ -17,7 +17,7 @@ from chefbotd.core.parameters import Parameters
 
 
 class PadParameters(Parameters):
-    """Speeds at full deflection, what ``turbo`` multiplies them by, and the share of a stick that is no motion."""
+    """Speeds at full deflection, the turbo factor, the stick's dead zone (0 to 1), and the repeat period."""
 
     linear_m_s: float = Field(0.2, gt=0, le=5)
     angular_rad_s: float = Field(0.8, gt=0, le=20)
@@ -38,33 +38,33 @@ class Button(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A look at a pad: the stick from -1 to 1, away from the driver and to the left being positive; buttons down."""
+    """One reading of a pad: the stick from -1 to 1 (forward and left are positive), and the buttons held."""
 
     forward: float = 0.0
     left: float = 0.0
     down: frozenset[Button] = frozenset()
 
 
-class Demand(StrEnum):
-    """An order that is no velocity; ``LET_GO`` ends what the pad has asked for, ``STOP`` what anybody has."""
+class Request(StrEnum):
+    """An order other than a velocity. ``RELEASE`` ends this pad's own motion, ``STOP`` everybody's."""
 
-    LET_GO = "let_go"
+    RELEASE = "release"
     STOP = "stop"
     ESTOP = "estop"
     ARM = "arm"
 
 
-Order: TypeAlias = Twist2D | Demand
+Order: TypeAlias = Twist2D | Request
 
-DEMANDS = ((Button.ESTOP, Demand.ESTOP), (Button.STOP, Demand.STOP), (Button.ARM, Demand.ARM))
-"""What a press demands; of several at once the first counts."""
+REQUESTS = ((Button.ESTOP, Request.ESTOP), (Button.STOP, Request.STOP), (Button.ARM, Request.ARM))
+"""What each button requests; when several are pressed at once, the first one in this order counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """What the last look left behind; at first every button counts as held, so that each has to be let go once.
+    """The state after a reading. At first every button counts as held, so that each has to be released once.
 
-    ``due_s`` is the next turn of a velocity: turns are on a grid from the first one on, however late a look comes.
+    ``due_s`` is when the next velocity is due: on a fixed grid from the first one on, however late readings come.
     """
 
     down: frozenset[Button] = frozenset(Button)
@@ -73,45 +73,45 @@ class Pad:
     due_s: float = -math.inf
 
 
-UNTOUCHED = Pad()
+INITIAL_PAD = Pad()
 
 
 def step(
     parameters: PadParameters, pad: Pad, reading: Reading | None, now_s: float
 ) -> tuple[Pad, tuple[Order, ...]]:
-    """Take a look (None: the pad is gone): the next state, and what to ask of the robot now, in this order.
+    """Process a reading (None: the pad is gone). Returns the next state and the orders to send now, in this order.
 
-    A velocity is repeated every ``repeat_s`` while enabled; letting go of the button or of the stick is told at once.
+    A velocity is repeated every ``repeat_s`` while enabled. Releasing the button or the stick takes effect at once.
     """
     if reading is None:
-        return UNTOUCHED, _let_go_if(pad.enabled)
+        return INITIAL_PAD, _release_if(pad.enabled)
     pressed = reading.down - pad.down
-    for button, demand in DEMANDS:
+    for button, request in REQUESTS:
         if button in pressed:
-            return Pad(reading.down), (*_let_go_if(pad.enabled and demand is Demand.ARM), demand)
+            return Pad(reading.down), (*_release_if(pad.enabled and request is Request.ARM), request)
     if not (Button.ENABLE in pressed or (pad.enabled and Button.ENABLE in reading.down)):
-        return Pad(reading.down), _let_go_if(pad.enabled)
+        return Pad(reading.down), _release_if(pad.enabled)
     wanted = twist(parameters, reading)
     due_s = pad.due_s if pad.enabled else now_s
     if now_s >= due_s:
-        return Pad(reading.down, True, wanted, _next_turn_s(due_s, parameters.repeat_s, now_s)), (wanted,)
+        return Pad(reading.down, True, wanted, _next_due_s(due_s, parameters.repeat_s, now_s)), (wanted,)
     if wanted == STANDING != pad.twist:
         return Pad(reading.down, True, wanted, due_s), (wanted,)
     return replace(pad, down=reading.down), ()
 
 
-def _next_turn_s(due_s: float, repeat_s: float, now_s: float) -> float:
-    """The first turn after now; those that were missed are left out, and not made up for."""
+def _next_due_s(due_s: float, repeat_s: float, now_s: float) -> float:
+    """The next time on the grid after now; times that were missed are skipped."""
     return due_s + repeat_s * (math.floor((now_s - due_s) / repeat_s) + 1)
 
 
 def disabled(pad: Pad) -> Pad:
-    """After a refusal: the button has to be let go and pressed again."""
+    """The state after a refusal: the enable button has to be released and pressed again."""
     return Pad(pad.down)
 
 
 def twist(parameters: PadParameters, reading: Reading) -> Twist2D:
-    """The velocity that the stick asks for."""
+    """The velocity for a stick position."""
     gain = parameters.turbo if Button.TURBO in reading.down else 1.0
     return Twist2D(
         gain * parameters.linear_m_s * deflection(reading.forward, parameters.dead_zone),
@@ -120,10 +120,10 @@ def twist(parameters: PadParameters, reading: Reading) -> Twist2D:
 
 
 def deflection(raw: float, dead_zone: float) -> float:
-    """The stick beyond its dead zone, from -1 to 1 and without a jump at the zone's edge."""
+    """The stick's deflection beyond its dead zone, from -1 to 1, continuous at the zone's edge."""
     beyond = (min(abs(raw), 1.0) - dead_zone) / (1.0 - dead_zone)
     return math.copysign(beyond, raw) if beyond > 0 else 0.0
 
 
-def _let_go_if(driving: bool) -> tuple[Order, ...]:
-    return (Demand.LET_GO,) if driving else ()
+def _release_if(driving: bool) -> tuple[Order, ...]:
+    return (Request.RELEASE,) if driving else ()

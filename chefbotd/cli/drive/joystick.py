@@ -1,6 +1,6 @@
-"""Driving by gamepad: the pad is looked at a hundred times a second, and what it asks for goes to the robot.
+"""Driving by gamepad: the pad is polled 100 times a second, and its orders are sent to the robot.
 
-Who lets go gives the robot back: the pad's own target is zero at once, and lower sources go on.
+Releasing the enable button sets the pad's own target to zero at once and releases its source; lower sources go on.
 """
 
 import asyncio
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.gamepad import UNTOUCHED, Demand, Order, PadParameters, Reading, disabled, step
-from chefbotd.cli.drive.pilot import let_go, told_of_stop
+from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadParameters, Reading, Request, disabled, step
+from chefbotd.cli.drive.pilot import describe_stop, release_source
 from chefbotd.client import CallError, Client
 
-LOOK_PERIOD_S = 0.01
+POLL_PERIOD_S = 0.01
 OWN_SOURCE = "joystick"
 NO_PAD = "no gamepad found: is one plugged in, and may you read /dev/input/event* (group 'input')?"
 
@@ -23,15 +23,15 @@ class Device(Protocol):
     name: str
 
     def read(self) -> Reading | None:
-        """It as it is now; None while it is not there."""
+        """The present reading; None while the pad is not connected."""
         ...
 
 
 class JoystickPilot:
-    """Drives a robot by a pad; ``say`` is told of what the driver should know.
+    """Drives a robot by a pad; ``say`` shows a message to the driver.
 
-    Without a source it speaks as ``joystick`` where the robot has that, and else as the robot's default source. With
-    ``takes_over`` it takes control of that source from whoever has it.
+    Without ``source`` it commands as the source ``joystick`` if the robot has one, and else as the default source. With
+    ``takes_over`` it takes control of that source from the client that has it.
     """
 
     def __init__(
@@ -48,14 +48,14 @@ class JoystickPilot:
         self._robot, self._device, self._say = robot, device, say
         self._parameters, self._fallback = parameters, source is None
         self._source: str | None = source or OWN_SOURCE
-        self._pad, self._there = UNTOUCHED, True
+        self._pad, self._there = INITIAL_PAD, True
 
     async def run(self) -> None:
-        """Drive until cancelled; lets go on every way out on which the robot may be moving.
+        """Drive until cancelled. If the robot may be moving, release the source at the end, also after an error.
 
         Raises:
-            ProgramError: there is no pad to begin with.
-            ChefbotError: the client's, but for refusals, which are told.
+            ProgramError: no pad is connected at the start.
+            ChefbotError: a client error other than a refusal; refusals are shown.
         """
         if self._device.read() is None:
             raise ProgramError(Exit.FAILED, NO_PAD)
@@ -63,11 +63,11 @@ class JoystickPilot:
             await self._take_control()
         try:
             while True:
-                await self._look()
-                await asyncio.sleep(LOOK_PERIOD_S)
+                await self._poll()
+                await asyncio.sleep(POLL_PERIOD_S)
         finally:
             if self._pad.enabled and self._robot.connected:
-                await let_go(self._robot, self._source)
+                await release_source(self._robot, self._source)
 
     async def _take_control(self) -> None:
         try:
@@ -78,13 +78,13 @@ class JoystickPilot:
             await self._robot.take_control(self._source)
 
     def _falls_back(self, error: CallError) -> bool:
-        """Whether from now on the default source speaks, since there is none of our own name."""
+        """Switch to the default source if the robot has no source ``joystick``; whether that was done."""
         if not self._fallback or error.kind != "unknown_source":
             return False
         self._source, self._fallback = None, False
         return True
 
-    async def _look(self) -> None:
+    async def _poll(self) -> None:
         reading = self._device.read()
         if self._there != (reading is not None):
             self._there = reading is not None
@@ -104,14 +104,14 @@ class JoystickPilot:
             self._say(f"{error.kind}: {error.message}")
 
     async def _ask(self, order: Order) -> None:
-        if order is Demand.LET_GO:
-            await let_go(self._robot, self._source)
-        elif order is Demand.STOP:
-            self._say(told_of_stop(await self._robot.stop()))
-        elif order is Demand.ESTOP:
+        if order is Request.RELEASE:
+            await release_source(self._robot, self._source)
+        elif order is Request.STOP:
+            self._say(describe_stop(await self._robot.stop()))
+        elif order is Request.ESTOP:
             await self._robot.estop("asked by joystick")
             self._say("Emergency stop; Start arms again.")
-        elif order is Demand.ARM:
+        elif order is Request.ARM:
             await self._robot.arm()
             self._say("Armed.")
         else:

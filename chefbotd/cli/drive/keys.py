@@ -1,12 +1,11 @@
 """Driving by keys that a terminal repeats and never releases: the pure half of teleop.
 
 A terminal reports no key-up. A key that is held arrives once, then again after the keyboard's initial delay
-(0.25 s to 0.66 s on common desktops, 0.5 s on most), and then every 30 ms or so. So a press is believed for
-``first_hold_s``, which covers that delay and makes the drive smooth; and once the key repeats, only for a few
-repeat intervals: letting go of a held key stops the robot within ``shortest_hold_s`` to ``longest_hold_s``
-(0.12 s at 30 ms). What is left is a single tap, which drives for the whole first hold. The delay is therefore
-learned from the first key that is held, so that a fast keyboard soon has short taps and a slow one no gap.
-Any key that means nothing here stops at once.
+(0.25 s to 0.66 s on common desktops, 0.5 s on most), and then about every 30 ms. A first press therefore counts as
+held for ``first_hold_s``, which covers that delay. Once the key repeats, each repeat counts for a few intervals only:
+releasing a held key stops the robot within ``shortest_hold_s`` to ``longest_hold_s`` (0.12 s at 30 ms). A single tap
+drives for the whole first hold. To keep taps short on a fast keyboard and drives smooth on a slow one, the delay is
+learned from the first key that is held. Any unknown key stops at once.
 """
 
 from dataclasses import dataclass, replace
@@ -61,7 +60,7 @@ class KeyParameters(Parameters):
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """What the keys have asked for so far.
+    """The state of the keys.
 
     ``held`` is the key that drives until ``until_s``, last seen at ``seen_s``; ``gap_s`` is the time between
     its last two arrivals as long as that may have been the keyboard's initial delay.
@@ -76,14 +75,14 @@ class Keys:
     gap_s: float | None = None
 
     def twist(self, now_s: float) -> Twist2D:
-        """What to drive now; standing once the key counts as released."""
+        """The velocity to command now; zero once the key counts as released."""
         if self.held is None or now_s >= self.until_s:
             return STANDING
         forward, turn = MOVES[self.held]
         return Twist2D(forward * self.linear_m_s, turn * self.angular_rad_s)
 
 
-def untouched(parameters: KeyParameters) -> Keys:
+def initial_keys(parameters: KeyParameters) -> Keys:
     """Before the first key."""
     return Keys(parameters.linear_m_s, parameters.angular_rad_s, parameters.first_hold_s)
 
@@ -123,7 +122,7 @@ def _move(parameters: KeyParameters, keys: Keys, key: str, now_s: float) -> Keys
 
 
 def _learn(parameters: KeyParameters, keys: Keys) -> Keys:
-    """A quick repeat proves that the gap before it was the keyboard's initial delay."""
+    """Learn the initial delay: a quick repeat shows that the gap before it was that delay."""
     if keys.gap_s is None:
         return keys
     hold_s = min(keys.gap_s + parameters.first_hold_margin_s, parameters.longest_first_hold_s)

@@ -1,22 +1,24 @@
-"""From keys to commands: what the keys ask for, sent at 20 Hz while one is held, and given back when it is let go.
+"""Commands from keys: sent at 20 Hz while a key is held; the source is released when the key is.
 
-Letting go ends this program's own motion and no other's. Only a key that stops, stops whoever drives.
+Releasing a key ends only this program's own motion. A stop key stops the robot, whoever drives it.
 """
 
 import asyncio
 import contextlib
 from collections.abc import Callable, Mapping
 
-from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, press, released, untouched
+from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import STANDING, Twist2D
 
 PERIOD_S = 0.05
 
 
-async def let_go(robot: Client, source: str | None = None) -> None:
-    """Our own target to zero, then our source given back. Where that is refused, a stop, which never is."""
-    with contextlib.suppress(CallError):  # disarmed, or another's by now: nothing of ours moves the robot
+async def release_source(robot: Client, source: str | None = None) -> None:
+    """Set our own target to zero, then release our sources. If the release is refused, send a stop, which never is."""
+    with contextlib.suppress(
+        CallError
+    ):  # disarmed, or another client has control: our command does not move the robot
         await robot.drive(0.0, 0.0, source)
     try:
         await robot.release_control()
@@ -24,40 +26,40 @@ async def let_go(robot: Client, source: str | None = None) -> None:
         await robot.stop()
 
 
-def told_of_stop(drivers: Mapping[str, str]) -> str:
-    """What a stop is told as: who was driving is held until it lets go."""
+def describe_stop(drivers: Mapping[str, str]) -> str:
+    """The message after a stop, with who was driving."""
     if not drivers:
         return "Stopped; nobody was driving."
     who = ", ".join(f"{source} was driven by {client}" for source, client in drivers.items())
-    return f"Stopped; {who}. Other drivers are refused until they let go."
+    return f"Stopped; {who}. Other drivers are refused until they release the robot."
 
 
 class Pilot:
-    """Drives a robot by keys; ``complain`` is told of every refusal, which ends the motion but not the pilot."""
+    """Drives a robot by keys. A refusal is passed to ``report_refusal`` and ends the motion, but not the pilot."""
 
     def __init__(
-        self, robot: Client, complain: Callable[[str], None], parameters: KeyParameters | None = None
+        self, robot: Client, report_refusal: Callable[[str], None], parameters: KeyParameters | None = None
     ) -> None:
-        self._robot, self._complain = robot, complain
+        self._robot, self._report_refusal = robot, report_refusal
         self._parameters = parameters or KeyParameters()
         self._woken = asyncio.Event()
         self._stop_due = False
-        self.keys: Keys = untouched(self._parameters)
+        self.keys: Keys = initial_keys(self._parameters)
         self.asked: Twist2D = STANDING
 
     def press(self, key: str) -> None:
-        """A key arrived from the terminal. One that neither drives nor sets a speed stops, even at rest."""
+        """Process a key from the terminal. A key that neither drives nor sets a speed stops, also at standstill."""
         self.keys = press(self._parameters, self.keys, key, asyncio.get_running_loop().time())
         self._stop_due = self._stop_due or key not in MOVES.keys() | SCALES.keys()
         self._woken.set()
 
     def release(self) -> None:
-        """Whatever was held is not any more: the terminal lost the focus, or something else has to come first."""
+        """Treat every key as released: the terminal lost the focus, or another request comes first."""
         self.keys = released(self.keys)
         self._woken.set()
 
     async def run(self) -> None:
-        """Send commands until cancelled, and let go on every way out; raises the client's errors but refusals."""
+        """Send commands until cancelled, and release the source at the end. Raises client errors other than refusals."""
         try:
             while True:
                 await self._send()
@@ -65,7 +67,7 @@ class Pilot:
         finally:
             moving, self.asked = self.asked != STANDING, STANDING
             if moving and self._robot.connected:
-                await let_go(self._robot)
+                await release_source(self._robot)
 
     async def _send(self) -> None:
         self._woken.clear()
@@ -78,13 +80,13 @@ class Pilot:
             if wanted != STANDING:
                 await self._robot.drive(wanted.linear_m_s, wanted.angular_rad_s)
             elif before != STANDING and not stop_due:
-                await let_go(self._robot)
+                await release_source(self._robot)
         except CallError as error:
             self.keys, self.asked = released(self.keys), STANDING
-            self._complain(f"{error.kind}: {error.message}")
+            self._report_refusal(f"{error.kind}: {error.message}")
 
     async def _wait(self) -> None:
-        """Until the next key, the next command's turn, or the moment at which the key counts as let go."""
+        """Wait for the next key, the next period, or the moment at which the key counts as released."""
         if self.asked == STANDING:
             await self._woken.wait()
             return

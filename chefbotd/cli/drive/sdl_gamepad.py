@@ -1,4 +1,4 @@
-"""Gamepads through SDL, which knows where each model has its stick and buttons; needs the extra ``joystick``."""
+"""Gamepads through SDL, which knows the layout of each model; needs the extra ``joystick``."""
 
 import warnings
 from types import TracebackType
@@ -19,13 +19,13 @@ BUTTONS = {
     Button.ARM: sdl2.SDL_CONTROLLER_BUTTON_START,
 }
 HELP = """\
-Hold LB and move the left stick to drive; RB is turbo. Let LB go, and the robot is given back to whoever else drives it.
-X stops it, whoever drives; B is the emergency stop; Start arms."""
+Hold LB and move the left stick to drive; RB is turbo. Releasing LB ends your own motion; another
+driver may go on. X stops the robot, whoever drives; B is the emergency stop; Start arms."""
 FULL = 32768
 
 
 class SdlPad:
-    """The first gamepad there is, whenever one is plugged in; use it as a context manager."""
+    """The first gamepad that is connected, now or later; use it as a context manager."""
 
     def __init__(self) -> None:
         self._pad: Any = None
@@ -42,14 +42,14 @@ class SdlPad:
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._let_go()
+        self._close()
         sdl2.SDL_Quit()
 
     def read(self) -> Reading | None:
         """The pad as it is now; None while there is none. Does not wait."""
         sdl2.SDL_GameControllerUpdate()
         if self._pad is not None and not sdl2.SDL_GameControllerGetAttached(self._pad):
-            self._let_go()
+            self._close()
         if self._pad is None and not self._find():
             return None
         down = [b for b, code in BUTTONS.items() if sdl2.SDL_GameControllerGetButton(self._pad, code)]
@@ -70,7 +70,7 @@ class SdlPad:
                 return True
         return False
 
-    def _let_go(self) -> None:
+    def _close(self) -> None:
         if self._pad is not None:
             sdl2.SDL_GameControllerClose(self._pad)
             self._pad = None

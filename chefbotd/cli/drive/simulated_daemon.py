@@ -1,4 +1,4 @@
-"""A daemon on a simulated robot, as a process of one's own, for as long as it is needed."""
+"""A daemon on a simulated robot in a child process."""
 
 import asyncio
 import socket
@@ -21,7 +21,7 @@ LOG_TAIL_LINES = 20
 
 @asynccontextmanager
 async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
-    """Start ``chefbotd run --sim``, wait until it listens, and end it on every way out.
+    """Start ``chefbotd run --sim``, wait until it listens, and end it when the block ends, also after an error.
 
     ``robot`` is the configuration to simulate; None is the packaged ChefBot's.
 
@@ -45,7 +45,7 @@ async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
             *command,
             stdout=log,
             stderr=log,
-            start_new_session=True,  # Ctrl-C is for us alone: the robot is told to stop before its daemon ends
+            start_new_session=True,  # Ctrl-C reaches only us: we stop the robot before its daemon ends
         )
         try:
             await _listening(process, address, log)

@@ -1,40 +1,42 @@
-"""The demonstration: a robot drives a square over the command socket, and what came of it is shown.
+"""``chefbotctl square``: the robot drives a square over the command socket, and the result is shown.
 
-The course is closed over odometry. A simulated robot's true pose is shown beside it; the drive is good when the
-robot really is where odometry says (within 5 cm and 5 degrees) and odometry closes the square as well as that.
+The robot follows the course by odometry; a simulated robot's true pose is shown too. The drive is good when odometry
+ends within 5 cm and 5 degrees of the goal, and the true pose within as much of odometry.
 """
 
 from pathlib import Path
 
-from chefbotd.cli.common.context import Conversation
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive import square_view
 from chefbotd.cli.drive.course import CourseParameters, square
-from chefbotd.cli.drive.course_driver import Walk, Walker, problems
+from chefbotd.cli.drive.course_driver import CourseDriver, CourseResult, problems
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
 from chefbotd.client import Client
 
 
-def drive_square(chat: Conversation, side_m: float, *, simulated: bool, robot: Path | None = None) -> None:
-    """Drive (on the daemon of ``chat``, or on a simulation of ``robot`` of its own), show, and judge.
+def drive_square(
+    context: CommandContext, side_m: float, *, simulated: bool, robot: Path | None = None
+) -> None:
+    """Drive the square on the daemon of ``context``, or on a new simulation of ``robot``; show and judge the result.
 
     Raises:
-        ProgramError: the robot ended elsewhere than it should, or the drive did not come to its end.
+        ProgramError: the robot did not reach the goal.
     """
-    view = square_view.View(chat.as_json)
+    view = square_view.View(context.as_json)
 
-    async def talk(client: Client) -> Walk:
+    async def drive_course(client: Client) -> CourseResult:
         with view.progress() as report:
-            return await Walker(client, CourseParameters(), report).walk(square(side_m))
+            return await CourseDriver(client, CourseParameters(), report).drive_course(square(side_m))
 
-    async def talk_to_simulation() -> Walk:
+    async def drive_simulation() -> CourseResult:
         view.say("starting chefbotd on a simulated robot ...")
         async with simulated_daemon(robot) as address:
             view.say(f"driving a {side_m:g} m square through {address}")
-            return await Conversation(address).connected(talk)
+            return await CommandContext(address).with_client(drive_course)
 
-    walk = chat.run(talk_to_simulation() if simulated else chat.connected(talk))
-    found = problems(walk)
-    view.show(walk, found)
+    result = context.run(drive_simulation() if simulated else context.with_client(drive_course))
+    found = problems(result)
+    view.show(result, found)
     if found:
         raise ProgramError(Exit.NOT_DONE, "; ".join(found))

@@ -1,4 +1,4 @@
-"""What the demonstration shows: where the robot is while it drives, and a table of how that ended."""
+"""What ``chefbotctl square`` shows: progress while the robot drives, and a table of the result."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.echo import echo, writing
 from chefbotd.cli.common.latency import Latencies, percentile
 from chefbotd.cli.drive.course import deviation
-from chefbotd.cli.drive.course_driver import Progress, Report, Walk
+from chefbotd.cli.drive.course_driver import CourseResult, Progress, Report
 from chefbotd.core.geometry import Pose2D
 
 PERCENTS = (50, 95, 99)
@@ -29,20 +29,20 @@ KINDS: dict[str, Callable[[Latencies], list[float]]] = {
 
 
 class View:
-    """Shows a walk: live on a terminal, line by line in a file, and at the end only when it is to be JSON."""
+    """Shows a drive: live on a terminal, line by line in a file, and only the result as JSON."""
 
     def __init__(self, as_json: bool, console: Console | None = None) -> None:
         self._as_json = as_json
         self._console = console or Printer(quiet=as_json, highlight=False)
 
     def say(self, text: str) -> None:
-        """A line on the way."""
+        """Print a line."""
         with writing():
             self._console.print(text)
 
     @contextmanager
     def progress(self) -> Iterator[Report]:
-        """Takes the moments of a walk."""
+        """Yield the function that shows progress."""
         if not self._console.is_terminal:
             yield self._line_by_leg()
             return
@@ -67,47 +67,47 @@ class View:
 
         return report
 
-    def show(self, walk: Walk, problems: Sequence[str]) -> None:
-        """How it ended."""
+    def show(self, result: CourseResult, problems: Sequence[str]) -> None:
+        """Show the result."""
         if self._as_json:
-            echo(json.dumps(as_json(walk, problems)))
+            echo(json.dumps(as_json(result, problems)))
             return
         with writing():
-            self._console.print(poses(walk), latencies(walk.latencies), sep="")
-        self.say(f"[{'red' if problems else 'green'}]{closing_words(walk)}[/]")
+            self._console.print(poses(result), latencies(result.latencies), sep="")
+        self.say(f"[{'red' if problems else 'green'}]{closing_words(result)}[/]")
 
 
-def as_json(walk: Walk, problems: Sequence[str]) -> dict[str, Any]:
-    """The walk for a script; latencies in milliseconds."""
+def as_json(result: CourseResult, problems: Sequence[str]) -> dict[str, Any]:
+    """The result for a script; latencies in milliseconds."""
     late = {
-        kind: {f"p{p}_ms": 1000 * percentile(of(walk.latencies), p) for p in PERCENTS}
+        kind: {f"p{p}_ms": 1000 * percentile(of(result.latencies), p) for p in PERCENTS}
         for kind, of in KINDS.items()
     }
-    marks = [asdict(mark) for mark in walk.marks]
-    return {"marks": marks, "seconds": walk.seconds, "latencies": late, "problems": list(problems)}
+    marks = [asdict(mark) for mark in result.marks]
+    return {"marks": marks, "seconds": result.seconds, "latencies": late, "problems": list(problems)}
 
 
-def poses(walk: Walk) -> Table:
+def poses(result: CourseResult) -> Table:
     """Commanded, odometric and true pose at the end of each leg."""
     table = Table("x y m, °", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("commanded", "odometric", "true"):
         table.add_column(title, justify="right")
-    for mark in walk.marks:
+    for mark in result.marks:
         table.add_row(mark.name, *map(_brief, (mark.commanded, mark.odometric, mark.true)))
     return table
 
 
 def _brief(pose: Pose2D | None) -> str:
-    """Each number as wide as any of its kind, so that they stand below each other."""
+    """A pose in columns of fixed width."""
     if pose is None:
         return "-"
     return f"{pose.x_m:+7.3f} {pose.y_m:+7.3f} {math.degrees(pose.heading_rad):+6.1f}"
 
 
-def closing_words(walk: Walk) -> str:
-    """How far odometry was in the end from where it was sent, and from the truth."""
-    end = walk.marks[-1]
-    words = f"{walk.seconds:.1f} s; closed within {deviation(end.commanded, end.odometric)}"
+def closing_words(result: CourseResult) -> str:
+    """The final distance of odometry from the goal, and from the true pose."""
+    end = result.marks[-1]
+    words = f"{result.seconds:.1f} s; closed within {deviation(end.commanded, end.odometric)}"
     return words if end.true is None else f"{words}, truth within {deviation(end.true, end.odometric)}"
 
 

@@ -1,4 +1,4 @@
-"""Driving under a name: others see who drives, and whoever drove before gives way if asked to."""
+"""Driving under a client name, if asked to with control taken from another client."""
 
 import socket
 from collections.abc import Awaitable, Callable
@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import click
 
-from chefbotd.cli.common.context import Conversation
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.client import Client
 
 T = TypeVar("T")
@@ -22,24 +22,24 @@ take_over = click.option(
 """The option of every command that drives."""
 
 
-def lead(
-    chat: Conversation,
+def run_as_driver(
+    context: CommandContext,
     command: str,
-    talk: Callable[[Client], Awaitable[T]],
+    action: Callable[[Client], Awaitable[T]],
     *,
     takes_over: bool,
     reconnect: bool = False,
 ) -> T:
-    """Hold a conversation as ``chefbotctl COMMAND on HOST``, if asked to with control of the default source.
+    """Run ``action`` as the client ``chefbotctl COMMAND on HOST``; with ``takes_over`` take control first.
 
     Raises:
-        ProgramError: whatever went wrong, with its exit code.
+        ProgramError: any failure, with its exit code.
     """
 
-    async def led(robot: Client) -> T:
+    async def as_driver(robot: Client) -> T:
         if takes_over:
             await robot.take_control()
-        return await talk(robot)
+        return await action(robot)
 
     name = f"chefbotctl {command} on {socket.gethostname()}"[:LONGEST_NAME]
-    return chat.hold(led, name=name, reconnect=reconnect)
+    return context.run_with_client(as_driver, name=name, reconnect=reconnect)

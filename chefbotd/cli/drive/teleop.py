@@ -15,7 +15,7 @@ from textual.widgets import Static
 
 from chefbotd.cli.common import state_text
 from chefbotd.cli.common.screen import RobotScreen
-from chefbotd.cli.common.state_text import Fact, Mood
+from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.keys import released
 from chefbotd.cli.drive.pilot import Pilot
 from chefbotd.client import Client, ConnectionLost, Event
@@ -23,7 +23,7 @@ from chefbotd.client import Client, ConnectionLost, Event
 TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
 SHOWN_HZ = 10.0
 PING_PERIOD_S = 0.5
-LOST = Fact("daemon", "connection lost, trying again", Mood.ALARM)
+LOST = Fact("daemon", "connection lost, trying again", Style.ALARM)
 ESTOP_KEYS = {"!", "backspace", "delete"}
 HELP = """\
      u   i   o
@@ -72,11 +72,11 @@ class Teleop(RobotScreen):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self.run_beside(self._drive(), self._listen(), self._measure())
+        self.run_tasks(self._drive(), self._listen(), self._measure())
         self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
-        """Textual: the terminal lost the focus, so no key that is let go would be noticed."""
+        """Textual: the terminal lost the focus, so a released key would not be noticed."""
         self._pilot.release()
 
     async def on_key(self, event: events.Key) -> None:
@@ -88,12 +88,12 @@ class Teleop(RobotScreen):
         elif key == "a":
             await self._interrupt(self.robot.arm(), "Armed.")
         elif key == "t":
-            await self.ask(self.robot.take_control(), "You have control; whoever had it comes to rest.")
+            await self.ask(self.robot.take_control(), "You have control; the previous driver's motion ends.")
         else:
             self._pilot.press(key)
 
     async def _drive(self) -> None:
-        """Send what the keys ask for; after a lost connection with no key held, as the daemon has withdrawn it."""
+        """Send the keys' commands. After a lost connection no key counts as held: the command was withdrawn."""
         while True:
             try:
                 await self._pilot.run()
@@ -128,7 +128,7 @@ class Teleop(RobotScreen):
     def _draw(self) -> None:
         table = Table.grid(padding=(0, 2))
         for fact in self._facts():
-            table.add_row(Text(fact.label, style=Mood.FAINT), Text(fact.text, style=fact.mood))
+            table.add_row(Text(fact.label, style=Style.FAINT), Text(fact.text, style=fact.style))
         self.query_one("#facts", Static).update(table)
 
     def _facts(self) -> list[Fact]:
@@ -136,7 +136,7 @@ class Teleop(RobotScreen):
         told = state_text.of_topics({topic: self._aged(topic) for topic in TOPICS if topic in self._latest})
         trip = "-" if self._round_trip_s is None else f"{1000 * self._round_trip_s:.1f} ms round trip"
         if not self.robot.connected:
-            told = [LOST, *(replace(fact, mood=Mood.FAINT) for fact in told)]
+            told = [LOST, *(replace(fact, style=Style.FAINT) for fact in told)]
         return [
             *told,
             Fact("asked", state_text.twist(asked.linear_m_s, asked.angular_rad_s)),
@@ -150,5 +150,5 @@ class Teleop(RobotScreen):
 
 
 async def teleop(robot: Client, address: str) -> None:
-    """Drive by keyboard until the user quits; raises the client's error when that is what ended it."""
+    """Drive by keyboard until the user quits; raises the client error that ended it, if any."""
     await Teleop(robot, address, reconnects=True).show()

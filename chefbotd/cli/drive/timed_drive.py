@@ -1,4 +1,4 @@
-"""Driving for a while: the command repeated against the daemon's dead-man, and a stop whatever happens."""
+"""Driving for a given time: the command is repeated within the daemon's dead-man time, and a stop always follows."""
 
 import asyncio
 import math
@@ -18,12 +18,12 @@ SETTLING_PATIENCE_S = 3.0
 STILL_M_S = 0.002
 STILL_RAD_S = 0.01
 MOVED_SHARE = 0.1
-"""A robot that did less than this share of what was asked has not moved, for all its limits and ramps."""
+"""A robot that covered less than this share of the allowed motion counts as not moved."""
 
 
 @dataclass(slots=True)
-class Way:
-    """How far the robot went and turned (CCW positive) on its way, looked at more than twice in every turn."""
+class TravelledPath:
+    """How far the robot went and turned (CCW positive) since ``start``. Poses must come at least twice a revolution."""
 
     start: Pose2D
     latest: Pose2D = field(init=False)
@@ -33,8 +33,8 @@ class Way:
     def __post_init__(self) -> None:
         self.latest = self.start
 
-    def look(self, at: Pose2D) -> None:
-        """The robot is now here."""
+    def add_pose(self, at: Pose2D) -> None:
+        """Add the robot's present pose."""
         step = self.latest.inverse().compose(at)
         self.went_m += math.hypot(step.x_m, step.y_m)
         self.turned_rad += wrap_angle(step.heading_rad)
@@ -47,31 +47,31 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What the daemon said of a command.
+class LimitReport:
+    """Why the daemon slowed a command.
 
-    ``limited_by`` is the configured limit that the command is beyond, ``held_by`` what held the robot up besides.
+    ``limited_by`` names the configured limit that the command exceeds, ``held_by`` whatever else slows the robot.
     """
 
     limited_by: str | None = None
     held_by: str | None = None
 
-    def clipped(self, allowed: str) -> str:
-        """A line for a command that was beyond a limit, with what was allowed; nothing for any other."""
+    def limit_line(self, allowed: str) -> str:
+        """A line that names the exceeded limit and the allowed speed; empty when no limit was exceeded."""
         return "" if self.limited_by is None else f"Limited by {self.limited_by} to {allowed}.\n"
 
     @property
-    def because(self) -> str:
-        """What may be the reason, at the end of a sentence about a robot that did not move."""
-        return "" if self.held_by is None else f"; held up by {self.held_by}"
+    def limit_suffix(self) -> str:
+        """The likely reason why the robot did not move, to append to a sentence; may be empty."""
+        return "" if self.held_by is None else f"; slowed by {self.held_by}"
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What was allowed of a command, and what odometry says happened: the end seen from the start, and the way there."""
+    """The velocity that the daemon allowed, and the motion that odometry measured."""
 
     allowed: Twist2D
-    told: Told
+    told: LimitReport
     seconds: float
     moved: Pose2D
     went_m: float
@@ -79,7 +79,7 @@ class Drive:
 
     @property
     def happened(self) -> bool:
-        """Whether the robot moved at all, as far as it was allowed to."""
+        """Whether the robot moved by at least ``MOVED_SHARE`` of what was allowed."""
         allowed_m = abs(self.allowed.linear_m_s) * self.seconds
         allowed_rad = abs(self.allowed.angular_rad_s) * self.seconds
         return self.went_m >= MOVED_SHARE * allowed_m and abs(self.turned_rad) >= MOVED_SHARE * allowed_rad
@@ -87,15 +87,15 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """What was allowed of wheels that were each asked for a speed, and how fast each wheel turned at the end."""
+    """The speed that the daemon allowed each wheel, and the speed of each wheel at the end, in rad/s."""
 
     allowed_rad_s: Mapping[str, float]
-    told: Told
+    told: LimitReport
     turned_rad_s: Mapping[str, float]
 
     @property
     def stuck(self) -> list[str]:
-        """The wheels that were allowed to turn, and did next to nothing of it."""
+        """The wheels that turned slower than ``MOVED_SHARE`` of their allowed speed."""
         turned = self.turned_rad_s
         return [
             name
@@ -107,26 +107,26 @@ class Turning:
 async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
     """Drive, telling ``report`` the seconds gone by, then stop and wait until the robot stands.
 
-    The stop is sent on every way out: the end, an error, a cancellation. Raises the client's errors.
+    The stop is sent on every exit: the end, an error, a cancellation. Raises the client's errors.
     """
-    way = Way(pose(await odometry(robot)))
+    path = TravelledPath(pose(await odometry(robot)))
     answer: Driven | None = None
-    told = Told()
+    told = LimitReport()
 
     async def command() -> None:
         nonlocal answer, told
         answer = await robot.drive(twist.linear_m_s, twist.angular_rad_s)
         state = await robot.get_state()
         told = _told(answer, state)
-        way.look(pose(_odometry(state)))
+        path.add_pose(pose(_odometry(state)))
 
     try:
         await _repeat(command, seconds, report)
     finally:
         await robot.stop()
-    await _settle(robot, way)
+    await _wait_for_standstill(robot, path)
     allowed = STANDING if answer is None else Twist2D(answer.linear_m_s, answer.angular_rad_s)
-    return Drive(allowed, told, seconds, way.moved, way.went_m, way.turned_rad)
+    return Drive(allowed, told, seconds, path.moved, path.went_m, path.turned_rad)
 
 
 async def turn_for(
@@ -134,7 +134,7 @@ async def turn_for(
 ) -> Turning:
     """Turn wheels, telling ``report`` the seconds gone by, then stop: how fast each wheel turned before that.
 
-    The stop is sent on every way out. Raises the client's errors.
+    The stop is sent on every exit. Raises the client's errors.
     """
     answer = WheelsDriven(name=[], velocity_rad_s=[])
 
@@ -151,8 +151,8 @@ async def turn_for(
     return Turning(_by_name(answer), _told(answer, state), turned)
 
 
-def _told(answer: Limited, state: State) -> Told:
-    return Told(answer.limited_by, state.safety.limited_by)
+def _told(answer: Limited, state: State) -> LimitReport:
+    return LimitReport(answer.limited_by, state.safety.limited_by)
 
 
 def _by_name(speeds: WheelsDriven | WheelsData) -> dict[str, float]:
@@ -171,13 +171,13 @@ async def _repeat(
     report(seconds)
 
 
-async def _settle(robot: Client, way: Way) -> None:
+async def _wait_for_standstill(robot: Client, path: TravelledPath) -> None:
     loop = asyncio.get_running_loop()
     patience_ends_s = loop.time() + SETTLING_PATIENCE_S
     while True:
         await asyncio.sleep(PERIOD_S)
         reading = await odometry(robot)
-        way.look(pose(reading))
+        path.add_pose(pose(reading))
         if standing(reading) or loop.time() > patience_ends_s:
             return
 

@@ -1,4 +1,4 @@
-"""The program chefbotctl: asks, watches, drives and configures a running daemon."""
+"""The program chefbotctl: shows, drives and configures a robot whose daemon runs."""
 
 import ssl
 from typing import TextIO
@@ -7,7 +7,7 @@ import click
 
 from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
-from chefbotd.cli.common.context import Conversation, Runner, Trust, run_until_signalled
+from chefbotd.cli.common.context import CommandContext, Credentials, Runner, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
@@ -19,11 +19,11 @@ from chefbotd.cli.tune.commands import pid
 
 TOKEN = click.File(encoding="utf-8")
 LONGEST_TOKEN = 512
-"""As the daemon has it."""
+"""The daemon's limit."""
 
 LONGEST_TOKEN_FILE = 65_536
 ROLES = ("observe", "drive", "admin")
-"""As the daemon has them, which need not be imported to connect."""
+"""The daemon's roles, repeated here so that chefbotctl need not import them."""
 
 EXITS = list(MEANING)
 
@@ -45,7 +45,7 @@ EXITS = list(MEANING)
     type=TOKEN,
     envvar="CHEFBOTCTL_TOKEN_FILE",
     show_envvar=True,
-    help="A file that holds the token to show, alone or after its role.",
+    help="A file with the token, alone or after its role.",
 )
 @click.option(
     "--ca",
@@ -59,13 +59,13 @@ EXITS = list(MEANING)
 def main(ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
     run: Runner = ctx.obj or run_until_signalled
-    ctx.obj = Conversation(where, wants_json(ctx), run, _trust(token_file, ca))
+    ctx.obj = CommandContext(where, wants_json(ctx), run, _credentials(token_file, ca))
 
 
-def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
+def _credentials(token_file: TextIO | None, ca: str | None) -> Credentials:
     token = None if token_file is None else _token(token_file)
     try:
-        return Trust(token, None if ca is None else ssl.create_default_context(cafile=ca))
+        return Credentials(token, None if ca is None else ssl.create_default_context(cafile=ca))
     except OSError as error:
         raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
 
@@ -73,12 +73,12 @@ def _trust(token_file: TextIO | None, ca: str | None) -> Trust:
 def _token(file: TextIO) -> str:
     """The first token in the file: alone on its line or after its role, as in the daemon's own file.
 
-    It is never repeated in a message.
+    The token never appears in a message.
     """
     try:
         lines = file.read(LONGEST_TOKEN_FILE + 1).splitlines()
     except UnicodeDecodeError:
-        raise click.UsageError(f"--token-file {file.name}: is no text") from None
+        raise click.UsageError(f"--token-file {file.name}: is not text") from None
     entries = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
     words = entries[0] if entries else []
     has_role = len(words) == 2 and words[0] in ROLES

@@ -1,6 +1,6 @@
 """The program chefbotd: run the daemon, run a simulated board, check a configuration.
 
-Start-up is what a user waits for, so each command imports what it needs when it is called.
+Users wait for the start, so each command imports what it needs when it is called.
 """
 
 import asyncio
@@ -43,7 +43,7 @@ def main() -> None:
     "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
 )
 @click.option(
-    "--log-level", metavar="LEVEL", help="What is worth a line in the log: debug, info, warning, error."
+    "--log-level", metavar="LEVEL", help="The lowest level that is logged: debug, info, warning, error."
 )
 @click.pass_context
 def run(

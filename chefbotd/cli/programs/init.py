@@ -1,4 +1,4 @@
-"""The commands of chefbotd about a robot of one's own: begin its configuration, show its description."""
+"""The commands of chefbotd for your own robot: create its configuration, print its description."""
 
 from pathlib import Path
 
@@ -12,11 +12,11 @@ from chefbotd.cli.programs.load import load_valid
 
 @click.command()
 @click.option(
-    "--robot", default="chefbot", show_default=True, metavar="NAME", help="Which one to begin from."
+    "--robot", default="chefbot", show_default=True, metavar="NAME", help="The packaged robot to copy."
 )
 @click.argument("folder", metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path))
 def init(robot: str, folder: Path) -> None:
-    """Begin the configuration of your own robot in FOLDER.
+    """Create the configuration of your own robot in FOLDER.
 
     Writes the packaged robot's configuration with all its comments, and its description (URDF), which is made from the
     configuration. Nothing is overwritten.
@@ -39,7 +39,7 @@ def init(robot: str, folder: Path) -> None:
                 file.write(text)
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{error.filename}: cannot be written: {error.strerror}") from error
-    echo(f"Wrote {config}: change what differs on your robot.")
+    echo(f"Wrote {config}: edit what differs on your robot.")
     echo(f"Wrote {urdf}: its links and joints, made from the configuration.")
     echo(f"Then: chefbotd check-config {config}")
     echo(f"      chefbotd run --config {config}")

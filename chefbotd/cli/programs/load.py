@@ -1,4 +1,4 @@
-"""Configurations for the programs: loaded and checked in one way, whatever the command."""
+"""Loading and checking a configuration for a command."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None)
     """The configuration at ``path`` (None: the packaged ChefBot's).
 
     Raises:
-        ProgramError: it is not valid, and why.
+        ProgramError: it is not valid; the message says why.
     """
     from chefbotd.settings import SettingsError, load
 
@@ -27,10 +27,10 @@ def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None)
 
 
 def simulation(settings: "Settings") -> "Simulation":
-    """What to simulate for this configuration.
+    """The simulation that this configuration describes.
 
     Raises:
-        ProgramError: it cannot be simulated, and why.
+        ProgramError: it cannot be simulated; the message says why.
     """
     from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation
 

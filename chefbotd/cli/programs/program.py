@@ -1,4 +1,4 @@
-"""What chefbotd and chefbotctl have in common: failures become exit codes, and --json stands anywhere."""
+"""What chefbotd and chefbotctl share: failures become exit codes, and --json may stand anywhere."""
 
 import io
 import json
@@ -15,11 +15,11 @@ _JSON = f"{__name__}.json"
 
 
 @runtime_checkable
-class Speaker(Protocol):
-    """What a program hands to its commands (``ctx.obj``), when that prints for them."""
+class SupportsJson(Protocol):
+    """An object for commands (``ctx.obj``) that can be switched to JSON output."""
 
     def in_json(self) -> Self:
-        """It, printing JSON."""
+        """A copy that prints JSON."""
         ...
 
 
@@ -28,15 +28,15 @@ def wants_json(ctx: click.Context) -> bool:
     return bool(ctx.meta.get(_JSON))
 
 
-def _take_json(ctx: click.Context, _param: click.Parameter, chosen: bool) -> None:
+def _set_json(ctx: click.Context, _param: click.Parameter, chosen: bool) -> None:
     if chosen:
         ctx.meta[_JSON] = True  # shared by the contexts of a program and of its command
-        if isinstance(ctx.obj, Speaker):
+        if isinstance(ctx.obj, SupportsJson):
             ctx.obj = ctx.obj.in_json()
 
 
 def _json_option() -> click.Option:
-    return click.Option(["--json"], is_flag=True, expose_value=False, callback=_take_json, help=JSON_HELP)
+    return click.Option(["--json"], is_flag=True, expose_value=False, callback=_set_json, help=JSON_HELP)
 
 
 class Program(click.Group):
@@ -54,7 +54,7 @@ class Program(click.Group):
         super().add_command(_with_json(cmd), name)
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run the program; what the output's encoding lacks, such as a degree sign in ASCII, becomes a question mark."""
+        """Run the program. Characters that the output's encoding lacks, such as a degree sign in ASCII, become ``?``."""
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="replace")
         return super().main(*args, **kwargs)
@@ -64,7 +64,7 @@ class Program(click.Group):
         try:
             return super().invoke(ctx)
         except ProgramError as failure:
-            if failure.code is not Exit.OUTPUT_CLOSED:  # as head closes it: nothing to tell
+            if failure.code is not Exit.OUTPUT_CLOSED:  # closed by the reader, such as head: print nothing
                 self._report(failure, wants_json(ctx))
             ctx.exit(failure.code)
         except KeyboardInterrupt:
@@ -80,7 +80,7 @@ class Program(click.Group):
 
 
 def _with_json(command: click.Command) -> click.Command:
-    """A copy that takes ``--json``, as do all commands below it; the command may be another program's, too."""
+    """A copy that takes ``--json``, as do its subcommands. A copy, because another program may have the same command."""
     taking = copy(command)
     taking.params = [*command.params, _json_option()]
     if isinstance(taking, click.Group):

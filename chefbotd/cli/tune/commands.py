@@ -6,15 +6,15 @@ import click
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import gain
-from chefbotd.cli.common.context import Conversation
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra
 from chefbotd.cli.common.terminal import need_terminal
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
 UNSAVED = (
-    "The gains were changed and not saved; 'chefbotctl pid save FILE' writes those in force to a configuration. "
-    "Where the daemon has forgotten them, this brings them back:"
+    "The gains were changed and not saved. 'chefbotctl pid save FILE' writes the present gains to a configuration. "
+    "If the daemon has restarted, these commands set them again:"
 )
 
 
@@ -31,36 +31,36 @@ def pid(ctx: click.Context) -> None:
 
 @pid.command("get")
 @click.pass_obj
-def get(chat: Conversation) -> None:
+def get(context: CommandContext) -> None:
     """Show every wheel's gains."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.call("get_pid"))["wheels"])
+    output.gains(context.as_json, context.run_with_client(lambda robot: robot.call("get_pid"))["wheels"])
 
 
 @pid.command("set")
 @click.argument("wheel", metavar="WHEEL|all")
 @click.argument("changes", nargs=-1, required=True, metavar="NAME=VALUE...", type=gain)
 @click.pass_obj
-def set_(chat: Conversation, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
+def set_(context: CommandContext, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
     """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
     gains = dict(changes)
     if len(gains) < len(changes) or "wheel" in gains:
         raise click.UsageError("each gain may be named once, and the wheel comes before them")
-    answer = chat.hold(lambda robot: robot.call("set_pid", wheel=wheel, **gains))
-    output.gains(chat.as_json, answer["wheels"])
+    answer = context.run_with_client(lambda robot: robot.call("set_pid", wheel=wheel, **gains))
+    output.gains(context.as_json, answer["wheels"])
 
 
 @pid.command("undo")
 @click.pass_obj
-def undo(chat: Conversation) -> None:
-    """Take the latest change of gains back, whoever made it."""
-    output.gains(chat.as_json, chat.hold(lambda robot: robot.call("undo_pid"))["wheels"])
+def undo(context: CommandContext) -> None:
+    """Undo the latest change of gains, whoever made it."""
+    output.gains(context.as_json, context.run_with_client(lambda robot: robot.call("undo_pid"))["wheels"])
 
 
 @pid.command("save")
 @click.argument("path", metavar="FILE", type=FILE)
 @click.pass_obj
-def save(chat: Conversation, path: Path) -> None:
-    """Write the gains in force into the configuration FILE, which keeps its comments.
+def save(context: CommandContext, path: Path) -> None:
+    """Write the present gains into the configuration FILE, which keeps its comments.
 
     FILE is on this computer; the daemon reads its own when it starts.
     """
@@ -68,14 +68,14 @@ def save(chat: Conversation, path: Path) -> None:
         from chefbotd.settings import gains_file
     from chefbotd.settings import SettingsError
 
-    gains = chat.hold(lambda robot: robot.get_pid())
+    gains = context.run_with_client(lambda robot: robot.get_pid())
     try:
         gains_file.save(path, gains)
     except SettingsError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{path} was not written: {error.strerror}") from error
-    output.say(chat.as_json, {"saved": str(path)}, f"Saved to {path}.")
+    output.say(context.as_json, {"saved": str(path)}, f"Saved to {path}.")
 
 
 @pid.command("tune")
@@ -86,10 +86,10 @@ def save(chat: Conversation, path: Path) -> None:
 )  # fmt: skip
 @click.option(
     "--half-period", "half_period_s", metavar="S", type=click.FloatRange(0.5, 5.0), default=1.5,
-    show_default=True, help="How long it goes each way.",
+    show_default=True, help="Duration of each direction.",
 )  # fmt: skip
 @click.pass_obj
-def tune(chat: Conversation, path: Path | None, amplitude_m_s: float, half_period_s: float) -> None:
+def tune(context: CommandContext, path: Path | None, amplitude_m_s: float, half_period_s: float) -> None:
     """Tune on a screen: speed, target (grey), error and duty of each wheel while keys change the gains.
 
     The excitation drives the robot forward and back: put it on blocks first.
@@ -100,7 +100,7 @@ def tune(chat: Conversation, path: Path | None, amplitude_m_s: float, half_perio
 
     need_terminal()
     wave = WaveParameters(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
-    chat.hold(lambda robot: run_screen(robot, str(chat.address), path, wave, _tell_unsaved))
+    context.run_with_client(lambda robot: run_screen(robot, str(context.address), path, wave, _tell_unsaved))
 
 
 def _tell_unsaved(commands: list[str]) -> None:

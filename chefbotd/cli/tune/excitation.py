@@ -1,4 +1,4 @@
-"""A square wave in speed, forward and back, so that one sees how the wheels answer a step."""
+"""A square wave in speed, forward and backward, to show the wheels' step response."""
 
 import asyncio
 from collections.abc import Callable
@@ -13,9 +13,9 @@ PERIOD_S = 0.05
 
 
 class WaveParameters(Parameters):
-    """``half_period_s`` forward at ``amplitude_m_s``, as long backwards: the robot ends where it began.
+    """The wave: ``half_period_s`` forward at ``amplitude_m_s``, then as long backward.
 
-    The amplitude is bounded to what stays harmless when somebody forgot to lift the wheels off the ground.
+    The amplitude is bounded so that it does little harm when the wheels are on the ground.
     """
 
     amplitude_m_s: float = Field(0.1, gt=0, le=0.2)
@@ -23,32 +23,34 @@ class WaveParameters(Parameters):
 
 
 def speed_m_s(parameters: WaveParameters, elapsed_s: float) -> float:
-    """What to drive ``elapsed_s`` after the beginning, which is forward."""
+    """The speed ``elapsed_s`` after the start; the first half period is forward."""
     forward = elapsed_s % (2 * parameters.half_period_s) < parameters.half_period_s
     return parameters.amplitude_m_s if forward else -parameters.amplitude_m_s
 
 
 class Exciter:
-    """Drives the wave while it is on; ``complain`` is told of a refusal, which turns it off."""
+    """Drives the wave while it is on. A refusal is passed to ``report_refusal`` and turns it off."""
 
-    def __init__(self, robot: Client, parameters: WaveParameters, complain: Callable[[str], None]) -> None:
-        self._robot, self._parameters, self._complain = robot, parameters, complain
+    def __init__(
+        self, robot: Client, parameters: WaveParameters, report_refusal: Callable[[str], None]
+    ) -> None:
+        self._robot, self._parameters, self._report_refusal = robot, parameters, report_refusal
         self._changed = asyncio.Event()
         self._stop_due = False
         self.on = False
 
     def start(self) -> None:
-        """Begin with a step forward."""
+        """Start with a step forward."""
         self.on = True
         self._changed.set()
 
     def stop(self) -> None:
-        """End, and have the robot come to rest."""
+        """End the wave and stop the robot."""
         self.on = False
         self._changed.set()
 
     async def run(self) -> None:
-        """Until cancelled, and then a stop if it has driven since the last; raises the client's errors but refusals."""
+        """Run until cancelled; then stop the robot if it may be moving. Raises client errors other than refusals."""
         try:
             while True:
                 await self._changed.wait()
@@ -59,7 +61,7 @@ class Exciter:
                 await self._robot.stop()
 
     async def _drive(self) -> None:
-        """The wave, for as long as it is on; the stop at its end is sent at once."""
+        """Drive the wave while it is on. The stop at its end is sent at once."""
         loop = asyncio.get_running_loop()
         began_s = loop.time()
         try:
@@ -71,7 +73,7 @@ class Exciter:
             self._stop_due = False
         except CallError as error:
             self.on = False
-            self._complain(f"{error.kind}: {error.message}")
+            self._report_refusal(f"{error.kind}: {error.message}")
 
     async def _pause(self) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Changed gains as the commands that bring them back."""
+"""Commands that set unsaved gains again."""
 
 from collections.abc import Mapping
 
@@ -8,8 +8,8 @@ from chefbotd.motion.pid import PidParameters
 Wheels = Mapping[str, PidParameters]
 
 
-def restoring(saved: Wheels, gains: Wheels) -> list[str]:
-    """The ``chefbotctl pid set`` that lead from the gains saved to these; one for all wheels if they changed alike."""
+def restore_commands(saved: Wheels, gains: Wheels) -> list[str]:
+    """The ``chefbotctl pid set`` commands from ``saved`` to ``gains``; one command if all wheels changed alike."""
     changes = {wheel: _changes(saved[wheel], own) for wheel, own in gains.items() if wheel in saved}
     alike = len(set(changes.values())) == 1 and len(changes) > 1
     told = {"all": next(iter(changes.values()))} if alike else changes

@@ -1,4 +1,4 @@
-"""What a key does to a gain: pure steps that a hand can take back, over the short names of ``PidParameters``."""
+"""The effect of a key on a gain, by the short names of ``PidParameters``. A step up undoes a step down."""
 
 from collections.abc import Mapping
 from math import floor, log10
@@ -19,7 +19,7 @@ FIRST_STEP: Mapping[str, float] = {
     "derivative_filter_s": 0.005,
     "back_calculation_s": 0.1,
 }
-"""What the first step up from zero leads to (in the gain's own unit): there is no percentage of nothing."""
+"""The value after the first step up from zero, in the gain's own unit."""
 
 CAN_BE_OFF = {"integral_limit", "back_calculation_s"}
 COARSE, FINE = 0.1, 0.01
@@ -27,9 +27,9 @@ DIGITS = 4
 
 
 def stepped(name: str, value: Gain, direction: int, share: float = COARSE) -> Gain:
-    """The gain one step up (``direction`` 1) or down (-1), by a share of itself; a condition is turned over.
+    """The gain after one step up (``direction`` 1) or down (-1) by ``share`` of its value; a boolean is toggled.
 
-    Below a tenth of its first step a gain becomes zero, or off where it can be off; the first step up leads back.
+    Below a tenth of its first step a gain becomes zero, or None if it can be off. The next step up is the first step.
     """
     if isinstance(value, bool):
         return not value

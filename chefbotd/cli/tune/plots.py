@@ -1,4 +1,4 @@
-"""The plots of the tuning screen: a panel a quantity, a colour a wheel."""
+"""The plots of the tuning screen: one panel per quantity, one colour per wheel."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +18,7 @@ COLOURS = ("green", "cyan", "magenta", "yellow", "blue", "red")
 TARGET_COLOUR = "bright_black"
 TIME_TICKS_S = [-6.0, -4.0, -2.0, 0.0]
 TICKS = 5
-"""About so many on a vertical axis."""
+"""The approximate number of ticks on a vertical axis."""
 
 ROUNDING = 1e-9
 
@@ -39,7 +39,7 @@ class Panel:
 
 
 class TickLabels(NumericAxisFormatter):
-    """Numbers with as many decimals as tell them apart; zero has no sign."""
+    """Numbers with as many decimals as needed to tell them apart; zero has no sign."""
 
     def get_labels_for_ticks(self, ticks: Sequence[float]) -> list[str]:
         """Textual's plot: the text of each tick."""
@@ -65,7 +65,7 @@ PANELS = (
 
 
 class WheelPlot(PlotWidget, can_focus=False):
-    """One panel over the last ``SHOWN_S`` seconds; the keys are the screen's."""
+    """One panel over the last ``SHOWN_S`` seconds; it takes no keys."""
 
     def __init__(self, panel: Panel) -> None:
         super().__init__(allow_pan_and_zoom=False)
@@ -101,7 +101,7 @@ class WheelPlot(PlotWidget, can_focus=False):
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """The ends of a vertical axis, and its ticks, which are equally far apart on the screen as well."""
+    """The ends of a vertical axis and its ticks, which are a whole number of rows apart."""
 
     lowest: float
     highest: float
@@ -109,7 +109,7 @@ class Axis:
 
     @classmethod
     def over(cls, lowest: float, highest: float, *, rows: int) -> Self:
-        """An axis that holds what is between two values on so many rows of a terminal.
+        """An axis from ``lowest`` to ``highest`` on ``rows`` rows of a terminal.
 
         Ticks are multiples of 1, 2 or 5 times a power of ten, a whole number of rows apart. Each is at the middle of its
         row, as a curve of that value is.
@@ -134,7 +134,7 @@ def _steps(least: float) -> Iterator[float]:
 
 
 def span(curves: Sequence[Curve], least: float) -> tuple[float, float]:
-    """The ends of an axis that holds the curves and spans no less than ``least``, what is left on both sides."""
+    """The ends of an axis for these curves; it spans at least ``least``, with equal margins."""
     values = [float(bound) for curve in curves if curve.size for bound in (curve.min(), curve.max())] or [0.0]
     lowest, highest = min(values), max(values)
     margin = max(0.0, least - (highest - lowest)) / 2
@@ -142,5 +142,5 @@ def span(curves: Sequence[Curve], least: float) -> tuple[float, float]:
 
 
 def coloured(wheels: Sequence[T]) -> Iterator[tuple[T, str]]:
-    """Every wheel with its colour; where there are more wheels than colours, the colours come again."""
+    """Every wheel with its colour; the colours repeat when there are more wheels."""
     return zip(wheels, cycle(COLOURS), strict=False)

@@ -1,4 +1,4 @@
-"""What the wheels did in the last seconds, ready to be plotted; times are the daemon's stamps."""
+"""The wheels' samples of the last seconds for plotting; times are the daemon's stamps."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ Curve = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class WheelTrace:
-    """One wheel: ages in seconds (0 is the newest sample, those before are negative) and what it did then."""
+    """One wheel's samples; ``age_s`` is 0 for the newest and negative before."""
 
     age_s: Curve
     target_rad_s: Curve
@@ -22,7 +22,7 @@ class WheelTrace:
 
     @property
     def error_rad_s(self) -> Curve:
-        """How much faster it should have been."""
+        """Target minus measured speed."""
         return self.target_rad_s - self.speed_rad_s
 
     def rms_error_rad_s(self) -> float:
@@ -38,7 +38,7 @@ class Trace:
         self._samples: deque[tuple[float, Mapping[str, Any]]] = deque()
 
     def add(self, stamp_s: float, data: Mapping[str, Any]) -> None:
-        """A sample; time that goes back is a daemon that was restarted, and begins a new trace."""
+        """Add a sample. When time goes back, the daemon was restarted: a new trace begins."""
         if self._samples and stamp_s < self._samples[-1][0]:
             self._samples.clear()
         self._samples.append((stamp_s, data))
@@ -54,7 +54,7 @@ class Trace:
         """One wheel's curves; empty before the first sample.
 
         Raises:
-            ValueError: there are samples, and they know no such wheel.
+            ValueError: the samples have no such wheel.
         """
         column = list(self.wheels).index(wheel) if self._samples else 0
         newest_s = self._samples[-1][0] if self._samples else 0.0

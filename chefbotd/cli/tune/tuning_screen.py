@@ -14,9 +14,9 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 
 from chefbotd.cli.common.screen import RobotScreen
-from chefbotd.cli.common.state_text import Mood
+from chefbotd.cli.common.state_text import Style
 from chefbotd.cli.tune.excitation import Exciter, WaveParameters
-from chefbotd.cli.tune.gain_commands import restoring
+from chefbotd.cli.tune.gain_commands import restore_commands
 from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
 from chefbotd.cli.tune.plots import PANELS, SHOWN_S, WheelPlot, coloured
 from chefbotd.cli.tune.trace import Trace
@@ -29,7 +29,7 @@ from chefbotd.settings.gains_file import save
 ALL_WHEELS = "all"
 SHOWN_HZ = 10.0
 GAINS_PERIOD_S = 1.0
-"""How often gains that another client has changed are looked up."""
+"""Period at which gains changed by other clients are read."""
 
 NAMES = (*FIRST_STEP, "conditional_integration")
 HELP = """\
@@ -70,12 +70,12 @@ class Tune(RobotScreen):
 
     @property
     def unsaved(self) -> bool:
-        """Whether the gains are others than at the beginning, or at the last save."""
+        """Whether the gains differ from those at the start, or at the last save."""
         return self._gains != self._saved
 
     def restoring_commands(self) -> list[str]:
-        """The commands that bring the unsaved gains back."""
-        return restoring(self._saved, self._gains)
+        """The commands that set the unsaved gains again."""
+        return restore_commands(self._saved, self._gains)
 
     def compose(self) -> ComposeResult:
         """Textual: title, the plots beside gains and keys, and a line for messages."""
@@ -91,11 +91,11 @@ class Tune(RobotScreen):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self.run_beside(self._exciter.run(), self._listen(), self._follow_gains())
+        self.run_tasks(self._exciter.run(), self._listen(), self._follow_gains())
         self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
-        """Textual: the terminal lost the focus, so nobody may be looking."""
+        """Textual: the terminal lost the focus, so the user may not be looking."""
         self._exciter.stop()
 
     def action_next_wheel(self) -> None:
@@ -118,7 +118,7 @@ class Tune(RobotScreen):
             await self._command(key)
 
     async def _command(self, key: str) -> None:
-        """The keys that ask something of the robot or of the file; any that means nothing stops."""
+        """Keys that send a request or save; any other key stops the excitation."""
         if key == "u":
             await self.ask(self._undo(), "Undone.")
         elif key == "s":
@@ -148,18 +148,18 @@ class Tune(RobotScreen):
             await self.ask(self._change(value), f"{self._chosen} = {_shown(value)} on {self._wheel}")
 
     async def _change(self, value: Gain) -> None:
-        self._take(await self.robot.set_pid(self._wheel, **cast(Gains, {self._chosen: value})))
+        self._take_gains(await self.robot.set_pid(self._wheel, **cast(Gains, {self._chosen: value})))
 
     async def _undo(self) -> None:
-        self._take(await self.robot.undo_pid())
+        self._take_gains(await self.robot.undo_pid())
 
     async def _follow_gains(self) -> None:
         while True:
-            self._take(await self.robot.get_pid())
+            self._take_gains(await self.robot.get_pid())
             self._saved = self._saved or self._gains
             await asyncio.sleep(GAINS_PERIOD_S)
 
-    def _take(self, wheels: dict[str, PidParameters]) -> None:
+    def _take_gains(self, wheels: dict[str, PidParameters]) -> None:
         self._gains = wheels
 
     async def _save(self) -> None:
@@ -199,17 +199,17 @@ class Tune(RobotScreen):
         """Gains, and the error of each wheel (its root mean square in rad/s) in the wheel's colour."""
         side = Table.grid(padding=(0, 1))
         excited = " excited" if self._exciter.on else ""
-        side.add_row(Text("wheel"), Text(self._wheel + excited, style=Mood.NOTICE))
+        side.add_row(Text("wheel"), Text(self._wheel + excited, style=Style.NOTICE))
         for name in NAMES if self._gains else ():
-            style = "reverse" if name == self._chosen else Mood.PLAIN
-            side.add_row(Text(SHORT.get(name, name), style=style), Text(self._told(name), style=style))
+            style = "reverse" if name == self._chosen else Style.PLAIN
+            side.add_row(Text(SHORT.get(name, name), style=style), Text(self._gain_text(name), style=style))
         for wheel, colour in coloured(self._trace.wheels):
             rms = f"{self._trace.of(wheel).rms_error_rad_s():.3f} rms"
             side.add_row(Text(wheel.removesuffix("_wheel"), style=colour), Text(rms))
         return side
 
-    def _told(self, name: str) -> str:
-        """A gain of the chosen wheel, or of all, whose first is marked where they differ."""
+    def _gain_text(self, name: str) -> str:
+        """A gain of the chosen wheel; for all wheels the first one's, marked where they differ."""
         wheels = self._gains if self._wheel == ALL_WHEELS else [self._wheel]
         values = [getattr(self._gains[wheel], name) for wheel in wheels]
         return _shown(values[0]) + ("" if values.count(values[0]) == len(values) else " (differ)")
@@ -222,7 +222,7 @@ SHORT = {
     "back_calculation_s": "back calc",
     "conditional_integration": "cond int",
 }
-"""What does not fit beside its value."""
+"""Short labels for names that do not fit beside their values."""
 
 
 def _shown(value: Gain) -> str:
@@ -240,7 +240,7 @@ async def tune(
 ) -> None:
     """Tune until the user quits; raises the client's errors.
 
-    Whatever ends it, ``tell_unsaved`` is then given the commands that bring back gains that were not saved.
+    At the end ``tell_unsaved`` gets the commands that set unsaved gains again, also after an error.
     """
     screen = Tune(robot, address, config, wave)
     try:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from chefbotd.client import Client, ConnectionLost, ProtocolError, SubscriptionConflict
-from chefbotd.client.reading import read
+from chefbotd.client.parsing import parse
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import LineSeen, TextReceived
 from chefbotd.messages.telemetry import OdometryData
@@ -143,8 +143,8 @@ def test_a_cancelled_drive_brakes() -> None:
 def test_null_for_a_number_is_nan_and_anything_else_wrong_is_said() -> None:
     """What is not finite comes as null; what is missing is named."""
     told = {"x_m": None, "y_m": 2.0, "heading_rad": 0.3, "linear_m_s": 0.0, "angular_rad_s": 0.0}
-    data = read(OdometryData, {**told, "covariance": [0.0] * 8 + [None], "newer": 1})
+    data = parse(OdometryData, {**told, "covariance": [0.0] * 8 + [None], "newer": 1})
     assert math.isnan(data.x_m)
     assert math.isnan(data.covariance[8])
     with pytest.raises(ProtocolError, match="OdometryData: covariance: Field required"):
-        read(OdometryData, told)
+        parse(OdometryData, told)

@@ -124,7 +124,7 @@ def test_a_file_that_may_only_be_read(readable_only: Path) -> None:
 
 
 def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
-    """A file that could be written is refused as well, because it could not be replaced in one step."""
+    """A file that could be written is refused as well, limit_suffix it could not be replaced in one step."""
     mine = os.geteuid()
     os.seteuid(os.getuid())
     readable_only.chmod(0o666)

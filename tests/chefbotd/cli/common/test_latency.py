@@ -21,7 +21,7 @@ def test_no_values_have_no_percentile() -> None:
 def test_a_ping_compares_two_clocks() -> None:
     """Asked at 10, answered at 12, stamped 111: the other clock is 100 ahead."""
     ping = Ping(sent_s=10.0, received_s=12.0, stamp_s=111.0)
-    assert (ping.round_trip_s, ping.ahead_s) == (2.0, 100.0)
+    assert (ping.round_trip_s, ping.clock_offset_s) == (2.0, 100.0)
 
 
 def test_ages_use_the_quickest_ping() -> None:

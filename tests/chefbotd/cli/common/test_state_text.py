@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.cli.common import state_text
-from chefbotd.cli.common.state_text import Mood
+from chefbotd.cli.common.state_text import Style
 
 STATS = {
     "uptime_s": 9.6,
@@ -21,7 +21,7 @@ STATS = {
 def test_a_link_that_is_down_alarms() -> None:
     """The device, then the reason; none is named before there is one."""
     fact = state_text.link({"state": "down", "device": "/dev/ttyACM0", "reason": "unplugged"})
-    assert (fact.text, fact.mood) == ("down, /dev/ttyACM0: unplugged", Mood.ALARM)
+    assert (fact.text, fact.style) == ("down, /dev/ttyACM0: unplugged", Style.ALARM)
     nameless = state_text.link({"state": "down", "device": "", "reason": "not opened yet"})
     assert nameless.text == "down, not opened yet"
 
@@ -29,7 +29,7 @@ def test_a_link_that_is_down_alarms() -> None:
 def test_a_locked_robot_alarms() -> None:
     """A robot that may not move says why."""
     fact = state_text.safety({"mode": "estopped", "reason": "smoke", "source": None, "armed": False})
-    assert (fact.text, fact.mood) == ("estopped: smoke", Mood.ALARM)
+    assert (fact.text, fact.style) == ("estopped: smoke", Style.ALARM)
 
 
 def test_who_drives_is_named() -> None:
@@ -37,7 +37,7 @@ def test_who_drives_is_named() -> None:
     fact = state_text.safety(
         {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": None}
     )
-    assert (fact.text, fact.mood) == ("armed, driven by teleop", Mood.GOOD)
+    assert (fact.text, fact.style) == ("armed, driven by teleop", Style.GOOD)
 
 
 @pytest.mark.parametrize(
@@ -61,15 +61,15 @@ def test_what_holds_the_robot_up_is_named() -> None:
     """An obstacle, or a driver that has said nothing for too long."""
     data = {"mode": "armed", "reason": "", "source": "teleop", "armed": True, "limited_by": "obstacle:front"}
     fact = state_text.safety(data)
-    assert (fact.text, fact.mood) == ("armed, driven by teleop, held up by obstacle:front", Mood.NOTICE)
+    assert (fact.text, fact.style) == ("armed, driven by teleop, slowed by obstacle:front", Style.NOTICE)
 
 
 @pytest.mark.parametrize(
-    ("status", "mood"), [("ok", Mood.GOOD), ("low", Mood.NOTICE), ("critical", Mood.ALARM)]
+    ("status", "style"), [("ok", Style.GOOD), ("low", Style.NOTICE), ("critical", Style.ALARM)]
 )
-def test_a_weak_battery_alarms(status: str, mood: Mood) -> None:
+def test_a_weak_battery_alarms(status: str, style: Style) -> None:
     """The lower the battery, the louder the fact."""
-    assert state_text.battery({"voltage_v": 11.6, "percentage": 3.2, "status": status}).mood is mood
+    assert state_text.battery({"voltage_v": 11.6, "percentage": 3.2, "status": status}).style is style
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_weak_battery_alarms(status: str, mood: Mood) -> None:
     [
         (0.5, None, "heading +28.6°"),
         (None, [0.0, 0.0, 0.25], "turning +0.250 rad/s"),
-        (None, None, "says nothing"),
+        (None, None, "no data"),
     ],
 )
 def test_each_kind_of_imu(heading_rad: float | None, rates: list[float] | None, told: str) -> None:
@@ -102,8 +102,8 @@ def test_counters_without_a_fault_are_calm() -> None:
     """Only what went wrong is counted out, and then it is noticed."""
     assert state_text.counters(STATS).text == "up 10 s, 0 lines in, 0 out, 1 client"
     assert state_text.counters({**STATS, "clients": 2}).text.endswith(", 2 clients")
-    assert state_text.counters(STATS).mood is Mood.PLAIN
-    assert state_text.counters({**STATS, "bus_dropped": {"LineSeen": 2}}).mood is Mood.NOTICE
+    assert state_text.counters(STATS).style is Style.PLAIN
+    assert state_text.counters({**STATS, "bus_dropped": {"LineSeen": 2}}).style is Style.NOTICE
 
 
 def test_what_moves_goes_stale() -> None:
@@ -113,5 +113,5 @@ def test_what_moves_goes_stale() -> None:
     link_fact, battery_fact = state_text.of_topics(
         {"battery": {"data": battery, "age_s": 1.5}, "link": {"data": link, "age_s": 3600.0}}
     )
-    assert (link_fact.mood, link_fact.age_s) == (Mood.GOOD, None)
-    assert (battery_fact.mood, battery_fact.age_s) == (Mood.FAINT, 1.5)
+    assert (link_fact.style, link_fact.age_s) == (Style.GOOD, None)
+    assert (battery_fact.style, battery_fact.age_s) == (Style.FAINT, 1.5)

@@ -12,7 +12,7 @@ from chefbotd.cli.drive.course import (
     GoTo,
     TurnTo,
     deviation,
-    left_rad,
+    remaining_rad,
     slowing,
     square,
     steer,
@@ -74,7 +74,7 @@ def test_correction_is_bounded() -> None:
 @pytest.mark.parametrize(("heading_deg", "degrees"), [(0.0, 90.0), (180.0, -90.0), (-89.0, 179.0)])
 def test_it_turns_the_shorter_way(heading_deg: float, degrees: float) -> None:
     """To 90 degrees: to the left from 0 and -89, to the right from 180."""
-    left = left_rad(TurnTo(Pose2D(0, 0, math.pi / 2)), Pose2D(5.0, 5.0, math.radians(heading_deg)))
+    left = remaining_rad(TurnTo(Pose2D(0, 0, math.pi / 2)), Pose2D(5.0, 5.0, math.radians(heading_deg)))
     assert math.degrees(left) == pytest.approx(degrees)
 
 

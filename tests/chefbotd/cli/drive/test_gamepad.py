@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.cli.drive.gamepad import (
-    UNTOUCHED,
+    INITIAL_PAD,
     Button,
-    Demand,
     Order,
     Pad,
     PadParameters,
     Reading,
+    Request,
     deflection,
     disabled,
     step,
@@ -33,7 +33,7 @@ def reading(*down: Button, forward: float = 0.0, left: float = 0.0) -> Reading:
 class Driver:
     """Holds a pad; each look is 10 ms after the last."""
 
-    pad: Pad = UNTOUCHED
+    pad: Pad = INITIAL_PAD
     now_s: float = 100.0
     look_s: float = 0.01
 
@@ -64,7 +64,7 @@ def test_letting_go_is_told_once() -> None:
     """One order when the button goes up, whatever the stick says, and then silence; it is no stop for everybody."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [Demand.LET_GO]
+    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [Request.RELEASE]
 
 
 def test_velocities_are_repeated_at_20_hz() -> None:
@@ -114,12 +114,12 @@ def test_turbo_is_twice_as_fast() -> None:
 @pytest.mark.parametrize(
     ("button", "demands"),
     [
-        (Button.ESTOP, [Demand.ESTOP]),
-        (Button.STOP, [Demand.STOP]),
-        (Button.ARM, [Demand.LET_GO, Demand.ARM]),
+        (Button.ESTOP, [Request.ESTOP]),
+        (Button.STOP, [Request.STOP]),
+        (Button.ARM, [Request.RELEASE, Request.ARM]),
     ],
 )
-def test_presses_that_are_no_velocity(button: Button, demands: list[Demand]) -> None:
+def test_presses_that_are_no_velocity(button: Button, demands: list[Request]) -> None:
     """Each press is told once, ends the motion (arming alone would not), and needs the enable button anew."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
@@ -131,23 +131,23 @@ def test_presses_that_are_no_velocity(button: Button, demands: list[Demand]) -> 
 @pytest.mark.parametrize("button", [Button.STOP, Button.ESTOP, Button.ARM])
 def test_presses_need_no_enable_button(button: Button) -> None:
     """Whoever holds the pad can stop the robot that another drives, and arm it."""
-    assert Driver().looks(reading(), reading(button)) == [Demand(button)]
+    assert Driver().looks(reading(), reading(button)) == [Request(button)]
 
 
 def test_of_presses_at_once_the_safest_counts() -> None:
     """The emergency stop before the stop, the stop before arming."""
-    for buttons, demand in (
-        ((Button.ESTOP, Button.STOP, Button.ARM), Demand.ESTOP),
-        ((Button.STOP, Button.ARM), Demand.STOP),
+    for buttons, request in (
+        ((Button.ESTOP, Button.STOP, Button.ARM), Request.ESTOP),
+        ((Button.STOP, Button.ARM), Request.STOP),
     ):
-        assert Driver().looks(reading(), reading(*buttons)) == [demand]
+        assert Driver().looks(reading(), reading(*buttons)) == [request]
 
 
 def test_a_pad_that_goes_lets_go() -> None:
     """Unplugged while driving: one order; plugged in again with the button held: nothing."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [Demand.LET_GO]
+    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [Request.RELEASE]
 
 
 def test_after_a_refusal_the_button_is_needed_anew() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, press, released, untouched
+from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
 from chefbotd.core.geometry import STANDING, Twist2D
 
 P = KeyParameters()
@@ -15,7 +15,7 @@ P = KeyParameters()
 
 def pressed(*arrivals: tuple[float, str]) -> Keys:
     """The state after keys that arrived at these times."""
-    keys = untouched(P)
+    keys = initial_keys(P)
     for at_s, key in arrivals:
         keys = press(P, keys, key, at_s)
     return keys
@@ -28,8 +28,8 @@ def held(key: str, from_s: float, to_s: float, delay_s: float = 0.5) -> list[tup
 
 
 def test_nothing_is_driven_before_the_first_key() -> None:
-    """An untouched keyboard stands."""
-    assert untouched(P).twist(0.0) == STANDING
+    """An initial_keys keyboard stands."""
+    assert initial_keys(P).twist(0.0) == STANDING
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_layout(key: str, forward: int, turn: int) -> None:
 
 def test_holding_a_key_never_pauses() -> None:
     """A key held for two seconds drives at every instant, over the initial delay too."""
-    keys, arrivals = untouched(P), held("i", 0.0, 2.0)
+    keys, arrivals = initial_keys(P), held("i", 0.0, 2.0)
     for (at_s, key), (next_s, _) in itertools.pairwise(arrivals):
         keys = press(P, keys, key, at_s)
         assert keys.twist(at_s) == keys.twist(next_s - 1e-6) == Twist2D(0.2, 0.0)
@@ -71,7 +71,7 @@ def test_a_slow_repeat_is_followed() -> None:
 
 
 def test_a_tap_lasts_for_the_first_hold() -> None:
-    """A single press drives for 0.6 s, because it may be the beginning of a hold."""
+    """A single press drives for 0.6 s, limit_suffix it may be the beginning of a hold."""
     keys = pressed((0.0, "j"))
     assert keys.twist(0.59) == Twist2D(0.0, 0.8)
     assert keys.twist(0.6) == STANDING
@@ -151,7 +151,7 @@ def test_speeds_are_bounded() -> None:
 )
 def test_motion_always_ends(steps: list[tuple[float, str]]) -> None:
     """Whatever was typed, 0.8 s after the last key the robot stands."""
-    now_s, keys = 0.0, untouched(P)
+    now_s, keys = 0.0, initial_keys(P)
     for wait_s, key in steps:
         now_s += wait_s
         keys = press(P, keys, key, now_s)

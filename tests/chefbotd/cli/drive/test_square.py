@@ -13,7 +13,7 @@ from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive import square_view
 from chefbotd.cli.drive.course import CourseParameters, square
-from chefbotd.cli.drive.course_driver import Progress, Walk, Walker, problems
+from chefbotd.cli.drive.course_driver import CourseDriver, CourseResult, Progress, problems
 from chefbotd.cli.drive.square_view import View
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
@@ -21,12 +21,12 @@ from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 
-def walk(daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress]) -> Walk:
+def drive(daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress]) -> CourseResult:
     """A 2 m square over the socket."""
 
-    async def main() -> Walk:
+    async def main() -> CourseResult:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
-            return await Walker(robot, parameters, seen.append).walk(square(2.0))
+            return await CourseDriver(robot, parameters, seen.append).drive_course(square(2.0))
 
     return daemon.run(main())
 
@@ -34,7 +34,7 @@ def walk(daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress])
 def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
     """Eight legs and a rest, each mark where it should be, in less than 75 s, ending with a stop."""
     seen: list[Progress] = []
-    done = walk(daemon, CourseParameters(), seen)
+    done = drive(daemon, CourseParameters(), seen)
     assert [mark.name for mark in done.marks] == [
         "side 1", "turn 1", "side 2", "turn 2", "side 3", "turn 3", "side 4", "turn 4", "at rest",
     ]  # fmt: skip
@@ -46,7 +46,7 @@ def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
 
 def test_truth_is_seen_from_the_start(daemon: FakeDaemon) -> None:
     """The true pose starts elsewhere in its world, and is compared from where the robot started."""
-    end = walk(daemon, CourseParameters(), []).marks[-1]
+    end = drive(daemon, CourseParameters(), []).marks[-1]
     assert end.true is not None
     assert (end.true.x_m, end.true.y_m) == pytest.approx((end.odometric.x_m, end.odometric.y_m), abs=1e-6)
 
@@ -54,7 +54,7 @@ def test_truth_is_seen_from_the_start(daemon: FakeDaemon) -> None:
 def test_progress_is_told(daemon: FakeDaemon) -> None:
     """Every leg is reported, and its share grows from nothing to nearly all."""
     seen: list[Progress] = []
-    walk(daemon, CourseParameters(), seen)
+    drive(daemon, CourseParameters(), seen)
     assert {now.leg for now in seen} == set(range(8))
     first = [now.share for now in seen if now.leg == 0]
     assert first == sorted(first)
@@ -64,7 +64,7 @@ def test_progress_is_told(daemon: FakeDaemon) -> None:
 
 def test_latencies_are_measured(daemon: FakeDaemon) -> None:
     """Pings go out ten times a second; an event stamped 4 ms before it was sent is 4 ms old on arrival."""
-    done = walk(daemon, CourseParameters(), [])
+    done = drive(daemon, CourseParameters(), [])
     assert len(done.latencies.pings) == pytest.approx(10 * done.seconds, rel=0.3)
     assert done.latencies.ages_s()[0] == pytest.approx(0.004)
 
@@ -72,7 +72,7 @@ def test_latencies_are_measured(daemon: FakeDaemon) -> None:
 def test_slip_is_noticed(daemon: FakeDaemon) -> None:
     """Wheels that slip by 10 % leave the robot 20 cm short of a 2 m side, and that is a problem."""
     daemon.slip = 0.1
-    done = walk(daemon, CourseParameters(), [])
+    done = drive(daemon, CourseParameters(), [])
     side = replace(done, marks=done.marks[:1])
     assert side.marks[0].odometric.x_m == pytest.approx(2.0, abs=0.005)
     (problem,) = problems(side)
@@ -80,35 +80,35 @@ def test_slip_is_noticed(daemon: FakeDaemon) -> None:
 
 
 def test_an_open_square_is_noticed(daemon: FakeDaemon) -> None:
-    """Odometry that ended 10 cm from where it was sent is a problem of its own."""
-    done = walk(daemon, CourseParameters(), [])
+    """Odometry that ended 10 cm from the goal is a problem of its own."""
+    done = drive(daemon, CourseParameters(), [])
     end = replace(
         done.marks[-1], commanded=done.marks[-1].odometric.compose(Pose2D(0.1, 0.0, 0.1)), true=None
     )
     (problem,) = problems(replace(done, marks=(end,)))
-    assert problem == "odometry says that the robot ended 100.0 mm and 5.73° from where it was sent"
+    assert problem == "odometry says that the robot ended 100.0 mm and 5.73° from the goal"
 
 
 def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
     """A side on which it comes no nearer for 3 s is given up, by its name, and the robot is told to stop."""
     daemon.stuck = True
     with pytest.raises(ProgramError, match=r"side 1: 2.00 m are left, and no nearer for 3 s") as caught:
-        walk(daemon, CourseParameters(patience_s=3.0), [])
+        drive(daemon, CourseParameters(patience_s=3.0), [])
     assert caught.value.code is Exit.NOT_DONE
     assert "stop" in daemon.methods()
 
 
 def test_a_course_that_takes_too_long(daemon: FakeDaemon) -> None:
-    """The whole walk has a limit of its own."""
+    """The whole course has a limit of its own."""
     with pytest.raises(ProgramError, match="not done within 3 s"):
-        walk(daemon, CourseParameters(time_limit_s=3.0), [])
+        drive(daemon, CourseParameters(time_limit_s=3.0), [])
 
 
 def test_a_robot_without_odometry(daemon: FakeDaemon) -> None:
     """Without a first reading the robot is never told to move."""
     daemon.silent = True
     with pytest.raises(ProgramError, match="no odometry for 10 s"):
-        walk(daemon, CourseParameters(), [])
+        drive(daemon, CourseParameters(), [])
     assert "drive" not in daemon.methods()
 
 

@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from textual.widgets import Static
 
 from chefbotd.cli.common.exits import Exit
-from chefbotd.cli.common.state_text import Fact, Mood
+from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.teleop import Teleop
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.conftest import Control
@@ -175,8 +175,8 @@ def test_without_a_connection_nothing_old_looks_like_news(
 
     on_screen(daemon, script, reconnects=True)
     (first, *rest) = shown[0]
-    assert (first.text, first.mood) == ("connection lost, trying again", Mood.ALARM)
-    assert {fact.mood for fact in rest if fact.label in ("mode", "link", "pose", "battery")} == {Mood.FAINT}
+    assert (first.text, first.style) == ("connection lost, trying again", Style.ALARM)
+    assert {fact.style for fact in rest if fact.label in ("mode", "link", "pose", "battery")} == {Style.FAINT}
 
 
 def test_a_key_takes_control(daemon: FakeDaemon) -> None:
@@ -190,7 +190,7 @@ def test_a_key_takes_control(daemon: FakeDaemon) -> None:
         told.append(str(screen.query_one("#message", Static).content))
 
     on_screen(daemon, script)
-    assert told == ["You have control; whoever had it comes to rest."]
+    assert told == ["You have control; the previous driver's motion ends."]
     assert "drive" not in daemon.methods()
 
 

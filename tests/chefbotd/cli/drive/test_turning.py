@@ -13,8 +13,15 @@ P = TurnParameters()
 class LateRobot:
     """Turns exactly as asked, ``delay_s`` later; odometry comes every ``cycle_s``. Below ``sticks_rad_s`` it stands."""
 
-    def __init__(self, left_rad: float, delay_s: float, cycle_s: float, sticks_rad_s: float = 0.0) -> None:
-        self.left_rad, self.now_s, self.cycle_s, self.sticks_rad_s = left_rad, 7.0, cycle_s, sticks_rad_s
+    def __init__(
+        self, remaining_rad: float, delay_s: float, cycle_s: float, sticks_rad_s: float = 0.0
+    ) -> None:
+        self.remaining_rad, self.now_s, self.cycle_s, self.sticks_rad_s = (
+            remaining_rad,
+            7.0,
+            cycle_s,
+            sticks_rad_s,
+        )
         self._coming = [0.0] * round(delay_s / 0.005)
         self.rate = 0.0
 
@@ -24,15 +31,15 @@ class LateRobot:
             self._coming.append(rate)
             asked = self._coming.pop(0)
             self.rate = asked if abs(asked) >= self.sticks_rad_s else 0.0
-            self.left_rad -= self.rate * 0.005
+            self.remaining_rad -= self.rate * 0.005
             self.now_s += 0.005
 
 
 def turn_it(robot: LateRobot, params: TurnParameters = P) -> tuple[Turn, float]:
     """To its end: the turn, and the seconds that it took."""
-    began_s, turn = robot.now_s, begin(params, robot.now_s, robot.left_rad)
+    began_s, turn = robot.now_s, begin(params, robot.now_s, robot.remaining_rad)
     while True:
-        turn, rate = step(params, turn, robot.now_s, robot.left_rad, stands=robot.rate == 0.0)
+        turn, rate = step(params, turn, robot.now_s, robot.remaining_rad, stands=robot.rate == 0.0)
         if rate is None:
             return turn, robot.now_s - began_s
         robot.obey(rate)
@@ -44,7 +51,7 @@ def test_it_comes_to_rest_at_its_heading(degrees: float, delay_s: float, cycle_s
     """Whatever the delay: within half a degree, and within 2 s of the time at 1.2 rad/s and 1 rad/s2 and the delays."""
     robot = LateRobot(math.radians(degrees), delay_s, cycle_s)
     _, took_s = turn_it(robot)
-    assert abs(math.degrees(robot.left_rad)) <= 0.5
+    assert abs(math.degrees(robot.remaining_rad)) <= 0.5
     way_rad = abs(math.radians(degrees))
     ideal_s = way_rad / 1.2 + 0.6 if way_rad > 0.72 else 2 * math.sqrt(way_rad / 2)
     assert took_s <= ideal_s + 2.0
@@ -54,14 +61,14 @@ def test_it_learns_the_delay() -> None:
     """It began with 0.2 s where it takes 0.4 s and a cycle: what the next turn begins with is nearer to that."""
     turn, _ = turn_it(LateRobot(1.3, 0.4, 0.05))
     assert turn.tries > 1
-    assert 0.3 <= turn.lead_s <= 0.5
+    assert 0.3 <= turn.delay_s <= 0.5
 
 
 def test_a_robot_that_sticks_is_pushed_faster() -> None:
     """Creeping at 0.15 rad/s it does not move: it is tried at 0.21 and then 0.294, which moves it."""
     robot = LateRobot(0.03, 0.1, 0.02, sticks_rad_s=0.25)
     turn, _ = turn_it(robot, TurnParameters(deceleration_rad_s2=0.01))
-    assert abs(math.degrees(robot.left_rad)) <= 0.5
+    assert abs(math.degrees(robot.remaining_rad)) <= 0.5
     assert turn.tries >= 3
 
 

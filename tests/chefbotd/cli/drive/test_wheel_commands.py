@@ -33,7 +33,7 @@ def test_a_wheel_that_does_not_turn_is_told(control: Control) -> None:
     assert result.exit_code == Exit.NOT_DONE
     assert "left_wheel +1.00 rad/s, right_wheel -2.00 rad/s" in result.stdout
     assert "Limited" not in result.stdout
-    assert result.stderr == "Error: told to turn, and seen to turn next to nothing: left_wheel\n"
+    assert result.stderr == "Error: these wheels were told to turn, but hardly turned: left_wheel\n"
 
 
 def test_wheels_are_judged_by_what_was_allowed(control: Control) -> None:
@@ -44,7 +44,7 @@ def test_wheels_are_judged_by_what_was_allowed(control: Control) -> None:
         "Limited by limits.linear to left_wheel +50.00 rad/s, right_wheel -25.00 rad/s.",
         "Turned at the end: left_wheel +1.00 rad/s, right_wheel -2.00 rad/s",
     ]
-    assert result.stderr.endswith("next to nothing: left_wheel, right_wheel\n")
+    assert result.stderr.endswith("hardly turned: left_wheel, right_wheel\n")
 
 
 def test_a_clipped_request_is_no_failure(control: Control) -> None:
@@ -53,14 +53,14 @@ def test_a_clipped_request_is_no_failure(control: Control) -> None:
     answer = json.loads(result.stdout)
     assert answer["allowed_rad_s"] == {"left_wheel": 1.5, "right_wheel": -50.0}
     assert (answer["limited_by"], answer["held_by"]) == ("limits.linear", None)
-    assert json.loads(result.stderr)["error"]["message"].endswith("next to nothing: right_wheel")
+    assert json.loads(result.stderr)["error"]["message"].endswith("hardly turned: right_wheel")
 
 
 def test_what_holds_the_wheels_up_is_told(control: Control, daemon: FakeDaemon) -> None:
     """An obstacle is no broken wheel: the error says so."""
     daemon.held_by = "obstacle:front"
     result = control("wheels", "left_wheel=30", "--for", "0.1")
-    assert result.stderr.endswith("next to nothing: left_wheel; held up by obstacle:front\n")
+    assert result.stderr.endswith("hardly turned: left_wheel; slowed by obstacle:front\n")
 
 
 def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeDaemon) -> None:

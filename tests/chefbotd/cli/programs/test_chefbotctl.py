@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address
-from chefbotd.cli.common.context import Conversation
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
@@ -191,7 +191,7 @@ def test_scripts_are_told_what_was_allowed(control: Control) -> None:
 def test_what_held_the_robot_up_is_told(control: Control, daemon: FakeDaemon) -> None:
     """Before a wall the error is not about motors only."""
     daemon.stuck, daemon.held_by = True, "obstacle:front"
-    assert control("drive", "0.2", "0", "--for", "1").stderr.endswith("; held up by obstacle:front\n")
+    assert control("drive", "0.2", "0", "--for", "1").stderr.endswith("; slowed by obstacle:front\n")
 
 
 @pytest.mark.parametrize("args", [["0", "3.1416"], ["0", "-3.1416"], ["0.2", "3.1416"]])
@@ -260,7 +260,7 @@ def test_somebody_else_listens(words: bytes, told: str) -> None:
         async with await asyncio.start_server(partial(say_only, words), "127.0.0.1", 0) as server:
             address = Address("127.0.0.1", server.sockets[0].getsockname()[1])
             try:
-                await Conversation(address).connected(lambda robot: robot.stop())
+                await CommandContext(address).with_client(lambda robot: robot.stop())
             finally:
                 await asyncio.sleep(0.1)  # for the other end to close
 

@@ -1,4 +1,4 @@
-"""Meeting the daemon: connect, hear its greeting, show a token, say a name."""
+"""Opening a connection to the daemon: connect, wait for the greeting, authenticate, set the client's name."""
 
 import asyncio
 import ssl
@@ -33,8 +33,8 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
-    """Where the daemon listens, what we show it, and how long each step may take."""
+class Endpoint:
+    """Where the daemon listens, the credentials and name to present, and the time limit of each step in seconds."""
 
     host: str
     port: int
@@ -44,31 +44,31 @@ class Door:
     timeout_s: float
 
 
-class Greeted:
-    """A connection on which the greeting has been heard."""
+class GreetedConnection:
+    """An open connection and the greeting received on it."""
 
     def __init__(self, wire: Wire, hello: Hello) -> None:
         self.wire, self.hello = wire, hello
 
 
-async def meet(
-    door: Door,
+async def open_connection(
+    endpoint: Endpoint,
     on_notification: Callable[[str, dict[str, Any]], None],
     on_lost: Callable[[ConnectionLost], None],
-) -> Greeted:
-    """Connect and be let in; ``on_lost`` is told of the connection's end only after that.
+) -> GreetedConnection:
+    """Connect, authenticate and set the name. ``on_lost`` is called only for a loss after that.
 
     Raises:
-        CannotConnect: nobody listens there, or it is not whom we trust.
-        CallError: the daemon wants another token (``kind`` is ``wrong_token``).
+        CannotConnect: nobody listens there, or the certificate is not trusted.
+        CallError: the daemon refuses the token (``kind`` is ``wrong_token``).
         NoGreeting: the connection was closed, or stayed silent, before the greeting.
-        ConnectionLost: the same, and it was said why.
+        ConnectionLost: the daemon closed the connection and said why.
         IncompatibleProtocol: the daemon speaks another major version.
     """
     greeting: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
-    let_in = False
+    is_admitted = False
 
-    def heard(method: str, params: dict[str, Any]) -> None:
+    def on_message(method: str, params: dict[str, Any]) -> None:
         if method == "hello" and not greeting.done():
             greeting.set_result(params)
         on_notification(method, params)
@@ -76,36 +76,38 @@ async def meet(
     def lost(loss: ConnectionLost) -> None:
         if not greeting.done():
             greeting.set_exception(loss)
-            greeting.exception()  # whoever waits is told; nobody may be left to
-        if let_in:
+            greeting.exception()  # mark it as retrieved: nobody may be waiting any more
+        if is_admitted:
             on_lost(loss)
 
-    wire = Wire(heard, lost)
-    await _connect(door, wire)
+    wire = Wire(on_message, lost)
+    await _connect(endpoint, wire)
     try:
-        hello = await _greeting(greeting, wire, door.timeout_s)
-        if door.token is not None and hello.auth == "token":
-            await wire.call("authenticate", {"token": door.token}, door.timeout_s)
-        if door.name is not None:
-            await wire.call("set_client_name", {"client": door.name}, door.timeout_s)
+        hello = await _greeting(greeting, wire, endpoint.timeout_s)
+        if endpoint.token is not None and hello.auth == "token":
+            await wire.call("authenticate", {"token": endpoint.token}, endpoint.timeout_s)
+        if endpoint.name is not None:
+            await wire.call("set_client_name", {"client": endpoint.name}, endpoint.timeout_s)
         if wire.lost is not None:
             raise ConnectionLost(str(wire.lost))
     except BaseException:
         await wire.close(CLOSING_PATIENCE_S)
         raise
-    let_in = True
-    return Greeted(wire, hello)
+    is_admitted = True
+    return GreetedConnection(wire, hello)
 
 
-async def _connect(door: Door, wire: Wire) -> None:
-    where = f"{door.host}:{door.port}"
+async def _connect(endpoint: Endpoint, wire: Wire) -> None:
+    where = f"{endpoint.host}:{endpoint.port}"
     try:
-        async with asyncio.timeout(door.timeout_s):
+        async with asyncio.timeout(endpoint.timeout_s):
             await asyncio.get_running_loop().create_connection(
-                lambda: wire, door.host, door.port, ssl=door.tls
+                lambda: wire, endpoint.host, endpoint.port, ssl=endpoint.tls
             )
     except TimeoutError as error:
-        raise CannotConnect(f"cannot connect to {where}: no answer within {door.timeout_s:g} s") from error
+        raise CannotConnect(
+            f"cannot connect to {where}: no answer within {endpoint.timeout_s:g} s"
+        ) from error
     except OSError as error:
         advice = "" if isinstance(error, ssl.SSLError) else "; is chefbotd running there?"
         raise CannotConnect(f"cannot connect to {where} ({error}){advice}") from error
@@ -118,7 +120,7 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
     except TimeoutError:
         raise NoGreeting(f"no greeting within {timeout_s:g} s") from None
     except ConnectionLost as loss:
-        raise (ConnectionLost if wire.explained else NoGreeting)(str(loss)) from None
+        raise (ConnectionLost if wire.has_reason else NoGreeting)(str(loss)) from None
     protocol = str(params.get("protocol"))
     if protocol.partition(".")[0] != PROTOCOL_MAJOR:
         raise IncompatibleProtocol(f"the daemon speaks {protocol}, we {PROTOCOL_MAJOR}.x")
@@ -132,4 +134,4 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
 
 
 RECOVERABLE = (CannotConnect, ConnectionLost, CallTimeout)
-"""What may be over when it is tried again."""
+"""Errors after which another attempt to connect may succeed."""

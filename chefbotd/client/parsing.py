@@ -1,4 +1,4 @@
-"""From JSON to models: what the daemon sent as the class that it is documented as."""
+"""Parsing of JSON values into the documented models."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 M = TypeVar("M", bound="BaseModel")
 
 
-def read(model: type[M], value: object) -> M:
+def parse(model: type[M], value: object) -> M:
     """The value as a model. Members that a newer daemon has added are passed over; null for a number is nan.
 
     JSON has no number that is not finite: the daemon sends null in its place.
