@@ -20,7 +20,7 @@ _SOURCE = Field(
 class Params(BaseModel):
     """Parameters by name; unknown names are refused. Values of ``confidential`` ones are never repeated in errors."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
     confidential: ClassVar[bool] = False
 
 

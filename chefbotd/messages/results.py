@@ -14,7 +14,7 @@ PROTOCOL: Final = "1.0"
 class Result(BaseModel):
     """What a method answers."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
 
 class Done(Result):

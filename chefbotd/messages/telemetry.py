@@ -12,7 +12,7 @@ from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus, Sta
 class TopicData(BaseModel):
     """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
 
 def _fields_of(event: type[Any]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
 from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
@@ -65,13 +65,13 @@ class SafetyParameters(Parameters):
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
     default_source: str = "teleop"
-    encoders: EncoderTimeoutParameters = EncoderTimeoutParameters()
-    wheels: WheelWatchParameters = WheelWatchParameters()
-    overspeed: OverspeedParameters = OverspeedParameters()
-    deaf: DeafParameters = DeafParameters()
-    echo: EchoParameters = EchoParameters()
-    battery: BatteryMonitorParameters = BatteryMonitorParameters()
-    guard: GuardParameters = GuardParameters()
+    encoders: EncoderTimeoutParameters = section()
+    wheels: WheelWatchParameters = section()
+    overspeed: OverspeedParameters = section()
+    deaf: DeafParameters = section()
+    echo: EchoParameters = section()
+    battery: BatteryMonitorParameters = section()
+    guard: GuardParameters = section()
 
     @property
     def held_until_silent_s(self) -> float:

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.driving.service import ControlParameters
 from chefbotd.link.port import LinkParameters
 from chefbotd.motion.drive_state import DriveParameters
@@ -69,24 +69,24 @@ class Settings(Parameters):
     chassis: ChassisParameters
     body: BodyParameters | None = None
     encoders: EncoderParameters
-    quadrature: QuadratureParameters = QuadratureParameters()
-    mates: SameSideParameters = SameSideParameters()
+    quadrature: QuadratureParameters = section()
+    mates: SameSideParameters = section()
     drive: DriveParameters
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}
     limits: MotionLimits
     odometry: OdometryParameters
-    control: ControlParameters = ControlParameters()
-    safety: SafetyParameters = SafetyParameters()
-    latch: LatchParameters = LatchParameters()
-    watchdog: WatchdogParameters = WatchdogParameters()
+    control: ControlParameters = section()
+    safety: SafetyParameters = section()
+    latch: LatchParameters = section()
+    watchdog: WatchdogParameters = section()
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters
-    api: ApiParameters = ApiParameters()
-    log: LogParameters = LogParameters()
-    sim: SimulationParameters = SimulationParameters()
+    api: ApiParameters = section()
+    log: LogParameters = section()
+    sim: SimulationParameters = section()
 
     @field_validator("wheel_pid")
     @classmethod

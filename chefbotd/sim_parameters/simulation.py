@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 from chefbotd.sim_parameters.battery import BatteryParameters
 from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
 from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
@@ -25,10 +25,10 @@ class SimulationParameters(Parameters):
 
     seed: int = Field(1, ge=0)
     step_s: float = Field(0.005, gt=0, le=0.02)
-    motor: MotorParameters = MotorParameters()
-    body: BodyParameters = BodyParameters()
-    world: WorldParameters = WorldParameters()
-    ultrasonic: UltrasonicParameters = UltrasonicParameters()
-    imu: ImuParameters = ImuParameters()
-    battery: BatteryParameters = BatteryParameters()
-    board: BoardParameters = BoardParameters()
+    motor: MotorParameters = section()
+    body: BodyParameters = section()
+    world: WorldParameters = section()
+    ultrasonic: UltrasonicParameters = section()
+    imu: ImuParameters = section()
+    battery: BatteryParameters = section()
+    board: BoardParameters = section()
