@@ -45,7 +45,6 @@ PARTS = {
     "chefbotd/safety": "safety",
     "chefbotd/rpc": "telemetry",
     "chefbotd/transport": "telemetry",
-    "chefbotd/messages": "telemetry",
     "chefbotd/bus": "bus",
     "chefbotd/clock": "clock",
     "chefbotd/core": "core",

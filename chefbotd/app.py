@@ -4,7 +4,7 @@ import asyncio
 import os
 import random
 import secrets
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
@@ -12,24 +12,33 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events import StatsSampled
+from chefbotd.features.board.feature import board
+from chefbotd.features.description.feature import description
+from chefbotd.features.driving.feature import driving
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.quadrature import QuadratureService
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
+from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.odometry.feature import odometry
 from chefbotd.features.odometry.service import OdometryService
+from chefbotd.features.sensors.feature import sensors
 from chefbotd.features.sensors.service import SensorService
+from chefbotd.features.simulation.feature import SIMULATION
+from chefbotd.features.statistics.feature import statistics
 from chefbotd.features.statistics.service import StatsService
+from chefbotd.features.tuning.feature import tuning
 from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import BoardLink, Opener
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
+from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
-from chefbotd.robot import WiredRobot
 from chefbotd.rpc.access import load_guard
+from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.latch import GateStore
@@ -65,6 +74,7 @@ class Daemon:
     """One robot, ready to run: on its serial port, or through whatever ``opener`` opens.
 
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
+    ``features`` makes further ones, beside those that every robot has.
     """
 
     def __init__(
@@ -77,11 +87,11 @@ class Daemon:
         opener: Opener = open_port,
         simulated: bool = False,
         rng: random.Random | None = None,
+        features: Sequence[Callable[[Bus, Clock], Feature]] = (),
     ) -> None:
         self.bus = Bus()
-        self._clock, self._started_s = clock, clock.now_s()
+        self._clock = clock
         variant = VARIANTS[settings.robot.wire]
-        names = tuple(wheel.name for wheel in settings.chassis.wheels)
         self.session = BoardSession(
             self.bus,
             clock,
@@ -95,45 +105,81 @@ class Daemon:
         self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
-        self._odometry = OdometryService(self.bus, clock, settings.chassis, settings.odometry)
-        self._quadrature = QuadratureService(self.bus, settings.quadrature, names)
-        self._sensors = SensorService(
-            self.bus,
-            ultrasonic_parameters=settings.ultrasonic,
-            infrared_parameters=settings.infrared,
-            imu_parameters=settings.imu,
-            battery_parameters=settings.battery,
-        )
-        self._stats = StatsService(self.bus, clock, self._collect_stats)
+        let_go_s = settings.safety.held_until_silent_s
+        self._leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
+        self.metrics = Metrics()
+        built = [feature(self.bus, clock) for feature in features]
+        self.features = [*self._own_features(settings, simulated=simulated), *built]
+        methods, topics = methods_and_topics(self.features)
         guard = load_guard(settings.api, os.environ)
         self.rpc = RpcServer(
-            WiredRobot(
-                self.driving,
-                self._odometry,
-                self.session,
-                self._stats,
-                Tuning(
-                    self.driving,
-                    settings.drive.max_duty,
-                    settings.drive.max_duty * settings.safety.wheels.driven_duty_share,
-                ),
-                settings.safety.command_timeout_s,
-                settings.safety.default_source,
-                _description(settings),
-                tuple(settings.safety.sources),
-                LimitPreview(settings.drive, settings.chassis, settings.limits),
-                settings.safety.held_until_silent_s,
-            ),
+            methods,
+            topics,
             self.bus,
             clock,
             settings.api,
+            self._leases,
             robot_name=settings.robot.name,
             session=secrets.token_hex(4),
-            wheel_names=names,
-            simulated=simulated,
+            sources=tuple(settings.safety.sources),
+            default_source=settings.safety.default_source,
+            command_timeout_s=settings.safety.command_timeout_s,
+            resume=self.driving.resume,
+            link_is_up=lambda: self.session.is_open,
             keyring=guard.keyring,
         )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
+        self._add_metrics()
+
+    def _own_features(self, settings: Settings, *, simulated: bool) -> list[Feature]:
+        """Every feature of the robot; the link comes last, so that all the others run before the board is touched."""
+        bus, clock, driven = self.bus, self._clock, settings.drive.max_duty
+        names = tuple(wheel.name for wheel in settings.chassis.wheels)
+        gains = Tuning(self.driving, driven, driven * settings.safety.wheels.driven_duty_share)
+        return [
+            driving(
+                self.driving,
+                QuadratureService(bus, settings.quadrature, names),
+                LimitPreview(settings.drive, settings.chassis, settings.limits),
+                self._leases,
+                clock,
+                wheel_names=names,
+                sources=tuple(settings.safety.sources),
+                default_source=settings.safety.default_source,
+                arm_role=settings.api.arm_role,
+            ),
+            odometry(OdometryService(bus, clock, settings.chassis, settings.odometry)),
+            tuning(gains),
+            sensors(
+                SensorService(
+                    bus,
+                    ultrasonic_parameters=settings.ultrasonic,
+                    infrared_parameters=settings.infrared,
+                    imu_parameters=settings.imu,
+                    battery_parameters=settings.battery,
+                )
+            ),
+            statistics(StatsService(bus, clock, self.metrics), self.metrics, clock),
+            description(_description(settings)),
+            *([SIMULATION] if simulated else []),
+            board(self.session, self._link, self._fault_log, self.driving.brake),
+        ]
+
+    def _add_metrics(self) -> None:
+        """Add what the process itself counts, and have every part add its own."""
+        metrics = self.metrics
+        metrics.counters(
+            "bus_dropped", "Events that a full inbox gave up.", "event", lambda: self.bus.drops()
+        )
+        metrics.counters(
+            "service_failures",
+            "Services that were started again.",
+            "service",
+            lambda: self._supervisor.failures,
+        )
+        self.rpc.add_metrics(metrics)
+        for feature in self.features:
+            feature.add_metrics(metrics)
 
     async def run(self, *more: Loop) -> None:
         """Run every part, and ``more`` beside them, until cancelled or until one of them fails.
@@ -155,49 +201,14 @@ class Daemon:
                 group.create_task(run_critical("rpc", self.rpc.run))
                 group.create_task(run_critical("server", self.server.run))
                 await self.server.address()
-                group.create_task(run_critical("drive", self.driving.run))
-                group.create_task(run_critical("quadrature", self._quadrature.run))
-                group.create_task(run_restarting("odometry", self._odometry.run))
-                group.create_task(run_restarting("sensors", self._sensors.run))
-                group.create_task(run_restarting("stats", self._stats.run))
-                group.create_task(run_restarting("fault log", self._fault_log.run))
                 for loop in more:
                     group.create_task(loop())
-                group.create_task(run_critical("link", self._link.run))
+                for service in [each for feature in self.features for each in feature.services]:
+                    run = run_critical if service.critical else run_restarting
+                    group.create_task(run(service.name, service.run))
                 await asyncio.Event().wait()
             finally:
                 self.session.close()
-
-    def _collect_stats(self, stamp_s: float, loop_lag_s: float) -> StatsSampled:
-        session, clock, driving = self.session, self.session.board_clock, self.driving
-        return StatsSampled(
-            stamp_s=stamp_s,
-            uptime_s=stamp_s - self._started_s,
-            frames=session.frames,
-            refused=session.refused,
-            lines_out=session.lines_out,
-            setpoints_replaced=session.setpoints_replaced,
-            link_opens=session.opens,
-            board_restarts=session.board_restarts,
-            encoder_readings_refused=driving.readings_refused,
-            control_steps=driving.steps,
-            bus_dropped=self.bus.drops(),
-            clients=self.rpc.clients,
-            clients_refused=dict(self.rpc.refused),
-            handler_faults=dict(self.rpc.faults),
-            void_commands=dict(self.rpc.void_commands),
-            internal_errors=driving.internal_errors,
-            service_failures=dict(self._supervisor.failures),
-            telemetry_dropped=self.rpc.drops.total(),
-            loop_lag_s=loop_lag_s,
-            board_clock_skew_ppm=clock.relation.skew_ppm,
-            board_clock_jitter_s=clock.relation.jitter_s,
-            board_clock_suspects=clock.suspects,
-            encoder_transitions_illegal=self._quadrature.illegal_transitions,
-            encoder_levels_repeated=self._quadrature.repeated_levels,
-            encoder_edges_lost=self._quadrature.lost_edges,
-            bytes_in=session.hearing.bytes_in,
-        )
 
 
 def _description(settings: Settings) -> str | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
-    from chefbotd.messages.telemetry import TopicData
+    from chefbotd.client.models import TopicData
 
 D = TypeVar("D", bound="TopicData", covariant=True)
 

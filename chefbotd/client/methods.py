@@ -16,9 +16,9 @@ from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 from chefbotd.client.parsing import parse
 
 if TYPE_CHECKING:
+    from chefbotd.client import models
+    from chefbotd.client.models import StatsData
     from chefbotd.client.state import State
-    from chefbotd.messages import results
-    from chefbotd.messages.telemetry import StatsData
     from chefbotd.motion.pid import PidParameters
 
 MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
@@ -61,16 +61,16 @@ class Methods(ABC):
 
     async def drive(
         self, linear_m_s: float, angular_rad_s: float, source: str | None = None
-    ) -> results.Driven:
+    ) -> models.Driven:
         """Command a velocity: forward in m/s, turning in rad/s (CCW positive). Returns what the limits allow.
 
         The command expires after the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``.
         Without ``source`` the robot's default source is used.
         """
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
         velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
-        return parse(results.Driven, await self.call("drive", **velocity, **_named(source)))
+        return parse(models.Driven, await self.call("drive", **velocity, **_named(source)))
 
     async def drive_for(
         self,
@@ -78,7 +78,7 @@ class Methods(ABC):
         linear_m_s: float = 0.0,
         angular_rad_s: float = 0.0,
         source: str | None = None,
-    ) -> results.Driven:
+    ) -> models.Driven:
         """Drive for ``seconds`` by repeating ``drive`` within the dead-man time, then brake and wait for standstill.
 
         The robot also brakes after an error or a cancellation.
@@ -111,13 +111,13 @@ class Methods(ABC):
 
     async def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> results.WheelsDriven:
+    ) -> models.WheelsDriven:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
         asked = {"name": names, "velocity_rad_s": velocities}
-        return parse(results.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
+        return parse(models.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
 
     async def stop(self) -> dict[str, str]:
         """Brake the robot to standstill, whoever drives it. Returns the name of each source's driver.
@@ -142,23 +142,23 @@ class Methods(ABC):
         """Set the name under which other clients see this one: 1 to 64 characters."""
         await self.call("set_client_name", client=client)
 
-    async def authenticate(self, token: str) -> results.Known:
+    async def authenticate(self, token: str) -> models.Known:
         """Authenticate with a token; ``connect(token=...)`` does this already."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.Known, await self.call("authenticate", token=token))
+        return parse(models.Known, await self.call("authenticate", token=token))
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.Taken, await self.call("take_control", **_named(source))).taken_from
+        return parse(models.Taken, await self.call("take_control", **_named(source))).taken_from
 
     async def release_control(self) -> list[str]:
         """Release all sources that we control, and withdraw our commands. Returns the names of the sources."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.Released, await self.call("release_control")).sources
+        return parse(models.Released, await self.call("release_control")).sources
 
     # state
 
@@ -190,27 +190,27 @@ class Methods(ABC):
 
     async def get_stats(self) -> StatsData:
         """The daemon's counters, as in the topic ``stats``."""
-        from chefbotd.messages.telemetry import StatsData
+        from chefbotd.client.models import StatsData
 
         return parse(StatsData, await self.call("get_stats"))
 
     async def get_description(self) -> str | None:
         """The robot's links and joints as a URDF document; None where the configuration names none."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.RobotDescription, await self.call("get_description")).urdf
+        return parse(models.RobotDescription, await self.call("get_description")).urdf
 
-    async def describe(self) -> results.Description:
+    async def describe(self) -> models.Description:
         """Methods, topics and error kinds with their JSON Schemas."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.Description, await self.call("describe"))
+        return parse(models.Description, await self.call("describe"))
 
-    async def ping(self) -> results.Pong:
+    async def ping(self) -> models.Pong:
         """Check that the daemon answers. ``stamp_s`` is its monotonic clock."""
-        from chefbotd.messages import results
+        from chefbotd.client import models
 
-        return parse(results.Pong, await self.call("ping"))
+        return parse(models.Pong, await self.call("ping"))
 
     # tuning and resets
 
@@ -244,9 +244,9 @@ def _missing_to_move(state: State) -> str:
 
 
 def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
-    from chefbotd.messages import results
+    from chefbotd.client import models
 
-    return parse(results.Wheels, answer).wheels
+    return parse(models.Wheels, answer).wheels
 
 
 def _named(source: str | None) -> dict[str, str]:

@@ -6,21 +6,21 @@ from typing import Any, TypeVar
 
 from chefbotd.client.errors import NotReported
 from chefbotd.client.event import Event
-from chefbotd.client.parsing import parse
-from chefbotd.messages.results import Result
-from chefbotd.messages.telemetry import (
+from chefbotd.client.models import (
     DATA_BY_TOPIC,
     BatteryData,
     ImuData,
     LinkData,
     OdometryData,
     RangesData,
+    Result,
     SafetyData,
     SimData,
     TopicData,
     UnknownData,
     WheelsData,
 )
+from chefbotd.client.parsing import parse
 
 D = TypeVar("D", bound=TopicData)
 

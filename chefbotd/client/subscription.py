@@ -11,7 +11,7 @@ from chefbotd.client.errors import CallTimeout, ChefbotError, ConnectionLost
 from chefbotd.client.event import Event, Gap
 
 if TYPE_CHECKING:
-    from chefbotd.messages.telemetry import TopicData
+    from chefbotd.client.models import TopicData
 
 D = TypeVar("D", bound="TopicData")
 Policy = Literal["latest", "ordered"]

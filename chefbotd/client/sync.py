@@ -26,9 +26,9 @@ from chefbotd.client.sync_subscription import SyncSubscription
 from chefbotd.client.sync_topics import SyncTopics
 
 if TYPE_CHECKING:
+    from chefbotd.client import models
+    from chefbotd.client.models import StatsData
     from chefbotd.client.state import State
-    from chefbotd.messages import results
-    from chefbotd.messages.telemetry import StatsData
     from chefbotd.motion.pid import PidParameters
 
 T = TypeVar("T")
@@ -116,7 +116,7 @@ class SyncClient(SyncTopics):
 
         return SyncSubscription(self._loop, self._run(make()))
 
-    def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> results.Driven:
+    def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> models.Driven:
         """Ask for a velocity (m/s forward, rad/s CCW); it holds for the dead-man time, so repeat it."""
         return self._run(self._client.drive(linear_m_s, angular_rad_s, source))
 
@@ -126,13 +126,13 @@ class SyncClient(SyncTopics):
         linear_m_s: float = 0.0,
         angular_rad_s: float = 0.0,
         source: str | None = None,
-    ) -> results.Driven:
+    ) -> models.Driven:
         """Drive for some seconds, then brake until the robot stands; brakes on Ctrl-C, too."""
         return self._run(self._client.drive_for(seconds, linear_m_s, angular_rad_s, source))
 
     def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> results.WheelsDriven:
+    ) -> models.WheelsDriven:
         """Ask for a speed of each wheel by name, in rad/s; the others stand. Repeat it."""
         return self._run(self._client.set_wheel_velocities(velocity_rad_s, source))
 
@@ -152,7 +152,7 @@ class SyncClient(SyncTopics):
         """Say what this client is called where others see who drives."""
         self._run(self._client.set_client_name(client))
 
-    def authenticate(self, token: str) -> results.Known:
+    def authenticate(self, token: str) -> models.Known:
         """Show a token; ``connect(token=...)`` does so by itself."""
         return self._run(self._client.authenticate(token))
 
@@ -184,11 +184,11 @@ class SyncClient(SyncTopics):
         """The robot's links and joints as a URDF document; None where the configuration names none."""
         return self._run(self._client.get_description())
 
-    def describe(self) -> results.Description:
+    def describe(self) -> models.Description:
         """Methods, topics and error kinds with their JSON Schemas."""
         return self._run(self._client.describe())
 
-    def ping(self) -> results.Pong:
+    def ping(self) -> models.Pong:
         """Whether the daemon answers; ``stamp_s`` is its monotonic clock."""
         return self._run(self._client.ping())
 

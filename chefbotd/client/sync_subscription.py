@@ -10,7 +10,7 @@ from chefbotd.client.event import Event
 from chefbotd.client.subscription import Subscription
 
 if TYPE_CHECKING:
-    from chefbotd.messages.telemetry import TopicData
+    from chefbotd.client.models import TopicData
 
 D = TypeVar("D", bound="TopicData")
 

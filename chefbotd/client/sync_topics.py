@@ -10,7 +10,7 @@ from chefbotd.client.subscription import SubscribeOptions
 from chefbotd.client.sync_subscription import SyncSubscription
 
 if TYPE_CHECKING:
-    from chefbotd.messages import telemetry as t
+    from chefbotd.client import models as t
 
 
 class SyncTopics(ABC):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 from chefbotd.client.subscription import SubscribeOptions, Subscription
 
 if TYPE_CHECKING:
-    from chefbotd.messages import telemetry as t
+    from chefbotd.client import models as t
 
 
 class Topics(ABC):

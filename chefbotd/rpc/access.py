@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from chefbotd.messages.roles import Role
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 
 MIN_TOKEN_CHARACTERS = 16
 MAX_FILE_BYTES = 65_536

@@ -15,7 +15,6 @@ import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.logs import RateLimitedLog
-from chefbotd.messages.roles import Role
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.dispatch import Dispatcher
@@ -24,6 +23,7 @@ from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.method import Caller
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
 
 IDLE_S = 5.0

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import BaseModel
 
-from chefbotd.messages import results
+from chefbotd.rpc import models
 from chefbotd.rpc.jsonrpc import ERRORS
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
@@ -14,21 +14,21 @@ from chefbotd.rpc.topics import Topic
 Mode: TypeAlias = Literal["validation", "serialization"]
 
 NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
-    "hello": results.Hello,
-    "event": results.Event,
-    "dropped": results.Dropped,
+    "hello": models.Hello,
+    "event": models.Event,
+    "dropped": models.Dropped,
 }
 
 
-def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> results.Description:
+def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> models.Description:
     """What ``describe`` answers, for these methods and topics."""
-    return results.Description(
-        protocol=results.PROTOCOL,
+    return models.Description(
+        protocol=models.PROTOCOL,
         methods={name: _method(method) for name, method in methods.items()},
         topics={name: _topic(topic) for name, topic in topics.items()},
         notifications={name: _schema(model, "validation") for name, model in NOTIFICATIONS.items()},
         errors={
-            str(kind): results.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
+            str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
             for kind, e in ERRORS.items()
         },
     )
@@ -36,17 +36,17 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> resu
 
 def prepare(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> Iterator[None]:
     """Build the schemas that ``describe`` needs, one per step, so that no step takes longer than a few milliseconds."""
-    models: list[tuple[type[BaseModel], Mode]] = [(m.params, "validation") for m in methods.values()]
-    models += [(m.result, "serialization") for m in methods.values()]
-    models += [(t.model, "serialization") for t in topics.values()]
-    models += [(model, "validation") for model in NOTIFICATIONS.values()]
-    for model, mode in models:
+    wanted: list[tuple[type[BaseModel], Mode]] = [(m.params, "validation") for m in methods.values()]
+    wanted += [(m.result, "serialization") for m in methods.values()]
+    wanted += [(t.model, "serialization") for t in topics.values()]
+    wanted += [(model, "validation") for model in NOTIFICATIONS.values()]
+    for model, mode in wanted:
         _schema(model, mode)
         yield
 
 
-def _method(method: Method) -> results.MethodDescription:
-    return results.MethodDescription(
+def _method(method: Method) -> models.MethodDescription:
+    return models.MethodDescription(
         summary=method.summary,
         role=method.role,
         params=_schema(method.params, "validation"),
@@ -54,9 +54,9 @@ def _method(method: Method) -> results.MethodDescription:
     )
 
 
-def _topic(topic: Topic) -> results.TopicDescription:
+def _topic(topic: Topic) -> models.TopicDescription:
     summary = (topic.model.__doc__ or "").partition("\n")[0]
-    return results.TopicDescription(summary=summary, data=_schema(topic.model, "serialization"))
+    return models.TopicDescription(summary=summary, data=_schema(topic.model, "serialization"))
 
 
 @cache

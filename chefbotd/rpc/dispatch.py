@@ -10,11 +10,11 @@ from pydantic import ValidationError
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
 from chefbotd.logs import RateLimitedLog
-from chefbotd.messages.params import Params
 from chefbotd.rpc import jsonrpc, lenient
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
+from chefbotd.rpc.models import Params
 from chefbotd.rpc.session import Session
 from chefbotd.rpc.validation import explain
 
@@ -106,10 +106,7 @@ class Dispatcher:
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
-            body = (
-                self._constants.get(request.method)
-                or method.handle(caller, params).model_dump_json().encode()
-            )
+            body = self._constants.get(request.method) or self._handle(method, caller, params)
             if method.constant:
                 self._constants[request.method] = body
             if request.wants_answer:
@@ -129,6 +126,14 @@ class Dispatcher:
                     ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id
                 )
         return None
+
+    def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
+        """The result as JSON. A stop makes older commands of others void, even where it has failed."""
+        try:
+            return method.handle(caller, params).model_dump_json().encode()
+        finally:
+            if method.urgent:
+                self._arrivals.record_stop(caller, str(caller.session))
 
     def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
         """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""

@@ -9,25 +9,17 @@ as its group. For a topic without subscribers only the latest state is kept.
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import structlog
 
 from chefbotd.clock import Clock
-from chefbotd.messages.results import TopicState
-from chefbotd.messages.telemetry import TopicData
 from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.method import Receiver
+from chefbotd.rpc.models import TopicData, TopicState
 from chefbotd.rpc.topics import Topic
 
 log = structlog.get_logger(__name__)
-
-
-class Receiver(Protocol):
-    """A client that takes events."""
-
-    def send_event(self, payload: EventPayload, latest: bool) -> None:
-        """Send an event, or keep it by the policy while the client is behind; never waits."""
-        ...
 
 
 class Feed:

@@ -6,43 +6,14 @@ have understood and not obeyed. So what the strict reading refuses is read once 
 
 import json
 import re
-from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
-
-from chefbotd.messages.params import Params
 from chefbotd.rpc.jsonrpc import MAX_INTEGER_DIGITS, Request
 
-MAX_REASON_CHARACTERS = 200
 STOPS = ("estop", "stop")
 """What stops the robot, the most urgent first."""
-NO_REASON = "asked by a client"
 
 _STRINGS_AND_BRACKETS = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[{]+|[\]}]', re.DOTALL)
 _COMMA_AT_THE_END = re.compile(r",\s*\}\s*\Z")
-
-
-class StopParams(Params):
-    """Nothing; whatever comes all the same is passed over."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _whatever_comes(cls, params: Any) -> Any:
-        return params if isinstance(params, dict) else {}
-
-
-class EstopParams(StopParams):
-    """Why, for the people who will ask; a reason that is no text, or empty, is none."""
-
-    reason: Annotated[str, Field(description=f"cut to {MAX_REASON_CHARACTERS} characters")] = NO_REASON
-
-    @field_validator("reason", mode="before")
-    @classmethod
-    def _readable(cls, reason: Any) -> str:
-        text = reason.encode(errors="replace").decode() if isinstance(reason, str) else ""
-        return text.strip()[:MAX_REASON_CHARACTERS] or NO_REASON
 
 
 def read_leniently(line: bytes | bytearray) -> Request | None:

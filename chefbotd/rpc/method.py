@@ -1,22 +1,35 @@
-"""A method of the socket, as a row of a table."""
+"""A method of the socket: one function, with its parameters, its result, its role and its purpose beside it."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from chefbotd.messages.params import Params
-from chefbotd.messages.roles import Role
-from chefbotd.rpc.fanout import Receiver
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
-from chefbotd.rpc.session import Session
+from chefbotd.rpc.models import Params
+from chefbotd.rpc.roles import Role
+
+if TYPE_CHECKING:
+    from chefbotd.rpc.event import EventPayload
+    from chefbotd.rpc.session import Session
+
+F = TypeVar("F", bound=Callable[..., BaseModel])
+
+
+class Receiver(Protocol):
+    """A client that takes events."""
+
+    def send_event(self, payload: "EventPayload", latest: bool) -> None:
+        """Send an event, or keep it by the policy while the client is behind; never waits."""
+        ...
 
 
 class Caller(Receiver, Protocol):
     """The client behind a request; ``session`` says who it is and what it may."""
 
-    session: Session
+    session: "Session"
 
     def reply(self, message: bytes) -> None:
         """Send an answer; never waits."""
@@ -39,10 +52,10 @@ class Unserved(Exception):
 class Method:
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
-    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method passes every rate limit, is
-    never refused for its form, and may overtake others; one that ``moves`` the robot, or lets it move, is not carried
-    out when it was overtaken. One that is served ``when_crowded`` can also be called from a place kept for stops. A
-    ``constant`` one always answers the same.
+    ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method stops the robot: it passes
+    every rate limit, is never refused for its form, and may overtake others. One that ``moves`` the robot, or lets it
+    move, is not carried out when it was overtaken. One that is served ``when_crowded`` can also be called from a place
+    kept for stops. A ``constant`` one always answers the same.
     """
 
     role: Role | None
@@ -56,6 +69,60 @@ class Method:
     constant: bool = False
 
     @property
+    def name(self) -> str:
+        """The handler's own name."""
+        return self.handle.__name__
+
+    @property
     def summary(self) -> str:
         """The handler's own first line."""
         return (self.handle.__doc__ or "").partition("\n")[0]
+
+
+def method(
+    *,
+    role: Role | None,
+    urgent: bool = False,
+    moves: bool = False,
+    when_crowded: bool = False,
+    constant: bool = False,
+    afterwards: Callable[[Any, Caller, Any], None] | None = None,
+    params: type[Params] | None = None,
+) -> Callable[[F], F]:
+    """Make ``def name(self, caller: Caller, params: SomeParams) -> SomeResult`` the method ``name`` of the socket.
+
+    The handler runs in the call that delivered the request's bytes: a stop reaches the wire in one call stack. It
+    raises ``chefbotd.core.commands.Refused`` for what the robot does not do. The flags are those of ``Method``;
+    ``params`` is a model made at run time, which no annotation can name.
+    """
+
+    def mark(function: F) -> F:
+        signature = inspect.signature(function)
+        taken, result = params or signature.parameters["params"].annotation, signature.return_annotation
+        for what, model, base in (("params", taken, Params), ("its result", result, BaseModel)):
+            if not (isinstance(model, type) and issubclass(model, base)):
+                raise TypeError(
+                    f"{function.__qualname__}: {what} must be annotated with a {base.__name__}, got {model!r}"
+                )
+        row = Method(role, taken, result, function, afterwards, urgent, moves, when_crowded, constant)  # type: ignore[arg-type]
+        function._method = row  # type: ignore[attr-defined]
+        return function
+
+    return mark
+
+
+def methods_of(handlers: object) -> tuple[Method, ...]:
+    """The methods that an object has, in the order in which its class defines them."""
+    rows: Iterable[tuple[str, Method]] = (
+        (name, function._method)
+        for name, function in vars(type(handlers)).items()
+        if hasattr(function, "_method")
+    )
+    return tuple(
+        replace(
+            row,
+            handle=getattr(handlers, name),
+            afterwards=None if row.afterwards is None else row.afterwards.__get__(handlers),
+        )
+        for name, row in rows
+    )

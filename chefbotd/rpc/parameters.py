@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.messages.roles import Role
+from chefbotd.rpc.roles import Role
 
 
 class ApiParameters(Parameters):

@@ -1,12 +1,12 @@
 """Everything behind a transport: methods, topics, leases and clients, and the way from the bus to the clients."""
 
 import asyncio
-from collections import Counter
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
-from chefbotd.messages.results import Hello
+from chefbotd.metrics import Metrics
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.arrivals import TICK_PERIOD_S, Arrivals
@@ -15,10 +15,11 @@ from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
-from chefbotd.rpc.methods import Methods
+from chefbotd.rpc.method import Method
+from chefbotd.rpc.methods import method_table
+from chefbotd.rpc.models import Hello
 from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.robot import Robot
-from chefbotd.rpc.topics import Topic, link_data, topics
+from chefbotd.rpc.topics import Topic
 
 INBOX_EVENTS = 1024
 SWEEP_PERIOD_S = 0.25
@@ -31,41 +32,52 @@ FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "co
 class RpcServer:
     """Serves one robot to many clients.
 
-    ``session`` names this run of the daemon; ``wheel_names`` is the order of the tuples in ``WheelsDriven``;
-    ``keyring`` has the tokens (None: no client needs one). ``drops`` counts telemetry that slow clients lost
-    by topic, ``refused`` connections that were refused or ended by the kind of error, ``faults`` broken handlers by
-    method.
+    ``methods`` and ``topics`` are those of the robot's features; the server adds its own. ``session`` names this run of
+    the daemon. ``sources`` are those of velocity commands. A command holds for ``command_timeout_s``; ``resume`` ends
+    the hold of sources that a stop holds. ``keyring`` has the tokens (None: no client needs one).
     """
 
     def __init__(
         self,
-        robot: Robot,
+        methods: Mapping[str, Method],
+        topics: Mapping[str, Topic],
         bus: Bus,
         clock: Clock,
         parameters: ApiParameters,
+        leases: ControlLeases,
         *,
         robot_name: str,
         session: str,
-        wheel_names: tuple[str, ...],
-        simulated: bool = False,
+        sources: tuple[str, ...],
+        default_source: str,
+        command_timeout_s: float,
+        resume: Callable[[Collection[str]], None],
+        link_is_up: Callable[[], bool],
         keyring: Keyring | None = None,
     ) -> None:
         self._bus, self._keyring = bus, keyring
-        self._robot_name, self._session = robot_name, session
-        self._fanout = Fanout(topics(wheel_names, simulated=simulated), clock, self._tap)
-        control = ControlLeases(parameters.lease_s, robot.let_go_s, robot.release, bus.publish)
+        self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
+        self._fanout = Fanout(topics, clock, self._tap)
         self.arrivals = Arrivals(clock)
-        methods = Methods(robot, self._fanout, clock, control, self.arrivals, keyring, parameters.arm_role)
-        self._methods = methods.table
+        self._methods = method_table(
+            methods,
+            self._fanout,
+            clock,
+            leases,
+            sources=sources,
+            default_source=default_source,
+            resume=resume,
+            keyring=keyring,
+        )
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(self._methods, clock, self.arrivals, robot.command_timeout_s)
+        dispatcher = Dispatcher(self._methods, clock, self.arrivals, command_timeout_s)
         role = parameters.default_role if keyring is None else None
         self.connections = ConnectionManager(
-            parameters, clock, dispatcher, self.arrivals, self._fanout, control, self._greeting, role
+            parameters, clock, dispatcher, self.arrivals, self._fanout, leases, self._greeting, role
         )
         self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
         self._tasks: asyncio.TaskGroup
@@ -86,30 +98,25 @@ class RpcServer:
             await asyncio.sleep(0)  # answers that are not sent by now are lost
             self.connections.abort()
 
-    @property
-    def clients(self) -> int:
-        """How many clients are connected now."""
-        return len(self.connections)
-
-    @property
-    def drops(self) -> Counter[str]:
-        """Telemetry that slow clients lost, by topic."""
-        return self.connections.drops
-
-    @property
-    def refused(self) -> Counter[str]:
-        """Connections that were refused or ended, by the kind of error."""
-        return self.connections.refused
-
-    @property
-    def faults(self) -> Counter[str]:
-        """Requests that broke their handler, by method."""
-        return self.connections.dispatcher.faults
-
-    @property
-    def void_commands(self) -> Counter[str]:
-        """Commands that came before a stop or waited too long, by the kind of error."""
-        return self.connections.dispatcher.void
+    def add_metrics(self, metrics: Metrics) -> None:
+        """Add what the server counts."""
+        connections, dispatcher = self.connections, self.connections.dispatcher
+        metrics.gauge("clients", "Clients that are connected now.", lambda: len(connections))
+        metrics.counters(
+            "clients_refused", "Connections that were refused or ended.", "error", lambda: connections.refused
+        )
+        metrics.counters(
+            "handler_faults", "Requests that broke their handler.", "method", lambda: dispatcher.faults
+        )
+        metrics.counters(
+            "void_commands",
+            "Commands that came before a stop or waited too long.",
+            "error",
+            lambda: dispatcher.void,
+        )
+        metrics.counter(
+            "telemetry_dropped", "Events that slow clients lost.", lambda: connections.drops.total()
+        )
 
     async def _tick(self) -> None:
         while True:
@@ -143,7 +150,7 @@ class RpcServer:
         hello = Hello(
             robot=self._robot_name,
             session=self._session,
-            link=link_data(self._fanout.state("link")).state,
+            link="up" if self._link_is_up() else "down",
             auth="none" if self._keyring is None else "token",
             capabilities=self._capabilities,
         )

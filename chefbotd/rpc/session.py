@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from chefbotd.messages.roles import Role
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.token_bucket import TokenBucket
 
 

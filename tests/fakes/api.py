@@ -3,6 +3,7 @@
 import asyncio
 import json
 import socket
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -10,9 +11,13 @@ from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock
-from chefbotd.rpc import ApiParameters, Guard, RpcServer
+from chefbotd.features.feature import methods_and_topics
+from chefbotd.rpc.access import Guard
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.server import RpcServer
 from chefbotd.transport.tcp.server import TcpServer
-from tests.fakes.robot import WHEELS, FakeRobot
+from tests.fakes.robot import FakeRobot
 
 
 @dataclass
@@ -25,21 +30,54 @@ class Served:
     host: str
     port: int
 
+    @property
+    def clients(self) -> int:
+        """How many clients are connected now."""
+        return len(self.server.connections)
+
+    @property
+    def drops(self) -> Counter[str]:
+        """Telemetry that slow clients lost, by topic."""
+        return self.server.connections.drops
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Connections that were refused or ended, by the kind of error."""
+        return self.server.connections.refused
+
+    @property
+    def faults(self) -> Counter[str]:
+        """Requests that broke their handler, by method."""
+        return self.server.connections.dispatcher.faults
+
+    @property
+    def void_commands(self) -> Counter[str]:
+        """Commands that came before a stop or waited too long, by the kind of error."""
+        return self.server.connections.dispatcher.void
+
 
 def new_server(
     *, simulated: bool = False, port: int = 0, guard: Guard | None = None, **limits: Any
 ) -> tuple[RpcServer, FakeRobot, Bus]:
     """A server that does not run yet, with its fake robot and its bus."""
-    robot, bus = FakeRobot(), Bus()
+    robot, bus, clock, parameters = FakeRobot(), Bus(), LoopClock(), ApiParameters(port=port, **limits)
+    robot.arm_role = parameters.arm_role
+    leases = ControlLeases(parameters.lease_s, robot.let_go_s, robot.release, bus.publish)
+    methods, topics = methods_and_topics(robot.features(leases, clock, simulated=simulated))
     server = RpcServer(
-        robot,
+        methods,
+        topics,
         bus,
-        LoopClock(),
-        ApiParameters(port=port, **limits),
+        clock,
+        parameters,
+        leases,
         robot_name="testbot",
         session="s1",
-        wheel_names=WHEELS,
-        simulated=simulated,
+        sources=robot.sources,
+        default_source=robot.default_source,
+        command_timeout_s=robot.command_timeout_s,
+        resume=robot.resume,
+        link_is_up=lambda: robot.link_is_up,
         keyring=guard.keyring if guard is not None else None,
     )
     return server, robot, bus

@@ -1,35 +1,40 @@
 """A robot behind the command socket that remembers what it was asked, and refuses on demand."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
+from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
-from chefbotd.core.events import StatsSampled
+from chefbotd.core.events import ControlChanged, StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.features.board.methods import TOPICS as BOARD
+from chefbotd.features.board.methods import BoardMethods
+from chefbotd.features.description.feature import description
+from chefbotd.features.driving.methods import DrivingMethods
+from chefbotd.features.driving.methods import methods as driving_methods
+from chefbotd.features.driving.methods import topics as driving_topics
+from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
+from chefbotd.features.odometry.methods import OdometryMethods
+from chefbotd.features.sensors.methods import TOPICS as SENSORS
+from chefbotd.features.simulation.feature import SIMULATION
+from chefbotd.features.statistics.feature import statistics_without_service
+from chefbotd.features.tuning.methods import TuningMethods
+from chefbotd.metrics import Metrics
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.fanout import Fanout
+from chefbotd.rpc.method import Method, methods_of
+from chefbotd.rpc.methods import method_table
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.topics import Topic
 
 WHEELS = ("left", "right")
 
 STATS = StatsSampled(
     stamp_s=1.0,
-    uptime_s=60.0,
-    frames={"encoders": 100},
-    refused={"noise": 2},
-    lines_out=50,
-    setpoints_replaced=1,
-    link_opens=1,
-    board_restarts=0,
-    encoder_readings_refused=0,
-    control_steps=99,
-    bus_dropped={},
-    clients=1,
-    clients_refused={},
-    handler_faults={},
-    telemetry_dropped=0,
-    loop_lag_s=0.001,
-    board_clock_skew_ppm=None,
-    board_clock_jitter_s=None,
+    figures={"uptime_s": 60.0, "frames": {"encoders": 100}, "lines_out": 50, "board_clock_skew_ppm": None},
 )
 
 
@@ -38,6 +43,8 @@ class FakeRobot:
 
     command_timeout_s = 0.5
     let_go_s = 1.0
+    link_is_up = False
+    arm_role = Role.DRIVE
     default_source = "teleop"
     description: str | None = "<robot name='fake'/>"
     sources = ("safety", "teleop", "navigation")
@@ -46,7 +53,7 @@ class FakeRobot:
         self.calls: list[tuple[object, ...]] = []
         self.resumed: list[str] = []
         self.answer: Exception | None = None
-        self.gains = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
+        self.wheels = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
 
     def _record(self, *call: object) -> None:
         if self.answer is not None:
@@ -93,27 +100,27 @@ class FakeRobot:
         """Remember it."""
         self._record("arm")
 
-    def pid(self) -> Mapping[str, PidParameters]:
+    def gains(self) -> Mapping[str, PidParameters]:
         """The gains as last set."""
         self._record("pid")
-        return self.gains
+        return self.wheels
 
-    def set_pid(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+    def change(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
         """Change them; only the two wheels of ``WHEELS`` are known."""
         self._record("set_pid", wheel, dict(changes))
         if wheel not in (*WHEELS, "all"):
             raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
         for name in WHEELS:
             if wheel in (name, "all"):
-                self.gains[name] = self.gains[name].model_copy(update=changes)
-        return self.gains
+                self.wheels[name] = self.wheels[name].model_copy(update=changes)
+        return self.wheels
 
-    def undo_pid(self) -> Mapping[str, PidParameters]:
+    def undo(self) -> Mapping[str, PidParameters]:
         """Remember it; the gains as last set."""
         self._record("undo_pid")
-        return self.gains
+        return self.wheels
 
-    def set_odometry(self, pose: Pose2D) -> None:
+    def set_pose(self, pose: Pose2D) -> None:
         """Remember it."""
         self._record("set_odometry", pose)
 
@@ -121,7 +128,50 @@ class FakeRobot:
         """Remember it."""
         self._record("reset_board")
 
-    def stats(self) -> StatsSampled:
+    def sample(self) -> StatsSampled:
         """The same ones always, but for a count of commands."""
         self._record("stats")
-        return replace(STATS, control_steps=len(self.calls))
+        return replace(STATS, figures={**STATS.figures, "control_steps": len(self.calls)})
+
+    def features(self, leases: ControlLeases, clock: Clock, *, simulated: bool = False) -> list[Feature]:
+        """The methods and topics of every feature, over this robot."""
+        driving = DrivingMethods(
+            self, leases, clock, sources=self.sources, default_source=self.default_source
+        )
+        return [
+            Feature(
+                "driving", methods=driving_methods(driving, self.arm_role), topics=driving_topics(WHEELS)
+            ),
+            Feature("odometry", methods=methods_of(OdometryMethods(self)), topics=ODOMETRY),
+            Feature("tuning", methods=methods_of(TuningMethods(self))),
+            Feature("sensors", topics=SENSORS),
+            statistics_without_service(self, Metrics()),
+            description(self.description),
+            *([SIMULATION] if simulated else []),
+            Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
+        ]
+
+    def leases(self, announce: Callable[[ControlChanged], None]) -> ControlLeases:
+        """Leases on this robot's sources, with the packaged times."""
+        return ControlLeases(3.0, self.let_go_s, self.release, announce)
+
+
+def table_of(robot: FakeRobot, fanout: Fanout, clock: Clock, leases: ControlLeases) -> dict[str, Method]:
+    """Every method of a socket in front of this robot."""
+    methods, _ = methods_and_topics(robot.features(leases, clock))
+    return method_table(
+        methods,
+        fanout,
+        clock,
+        leases,
+        sources=robot.sources,
+        default_source=robot.default_source,
+        resume=robot.resume,
+    )
+
+
+def topics_of(*, simulated: bool) -> dict[str, Topic]:
+    """Every topic of a socket in front of a fake robot."""
+    robot, clock = FakeRobot(), ManualClock()
+    leases = robot.leases(lambda _: None)
+    return methods_and_topics(robot.features(leases, clock, simulated=simulated))[1]

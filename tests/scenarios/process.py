@@ -25,9 +25,14 @@ PERIOD_S = 0.02
 PLAIN: Mapping[str, str] = {}
 
 # A fault of the program itself is a few lines of Python before its start.
-BLOCKED = "import time; robot.WiredRobot.stats = lambda self: time.sleep(1.0)"
-OUT_OF_MEMORY = "robot.WiredRobot.stats = lambda self: bytearray(1 << 60)"
-CRASH = "import ctypes; robot.WiredRobot.stats = lambda self: ctypes.string_at(0)"
+GET_STATS = """
+import ctypes, time, types
+broken = types.SimpleNamespace(sample=lambda: %s)
+methods.StatisticsMethods.__init__ = lambda self, _: setattr(self, "_statistics", broken)
+"""
+BLOCKED = GET_STATS % "time.sleep(1.0)"
+OUT_OF_MEMORY = GET_STATS % "bytearray(1 << 60)"
+CRASH = GET_STATS % "ctypes.string_at(0)"
 UNREAD_LOG = """
 import os
 unread, full = os.pipe()
@@ -155,7 +160,8 @@ async def _daemon(
     board: Board, log: Path, fault: str, host: str, environment: Mapping[str, str]
 ) -> AsyncIterator[Program]:
     port = _free_port()
-    program = f"from chefbotd import robot\n{fault}\nfrom chefbotd.cli.programs.chefbotd import main\nmain()"
+    start = "from chefbotd.cli.programs.chefbotd import main\nmain()"
+    program = f"from chefbotd.features.statistics import methods\n{fault}\n{start}"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
     inherited = {name: text for name, text in os.environ.items() if name != "RUNTIME_DIRECTORY"}
     with log.open("wb") as sink:

@@ -21,8 +21,8 @@ from chefbotd.cli.drive.course import (
 )
 from chefbotd.cli.drive.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
+from chefbotd.client.models import OdometryData
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.messages.telemetry import OdometryData
 
 PING_PERIOD_S = 0.1
 FIRST_ODOMETRY_TIMEOUT_S = 10.0

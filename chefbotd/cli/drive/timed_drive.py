@@ -6,10 +6,9 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 
 from chefbotd.client import Client
+from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelsDriven
 from chefbotd.client.state import State
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
-from chefbotd.messages.results import Driven, Limited, WheelsDriven
-from chefbotd.messages.telemetry import OdometryData, SimData, WheelsData
 
 PERIOD_S = 0.05
 """20 Hz, ten times within the daemon's dead-man of 0.5 s."""

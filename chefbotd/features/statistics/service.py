@@ -1,31 +1,31 @@
 """Once a second: what was counted, and how late the event loop was."""
 
 import asyncio
-from collections.abc import Callable
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import StatsSampled
+from chefbotd.metrics import Metrics
 
 PROBES_PER_SAMPLE = 10
 SAMPLE_PERIOD_S = 1.0
 
 
 class StatsService:
-    """Samples the daemon's counters; ``collect`` makes an event of a stamp and the loop's lag."""
+    """Samples the figures of the registry; ``lag_s`` is the worst lag of the loop in the last second."""
 
-    def __init__(self, bus: Bus, clock: Clock, collect: Callable[[float, float], StatsSampled]) -> None:
-        self._bus, self._clock, self._collect = bus, clock, collect
-        self._lag_s = 0.0
+    def __init__(self, bus: Bus, clock: Clock, metrics: Metrics) -> None:
+        self._bus, self._clock, self._metrics = bus, clock, metrics
+        self.lag_s = 0.0
 
     def sample(self) -> StatsSampled:
-        """The counters now, and the worst lag of the last second."""
-        return self._collect(self._clock.now_s(), self._lag_s)
+        """The figures now."""
+        return StatsSampled(self._clock.now_s(), self._metrics.collect())
 
     async def run(self) -> None:
         """Probe the loop's lag and publish a sample every second until cancelled."""
         while True:
-            self._lag_s = await self._worst_lag_s()
+            self.lag_s = await self._worst_lag_s()
             self._bus.publish(self.sample())
 
     async def _worst_lag_s(self) -> float:

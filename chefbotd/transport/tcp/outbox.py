@@ -12,8 +12,8 @@ import itertools
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
-from chefbotd.messages.results import Dropped
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.models import Dropped
 from chefbotd.rpc.parameters import ApiParameters
 
 FULL_S = 1.0

@@ -10,13 +10,9 @@ from typing import Any, TypeVar
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
-from chefbotd.rpc.arrivals import Arrivals
-from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
-from chefbotd.rpc.methods import Methods
-from chefbotd.rpc.topics import topics
-from tests.fakes.robot import FakeRobot
+from tests.fakes.robot import FakeRobot, table_of, topics_of
 
 T = TypeVar("T")
 TICK_S = 0.02
@@ -205,10 +201,9 @@ class FakeDaemon:
 
 def description(*, simulated: bool) -> dict[str, Any]:
     """What a real daemon says of itself."""
-    clock, known = ManualClock(), topics(WHEELS, simulated=simulated)
+    clock, robot, known = ManualClock(), FakeRobot(), topics_of(simulated=simulated)
     fanout = Fanout(known, clock, lambda *_: None)
-    control = ControlLeases(1.0, 1.0, lambda _: None, lambda _: None)
-    table = Methods(FakeRobot(), fanout, clock, control, Arrivals(clock)).table
+    table = table_of(robot, fanout, clock, robot.leases(lambda _: None))
     return describe(table, known).model_dump(mode="json")
 
 

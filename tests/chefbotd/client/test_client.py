@@ -16,11 +16,11 @@ from chefbotd.client import (
     Event,
     IncompatibleProtocol,
 )
+from chefbotd.client.models import TextData
 from chefbotd.client.wire import Wire
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import LineSeen, LinkOpened, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.messages.telemetry import TextData
 from tests.fakes.api import Served, serving
 from tests.fakes.daemon import HELLO, Daemon, scripted
 from tests.fakes.transport import FakeTransport

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from chefbotd.client import Client, ConnectionLost, ProtocolError, SubscriptionConflict
+from chefbotd.client.models import OdometryData
 from chefbotd.client.parsing import parse
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import LineSeen, TextReceived
-from chefbotd.messages.telemetry import OdometryData
 from tests.fakes.api import Served, free_port, serving
 from tests.fakes.daemon import HELLO, Daemon, scripted
 

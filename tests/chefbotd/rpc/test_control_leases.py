@@ -3,11 +3,11 @@
 import pytest
 
 from chefbotd.core.events import ControlChanged
-from chefbotd.messages.roles import Role
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
 
 

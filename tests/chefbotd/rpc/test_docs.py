@@ -7,29 +7,22 @@ import pytest
 
 from chefbotd.clock import ManualClock
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.arrivals import Arrivals
-from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ERRORS, Request
-from chefbotd.rpc.methods import Methods
 from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.topics import topics
-from tests.fakes.robot import WHEELS, FakeRobot
+from tests.fakes.robot import FakeRobot, table_of, topics_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 pytestmark = pytest.mark.skipif(
     not PAGE.exists(), reason="the documentation is not part of an installed package"
 )
 
-TOPICS = topics(WHEELS, simulated=True)
-METHODS = Methods(
-    FakeRobot(),
-    Fanout(TOPICS, ManualClock(), lambda *_: None),
-    ManualClock(),
-    ControlLeases(1.0, 1.0, lambda _: None, lambda _: None),
-    Arrivals(ManualClock()),
-).table
+ROBOT = FakeRobot()
+TOPICS = topics_of(simulated=True)
+METHODS = table_of(
+    ROBOT, Fanout(TOPICS, ManualClock(), lambda *_: None), ManualClock(), ROBOT.leases(lambda _: None)
+)
 
 
 def rows(heading: str) -> dict[str, str]:

@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
-from chefbotd.messages.telemetry import TextData, TopicData
+from chefbotd.features.board.methods import TextData
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
-from chefbotd.rpc.topics import Topic, topics
+from chefbotd.rpc.models import TopicData
+from chefbotd.rpc.topics import Topic
 from tests.budget import examples
+from tests.fakes.robot import topics_of
 
 
 def text_of(payload: EventPayload) -> str:
@@ -53,7 +55,7 @@ class CountingTopic:
 
     def __init__(self) -> None:
         self.conversions = 0
-        self.table = {"text": replace(topics(("a",), simulated=False)["text"], data=self._convert)}
+        self.table = {"text": replace(topics_of(simulated=False)["text"], data=self._convert)}
 
     def _convert(self, event: TextReceived) -> TopicData:
         self.conversions += 1
@@ -62,7 +64,7 @@ class CountingTopic:
 
 def text_fanout(clock: Any = None) -> Fanout:
     """A fan-out of every topic; the tests use ``text`` because it is short."""
-    return Fanout(topics(("a",), simulated=False), clock or LoopClock(), ignore)
+    return Fanout(topics_of(simulated=False), clock or LoopClock(), ignore)
 
 
 def publish_texts(fanout: Fanout, *texts: str, stamp_s: float = 0.0) -> None:
@@ -286,7 +288,7 @@ def test_demand_is_told_when_it_begins_and_ends() -> None:
     """Of a topic made on demand the maker hears twice, however many come and go in between."""
     heard: list[tuple[str, bool]] = []
     fanout = Fanout(
-        topics(("a",), simulated=False),
+        topics_of(simulated=False),
         ManualClock(),
         lambda topic, wanted: heard.append((topic.name, wanted)),
     )

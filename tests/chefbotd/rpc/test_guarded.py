@@ -16,8 +16,7 @@ from structlog.testing import capture_logs
 from chefbotd.client import CallError, CannotConnect, Client, ConnectionLost
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
-from chefbotd.rpc import Guard
-from chefbotd.rpc.access import Keyring
+from chefbotd.rpc.access import Guard, Keyring
 from tests.fakes.api import line_client, serving
 
 TOKENS = {"observe": "o" * 32, "drive": "d" * 32, "admin": "a" * 32}
@@ -184,7 +183,7 @@ def test_a_wrong_token_ends_the_connection() -> None:
                     pytest.fail("the wrong token opened the socket")
             assert caught.value.kind == "wrong_token"
             await asyncio.sleep(0.01)
-            assert (served.server.clients, served.server.refused) == (0, {"wrong_token": 1})
+            assert (served.clients, served.refused) == (0, {"wrong_token": 1})
             async with Client.connect(served.host, served.port, token=TOKENS["drive"]) as robot:
                 await robot.ping()
 
@@ -200,12 +199,12 @@ def test_who_does_not_authenticate_in_time_is_cut_off() -> None:
             for _ in range(4):
                 await asyncio.sleep(1.2)
                 await stranger.ask("ping")
-            assert served.server.clients == 1
+            assert served.clients == 1
             await asyncio.sleep(0.6)
             assert (await stranger.read())["error"]["data"]["kind"] == "timed_out"
             with pytest.raises(EOFError):
                 await stranger.read()
-            assert served.server.clients == 0
+            assert served.clients == 0
 
     with capture_logs():
         run_virtual(main())
@@ -267,7 +266,7 @@ def test_tls_from_end_to_end(run: Run) -> None:
                 await robot.drive(0.1, 0.0)
                 assert served.robot.calls == [("drive", "teleop", Twist2D(0.1, 0.0))]
             await asyncio.sleep(0.05)
-            assert (served.server.clients, served.robot.calls[-1]) == (0, ("release", "teleop"))
+            assert (served.clients, served.robot.calls[-1]) == (0, ("release", "teleop"))
 
     run(main())
 
@@ -285,7 +284,7 @@ def test_an_untrusted_certificate_is_refused_by_the_client(run: Run) -> None:
                     pytest.fail("trusted a stranger")
             assert isinstance(refused.value.__cause__, ssl.SSLCertVerificationError)
             await asyncio.sleep(0.05)
-            assert served.server.clients == 0
+            assert served.clients == 0
             async with Client.connect(
                 served.host, served.port, token=TOKENS["admin"], tls=trusting()
             ) as robot:
@@ -308,7 +307,7 @@ def test_plain_text_on_a_tls_port_gets_nothing() -> None:
             assert b"jsonrpc" not in await reader.read()
             writer.close()
             await asyncio.sleep(0.05)
-            assert (served.server.clients, served.robot.calls) == (0, [])
+            assert (served.clients, served.robot.calls) == (0, [])
 
     with capture_logs():
         run_virtual(main())
@@ -321,13 +320,13 @@ def test_a_tls_handshake_that_never_comes_is_cut_off_and_counts_meanwhile() -> N
         async with serving(guard=tls_guard(), max_clients=1, stop_places=0) as served:
             with socket.create_connection((served.host, served.port)) as silent:
                 await asyncio.sleep(0.1)
-                assert served.server.clients == 1
+                assert served.clients == 1
                 with socket.create_connection((served.host, served.port)) as second:
                     await asyncio.sleep(0.1)
                     assert second.recv(100) == b""  # refused, and not in plain text
                 await asyncio.sleep(5.0)
                 assert silent.recv(100) == b""
-            assert served.server.clients == 0
+            assert served.clients == 0
 
     with capture_logs():
         run_virtual(main())
@@ -345,16 +344,16 @@ def test_silent_tls_handshakes_keep_nobody_from_stopping(run: Run) -> None:
                     for _ in range(10)
                 ]
                 await asyncio.sleep(0.1)
-                assert served.server.clients == 5
+                assert served.clients == 5
                 assert [gone.recv(1) for gone in silent[1:6]] == [b""] * 5
                 async with Client.connect(
                     served.host, served.port, token=TOKENS["observe"], tls=trusting()
                 ) as robot:
                     await robot.estop("smoke")
                     assert served.robot.calls == [("estop", "smoke")]
-                    assert served.server.clients == 5
+                    assert served.clients == 5
                 await asyncio.sleep(0.1)
-                assert (served.server.clients, served.server.refused) == (4, {"too_many_clients": 6})
+                assert (served.clients, served.refused) == (4, {"too_many_clients": 6})
 
     with capture_logs():
         run(main())

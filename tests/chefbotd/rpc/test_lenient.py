@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.rpc.lenient import EstopParams, StopParams, read_leniently
+from chefbotd.features.driving.methods import EstopParams, StopParams
+from chefbotd.rpc.lenient import read_leniently
 from tests.budget import examples
 from tests.chefbotd.rpc.test_methods import Desk
 

@@ -61,7 +61,7 @@ def test_whoever_speaks_another_protocol_is_cut_off_at_once(said: bytes) -> None
     async def scenario(served: Served, client: LineClient) -> None:
         client.send_raw(said)
         assert await last_kind(client) in {"parse_error", "not_utf8"}
-        assert (served.robot.calls, served.server.clients) == ([], 0)
+        assert (served.robot.calls, served.clients) == ([], 0)
 
     with_client(scenario)
 
@@ -120,8 +120,8 @@ def test_a_flood_ends_the_connection(line: bytes) -> None:
     async def scenario(served: Served, client: LineClient) -> None:
         client.send_raw(PING + line * 500)
         assert await last_kind(client) == "flooding"
-        assert served.server.clients == 0
-        assert served.server.refused == {"flooding": 1}
+        assert served.clients == 0
+        assert served.refused == {"flooding": 1}
 
     assert with_client(scenario, requests_per_s=10.0, requests_burst=20) == ["flooding"]
 
@@ -134,7 +134,7 @@ def test_a_client_that_reads_nothing_is_counted_when_it_is_cut_off() -> None:
         client.send_raw(b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n' * 400)
         for _ in range(60):
             await asyncio.sleep(0.1)
-        assert (served.server.clients, served.server.refused) == (0, {"timed_out": 1})
+        assert (served.clients, served.refused) == (0, {"timed_out": 1})
 
     assert with_client(scenario) == ["timed_out"]
 
@@ -159,7 +159,7 @@ def test_a_request_that_drips_in_is_cut_off() -> None:
         for i in range(10):
             client.send_raw(PING[i : i + 1])
             await asyncio.sleep(1.0)
-        assert served.server.clients == 1
+        assert served.clients == 1
         await asyncio.sleep(0.5)
         assert await last_kind(client) == "timed_out"
 
@@ -212,7 +212,7 @@ def test_an_estop_finds_a_place_where_everything_is_taken(limits: dict[str, int]
     async def scenario(served: Served, client: LineClient) -> None:
         async with contextlib.AsyncExitStack() as stack:
             everyone = [await stack.enter_async_context(line_client(served)) for _ in range(4)]
-            assert served.server.clients == 5
+            assert served.clients == 5
             late = await stack.enter_async_context(line_client(served))
             assert "result" in await late.ask("estop", reason="smoke")
             assert served.robot.calls == [("estop", "smoke")]
@@ -236,7 +236,7 @@ def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
             late.request("arm")
             late.send(STOP.strip())
             assert await last_kind(late) == "too_many_clients"
-            assert (served.server.clients, served.robot.calls) == (1, [("stop",)])
+            assert (served.clients, served.robot.calls) == (1, [("stop",)])
         client.half_close()
         await asyncio.sleep(0.01)
         async with line_client(served) as again:
@@ -263,7 +263,7 @@ def test_who_has_been_idle_longest_gives_way_before_anyone_is_refused() -> None:
             for stayed in (client, driver, asker):
                 assert "result" in await stayed.ask("ping")
             await asyncio.sleep(0.1)
-            assert served.server.clients == 4
+            assert served.clients == 4
 
     with_client(scenario, max_clients=4)
 
@@ -333,7 +333,7 @@ def test_descriptors_are_kept_for_the_serial_link(run: Callable[..., None]) -> N
         async with serving() as served:
             async with crowd(served, 24):  # each has a descriptor at both ends, all in this process
                 await asyncio.sleep(0.2)
-                assert served.server.refused["too_many_clients"] > 0
+                assert served.refused["too_many_clients"] > 0
             await asyncio.sleep(0.2)
             async with line_client(served) as late:
                 assert "result" in await late.ask("ping")
@@ -355,9 +355,9 @@ def test_the_listener_lives_through_running_out_of_descriptors(run: Callable[...
                     with contextlib.suppress(BlockingIOError):
                         newcomer.connect((served.host, served.port))
                     await asyncio.sleep(0.25)
-                    assert served.server.clients == 0
+                    assert served.clients == 0
                 await asyncio.sleep(0.25)
-                assert served.server.clients == 1
+                assert served.clients == 1
                 assert b'"hello"' in newcomer.recv(1000)
 
     with capture_logs() as logs:
@@ -378,7 +378,7 @@ def test_a_newcomer_that_has_gone_already_is_no_trouble() -> None:
                 newcomer.close()
             await asyncio.sleep(0.1)
             assert "result" in await client.ask("ping")
-            assert served.server.clients == 1
+            assert served.clients == 1
 
     with capture_logs():
         run_virtual(main())
@@ -395,7 +395,7 @@ def test_a_broken_handler_stops_nothing_else() -> None:
         async with line_client(served) as other:
             await other.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)
         assert served.robot.calls[0] == ("drive", "teleop", Twist2D(0.1, 0.0))
-        assert served.server.faults == {"get_pid": 1}
+        assert served.faults == {"get_pid": 1}
         assert "result" in await client.ask("ping")
 
     with_client(scenario)
@@ -411,8 +411,8 @@ def test_the_end_does_not_wait_for_who_reads_nothing() -> None:
                 client.stop_reading()
                 client.send_raw(b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n' * 400)
                 await asyncio.sleep(0.1)
-                assert served.server.clients == 1
+                assert served.clients == 1
             await asyncio.sleep(0)
-            assert served.server.clients == 0
+            assert served.clients == 0
 
     run_virtual(main())

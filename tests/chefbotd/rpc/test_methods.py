@@ -12,35 +12,32 @@ from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import LinkOpened, SafetyChanged, TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.messages import params, results
-from chefbotd.messages.roles import Role
-from chefbotd.rpc import jsonrpc
+from chefbotd.rpc import jsonrpc, models
 from chefbotd.rpc.arrivals import Arrivals
-from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ERRORS, Failure
 from chefbotd.rpc.method import Caller, Method
-from chefbotd.rpc.methods import Methods
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
-from chefbotd.rpc.topics import Topic, topics
+from chefbotd.rpc.topics import Topic
 from tests.budget import examples
-from tests.fakes.robot import FakeRobot
+from tests.fakes.robot import FakeRobot, table_of, topics_of
 
 
 class Desk:
     """A caller at the dispatcher's desk: asks, and keeps what it is told."""
 
-    def __init__(self) -> None:
-        self.robot, self.clock = FakeRobot(), ManualClock(100.0)
-        self.fanout = Fanout(topics(("left", "right"), simulated=False), self.clock, self._demand)
-        control = ControlLeases(3.0, 1.0, self.robot.release, self.fanout.publish)
+    def __init__(self, robot: FakeRobot | None = None) -> None:
+        self.robot, self.clock = robot or FakeRobot(), ManualClock(100.0)
+        self.fanout = Fanout(topics_of(simulated=False), self.clock, self._demand)
+        leases = self.robot.leases(self.fanout.publish)
         self.arrivals = Arrivals(self.clock)
-        methods = Methods(self.robot, self.fanout, self.clock, control, self.arrivals)
-        self.dispatcher = Dispatcher(methods.table, self.clock, self.arrivals, 0.5)
+        methods = table_of(self.robot, self.fanout, self.clock, leases)
+        self.dispatcher = Dispatcher(methods, self.clock, self.arrivals, 0.5)
         self.session = Session(ApiParameters(), "127.0.0.1", 50000, Role.ADMIN, 100.0)
         self.ended: list[Failure] = []
         self.heard: list[dict[str, Any]] = []
@@ -341,7 +338,7 @@ def test_unsubscribe_some_or_all() -> None:
     """What is left is listed; no topics named means all of them."""
     desk = Desk()
     desk.ask("subscribe", topics=["text", "link", "stats"], max_rate_hz=5, policy="ordered")
-    assert desk.ask("unsubscribe", topics=["link"])["result"] == {"topics": ["text", "stats"]}
+    assert desk.ask("unsubscribe", topics=["link"])["result"] == {"topics": ["stats", "text"]}
     assert desk.ask("unsubscribe")["result"] == {"topics": []}
 
 
@@ -357,16 +354,17 @@ def test_an_unknown_topic_is_refused_as_a_whole(method: str) -> None:
 
 def test_the_robots_description_is_served() -> None:
     """The URDF as it stands, and null where there is none."""
-    desk = Desk()
-    assert desk.ask("get_description")["result"] == {"urdf": "<robot name='fake'/>"}
-    desk.robot.description = None
-    assert desk.ask("get_description")["result"] == {"urdf": None}
+    robot = FakeRobot()
+    assert Desk(robot).ask("get_description")["result"] == {"urdf": "<robot name='fake'/>"}
+    robot.description = None
+    assert Desk(robot).ask("get_description")["result"] == {"urdf": None}
 
 
 def test_a_command_without_a_source_is_the_default_ones() -> None:
     """A robot whose people drive by joystick has no teleop: the lease and the command are the joystick's."""
-    desk = Desk()
-    desk.robot.default_source, desk.robot.sources = "joystick", ("joystick",)
+    robot = FakeRobot()
+    robot.default_source, robot.sources = "joystick", ("joystick",)
+    desk = Desk(robot)
     assert desk.ask("drive", linear_m_s=0.1, angular_rad_s=0.0)["result"]["ok"]
     assert desk.robot.calls == [("drive", "joystick", Twist2D(0.1, 0.0))]
     assert desk.ask("take_control")["result"]["source"] == "joystick"
@@ -436,9 +434,9 @@ def test_what_never_changes_is_made_once(constant: bool, told: list[float]) -> N
     """A constant answer is the same for everybody; its handler is not asked again."""
     desk, stamps_s = Desk(), iter([1.0, 2.0, 3.0])
 
-    def handle(caller: Caller, params: params.NoParams) -> results.Pong:
-        return results.Pong(stamp_s=next(stamps_s))
+    def handle(caller: Caller, params: models.NoParams) -> models.Pong:
+        return models.Pong(stamp_s=next(stamps_s))
 
-    method = Method(Role.OBSERVE, params.NoParams, results.Pong, handle, constant=constant)
+    method = Method(Role.OBSERVE, models.NoParams, models.Pong, handle, constant=constant)
     desk.dispatcher = Dispatcher({"count": method}, desk.clock, desk.arrivals, 0.5)
     assert [desk.ask("count")["result"]["stamp_s"] for _ in range(3)] == told

@@ -84,7 +84,7 @@ def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., No
             calls = names(served)
             assert "arm" not in calls[calls.index("estop") :]
             assert told.count("overtaken") + calls.count("arm") == 20
-            assert served.server.void_commands == {"overtaken": told.count("overtaken")}
+            assert served.void_commands == {"overtaken": told.count("overtaken")}
             stopper.sendall(ARM)
             assert await answer(stopper, 9) == "ok"
 
@@ -155,7 +155,7 @@ def test_what_came_while_the_loop_stood_still_is_not_carried_out(
             time.sleep(0.7)  # noqa: ASYNC251 - the loop stands still
             assert await answer(client, 9) == "too_old"
             await asyncio.sleep(0.1)
-            assert (served.robot.calls, served.server.void_commands) == ([], {"too_old": 5})
+            assert (served.robot.calls, served.void_commands) == ([], {"too_old": 5})
             client.sendall(command)
             await asyncio.sleep(0.2)
             assert len(served.robot.calls) == 1
@@ -189,7 +189,7 @@ def test_and_so_through_tls() -> None:
         count = len(served.robot.calls)
         await asyncio.sleep(0.3)
         assert len(served.robot.calls) == count
-        assert served.server.void_commands["too_old"] == 2
+        assert served.void_commands["too_old"] == 2
         for writer in (mover, stopper):
             writer.transport.abort()
 

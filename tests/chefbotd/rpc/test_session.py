@@ -2,9 +2,9 @@
 
 import pytest
 
-from chefbotd.messages.roles import Role
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
 
 LIMITS = ApiParameters(authenticate_s=5.0, request_s=10.0, idle_s=60.0, requests_per_s=10.0, requests_burst=2)

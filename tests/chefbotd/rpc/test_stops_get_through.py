@@ -111,7 +111,7 @@ def test_from_a_flooding_client_that_reads_nothing(run: Run) -> None:
             await send(client, DESCRIBE * 400)
             await send(client, PING * 2500 + ESTOP)
             assert await until(lambda: estopped(served), 1.5)
-            assert await until(lambda: served.server.clients == 0, 10.0)
+            assert await until(lambda: served.clients == 0, 10.0)
 
     serve(run, scenario)
 
@@ -189,7 +189,7 @@ def test_behind_what_ends_the_connection(run: Run, offence: bytes) -> None:
         async with raw_client(served) as client:
             await send(client, PING + offence + ESTOP)
             assert await until(lambda: estopped(served), 0.5)
-            assert await until(lambda: served.server.clients == 0, 1.0)
+            assert await until(lambda: served.clients == 0, 1.0)
 
     serve(run, scenario, requests_per_s=10.0, requests_burst=20)
 

@@ -13,8 +13,7 @@ from structlog.testing import capture_logs
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
-from chefbotd.rpc import Guard
-from chefbotd.rpc.access import Keyring
+from chefbotd.rpc.access import Guard, Keyring
 from tests.fakes.api import free_port, serving
 
 TOKEN = "d" * 32

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.messages.roles import Role
+from chefbotd.rpc.roles import Role
 
 
 @pytest.mark.parametrize(

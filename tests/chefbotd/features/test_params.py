@@ -5,8 +5,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.messages.params import DriveParams, ResetOdometryParams, SetPidParams, SubscribeParams
+from chefbotd.features.driving.methods import DriveParams
+from chefbotd.features.odometry.methods import ResetOdometryParams
+from chefbotd.features.tuning.methods import SetPidParams
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.models import SubscribeParams
 from chefbotd.rpc.validation import explain
 
 

@@ -1,0 +1,67 @@
+"""Every model that a client reads: the results of the methods, and the data of the topics."""
+
+from collections.abc import Mapping
+
+from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextData
+from chefbotd.features.description.methods import RobotDescription
+from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
+from chefbotd.features.odometry.methods import OdometryData
+from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
+from chefbotd.features.simulation.methods import SimData
+from chefbotd.features.statistics.methods import StatsData
+from chefbotd.features.tuning.methods import Wheels
+from chefbotd.rpc.models import (
+    Description,
+    Known,
+    Pong,
+    Released,
+    Result,
+    Taken,
+    TopicData,
+    UnknownData,
+)
+
+__all__ = [
+    "DATA_BY_TOPIC",
+    "BatteryData",
+    "Description",
+    "Driven",
+    "ImuData",
+    "Known",
+    "Limited",
+    "LinkData",
+    "OdometryData",
+    "Pong",
+    "RangesData",
+    "RawData",
+    "Released",
+    "ResetData",
+    "Result",
+    "RobotDescription",
+    "SafetyData",
+    "SimData",
+    "StatsData",
+    "Taken",
+    "TextData",
+    "TopicData",
+    "UnknownData",
+    "Wheels",
+    "WheelsData",
+    "WheelsDriven",
+]
+
+DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
+    "odometry": OdometryData,
+    "wheels": WheelsData,
+    "imu": ImuData,
+    "ranges": RangesData,
+    "battery": BatteryData,
+    "link": LinkData,
+    "safety": SafetyData,
+    "reset": ResetData,
+    "text": TextData,
+    "raw": RawData,
+    "stats": StatsData,
+    "sim": SimData,
+}
+"""What a client reads each topic as."""

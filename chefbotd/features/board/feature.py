@@ -1,0 +1,67 @@
+"""The feature: the board, the link to it, and the log of what went over the link around a fault."""
+
+from collections.abc import Callable
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.features.board.methods import TOPICS, BoardMethods
+from chefbotd.features.feature import Feature, Service
+from chefbotd.link.reconnect import BoardLink
+from chefbotd.link.ring import FaultLog
+from chefbotd.link.session import BoardSession
+from chefbotd.metrics import Metrics
+from chefbotd.rpc.method import methods_of
+
+
+class BrakingBoard:
+    """Restarts the board only after ``brake`` has stopped the motors."""
+
+    def __init__(self, session: BoardSession, brake: Callable[[], None]) -> None:
+        self._session, self._brake = session, brake
+
+    def reset_board(self) -> None:
+        """Brake, forget every command, and restart the board.
+
+        Raises:
+            Refused: it is not connected.
+        """
+        if not self._session.is_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+        self._brake()
+        self._session.reset_board()
+
+
+def board(session: BoardSession, link: BoardLink, fault_log: FaultLog, brake: Callable[[], None]) -> Feature:
+    """The board, over what talks to it; ``brake`` stops the motors and forgets every command."""
+    return Feature(
+        "board",
+        services=(Service("fault log", fault_log.run), Service("link", link.run, critical=True)),
+        methods=methods_of(BoardMethods(BrakingBoard(session, brake))),
+        topics=TOPICS,
+        add_metrics=lambda metrics: _add_metrics(metrics, session),
+    )
+
+
+def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
+    clock = session.board_clock
+    metrics.counter("bytes_in", "Bytes from the board.", lambda: session.hearing.bytes_in)
+    metrics.counters("frames", "Accepted lines from the board.", "message", lambda: session.frames)
+    metrics.counters("refused", "Malformed lines from the board.", "reason", lambda: session.refused)
+    metrics.counter("lines_out", "Lines to the board.", lambda: session.lines_out)
+    metrics.counter(
+        "setpoints_replaced",
+        "Duties that gave way to newer ones before they were sent.",
+        lambda: session.setpoints_replaced,
+    )
+    metrics.counter("link_opens", "Connections of the serial port.", lambda: session.opens)
+    metrics.counter("board_restarts", "Restarts of the board.", lambda: session.board_restarts)
+    metrics.optional_gauge(
+        "board_clock_skew_ppm", "The board's clock against the host's.", lambda: clock.relation.skew_ppm
+    )
+    metrics.optional_gauge(
+        "board_clock_jitter_s",
+        "Scatter of the arrival times about the board's clock.",
+        lambda: clock.relation.jitter_s,
+    )
+    metrics.counter(
+        "board_clock_suspects", "Stamps of the board that were not believed.", lambda: clock.suspects
+    )

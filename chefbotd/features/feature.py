@@ -1,0 +1,58 @@
+"""What a feature of the daemon is: services to run, methods and topics of the socket, and figures that it counts."""
+
+from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from chefbotd.metrics import Metrics
+from chefbotd.rpc.method import Method
+from chefbotd.rpc.topics import Topic
+
+Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A loop that runs as long as the daemon does.
+
+    The daemon ends when a ``critical`` one fails. Any other is started again, with the motors stopped.
+    """
+
+    name: str
+    run: Run
+    critical: bool = False
+
+
+def _no_metrics(metrics: Metrics) -> None:
+    """Add nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """One capability of the robot. ``add_metrics`` adds its figures to the registry."""
+
+    name: str
+    services: tuple[Service, ...] = ()
+    methods: tuple[Method, ...] = ()
+    topics: tuple[Topic, ...] = ()
+    add_metrics: Callable[[Metrics], None] = _no_metrics
+
+
+def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], dict[str, Topic]]:
+    """The methods and the topics of all features by name.
+
+    Raises:
+        ValueError: two features have a method or a topic of the same name.
+    """
+    methods: dict[str, Method] = {}
+    topics: dict[str, Topic] = {}
+    for feature in features:
+        _add(methods, {method.name: method for method in feature.methods}, f"{feature.name}: method")
+        _add(topics, {topic.name: topic for topic in feature.topics}, f"{feature.name}: topic")
+    return methods, topics
+
+
+def _add(known: dict[str, Any], more: dict[str, Any], what: str) -> None:
+    if taken := sorted(known.keys() & more.keys()):
+        raise ValueError(f"{what} {', '.join(taken)} belongs to another feature already")
+    known.update(more)

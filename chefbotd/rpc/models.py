@@ -1,0 +1,201 @@
+"""What goes over the socket, as pydantic models: the bases that features build on, and the server's own messages."""
+
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, SecretStr, SerializeAsAny
+
+from chefbotd.rpc.roles import Role
+
+PROTOCOL: Final = "1.0"
+SOURCE: Final[Any] = Field(
+    None, min_length=1, max_length=64, description="the robot's own default source, if none is named"
+)
+
+
+class Params(BaseModel):
+    """Parameters by name, strict: a bool is no number, nor is a string. Unknown names are refused.
+
+    Values of ``confidential`` ones are never repeated in errors.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
+    confidential: ClassVar[bool] = False
+
+
+class NoParams(Params):
+    """Nothing."""
+
+
+class Result(BaseModel):
+    """What a method answers."""
+
+    model_config = ConfigDict(frozen=True, defer_build=True)
+
+
+class Done(Result):
+    """It was carried out."""
+
+    ok: Literal[True] = True
+
+
+DONE: Final = Done()
+
+
+class TopicData(BaseModel):
+    """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
+
+    model_config = ConfigDict(frozen=True, defer_build=True)
+
+
+class UnknownData(TopicData):
+    """The data of a topic that this version has no model of: its members as attributes, as they came."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", defer_build=True)
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+# The parameters of the server's own methods
+
+
+class AuthenticateParams(Params):
+    """A token of the daemon's token file."""
+
+    confidential: ClassVar[bool] = True
+
+    token: SecretStr = Field(max_length=512)
+
+
+class SetClientNameParams(Params):
+    """What the client wants to be called, in letters that can be printed."""
+
+    client: str = Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+
+
+class TakeControlParams(Params):
+    """The source of commands to have for oneself."""
+
+    source: str | None = SOURCE
+
+
+class SubscribeParams(Params):
+    """Topics, the most events a second of each, and what a client in arrears is spared.
+
+    ``latest``: older values of a topic give way to newer ones. ``ordered``: every event, in order, until
+    the outbox is full; then the oldest are dropped.
+    """
+
+    topics: list[str] = Field(min_length=1, max_length=64)
+    max_rate_hz: float | None = Field(None, gt=0.0, le=1000.0)
+    policy: Literal["latest", "ordered"] = "latest"
+
+
+class UnsubscribeParams(Params):
+    """Topics to end; without any, all of them."""
+
+    topics: list[str] | None = Field(None, min_length=1, max_length=64)
+
+
+# Their results, and the notifications
+
+
+class Known(Result):
+    """Who this client is to the daemon, and what it may do."""
+
+    client: str
+    role: Role
+
+
+class Taken(Result):
+    """The source is this client's; ``taken_from`` names who had it, null where nobody else did."""
+
+    source: str
+    taken_from: str | None
+
+
+class Released(Result):
+    """The sources that this client had until now."""
+
+    sources: list[str]
+
+
+class Pong(Result):
+    """The daemon lives; ``stamp_s`` is its monotonic time."""
+
+    pong: Literal[True] = True
+    stamp_s: float
+
+
+class Subscribed(Result):
+    """All the topics that this client now receives."""
+
+    topics: list[str]
+
+
+class TopicState(Result):
+    """A topic's latest value and how old it is; ``seq`` counts its events, sent to this client or not."""
+
+    seq: int
+    stamp_s: float
+    age_s: float
+    data: SerializeAsAny[TopicData]
+
+
+class Hello(Result):
+    """The greeting; ``session`` changes when the daemon restarts, ``auth`` is what a client must do first."""
+
+    protocol: Literal["1.0"] = PROTOCOL
+    robot: str
+    session: str
+    link: Literal["up", "down"]
+    auth: Literal["none", "token"]
+    capabilities: tuple[str, ...]
+
+
+class Event(TopicState):
+    """One telemetry object."""
+
+    topic: str
+
+
+class Dropped(Result):
+    """How many events a client that reads too slowly has lost since the last such notice."""
+
+    topics: dict[str, int]
+    total: int
+
+
+class MethodDescription(Result):
+    """A method's purpose, the role that it needs (null: none), and the JSON Schemas of what it takes and gives."""
+
+    summary: str
+    role: Role | None
+    params: dict[str, Any]
+    result: dict[str, Any]
+
+
+class TopicDescription(Result):
+    """A topic's purpose and the JSON Schema of its data."""
+
+    summary: str
+    data: dict[str, Any]
+
+
+class ErrorDescription(Result):
+    """A kind of error: its JSON-RPC code, its meaning, and whether it ends the connection."""
+
+    code: int
+    meaning: str
+    closes: bool
+
+
+class Description(Result):
+    """The whole interface, made from the models that check it."""
+
+    protocol: str
+    methods: dict[str, MethodDescription]
+    topics: dict[str, TopicDescription]
+    notifications: dict[str, dict[str, Any]]
+    errors: dict[str, ErrorDescription]
