@@ -112,6 +112,7 @@ def test_people_who_walk_about_leave_no_smear() -> None:
     assert np.median(off) < 0.03
 
 
+@pytest.mark.slow
 def test_wheels_that_slip_are_told_and_survived() -> None:
     """At a doorstep the wheels roll on by 0.8 m and 0.5 rad while the robot stands: it says so, and the map stays."""
     lidar, odom, at = Lidar(WALLS, 9), odometry(TRUTH, 9), 210
@@ -148,6 +149,7 @@ def kidnapped(there: Floats, seed: int) -> tuple[Drive, Floats, int]:
     return drive(odom, lambda k: lidar.points(truth[k])), truth, len(TRUTH)
 
 
+@pytest.mark.slow
 def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
     """Carried into another room it soon says so, adds nothing to the map, and knows where it is some metres later."""
     there = poses_along([(9.2, 7.5), (9.25, 5.3), (9.2, 3.95), (6.0, 3.9)], heading_rad=-1.2)
@@ -163,6 +165,7 @@ def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
     assert np.percentile(walls_off_m(found.state, truth, WALLS), 99) < 0.12
 
 
+@pytest.mark.slow
 def test_a_map_is_gone_on_with_from_anywhere() -> None:
     """Restored, and the robot put down in another room: it is lost until it has seen enough, then maps on."""
     first = toured(31)

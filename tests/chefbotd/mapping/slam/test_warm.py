@@ -29,6 +29,7 @@ print(next(line for line in open('/proc/self/status') if line.startswith('VmRSS'
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is told by /proc")
+@pytest.mark.slow
 def test_a_worker_is_warm_and_small() -> None:
     """Nothing is compiled during a drive after ``warm``, and the process takes less than 150 MB."""
     command = [sys.executable, "-c", WORKER]
