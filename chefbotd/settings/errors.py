@@ -1,6 +1,5 @@
 """What is wrong with a configuration, for people: a line for each refused value, with its key and where it is from."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
@@ -71,6 +70,8 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     section, known = _model_at(model, loc[:-1]), []
     if section is not None:
         known = [field.alias or name for name, field in section.model_fields.items()]
+    import difflib  # rarely needed, and slow to import
+
     close = difflib.get_close_matches(loc[-1], known, n=1)
     return f", did you mean {close[0]}?" if close else ""
 
