@@ -1,4 +1,4 @@
-"""What a trial is measured with: the true motion of the simulated robot, and the frames on its wire."""
+"""What a run is measured with: the true motion of the simulated robot, and the frames on its wire."""
 
 import asyncio
 

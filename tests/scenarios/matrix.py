@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from tests.scenarios import endings, starts, trial
+from tests.scenarios import fault_run, process_faults, starts
+from tests.scenarios.fault_run import Result, broken
 from tests.scenarios.faults import FAULTS
 from tests.scenarios.robots import EVERY_ROBOT, ROBOTS, packaged_name
-from tests.scenarios.trial import Result, broken
 
 REMARKS = (
     "Times count from the moment of the fault, on the simulated robot, which was driven at 0.2 m/s.",
@@ -39,10 +39,10 @@ class Part(NamedTuple):
     faults: Sequence[Any]
 
 
-VIRTUAL = (Part(trial.attempt, FAULTS), Part(starts.listen, starts.SILENT))
+VIRTUAL = (Part(fault_run.attempt, FAULTS), Part(starts.listen, starts.SILENT))
 """On the virtual clock: every run is like every other."""
 
-REAL = (Part(endings.attempt, endings.ENDINGS), Part(starts.start, starts.REFUSALS))
+REAL = (Part(process_faults.attempt, process_faults.PROCESS_FAULTS), Part(starts.start, starts.REFUSALS))
 """The real program, in real time."""
 
 CLOCKS = {"virtual": VIRTUAL, "real": REAL, "both": (*VIRTUAL, *REAL)}

@@ -13,8 +13,8 @@ from chefbotd.process import logs
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.invariants import Invariants, Report
+from tests.scenarios.random_driver import RandomDriver
 from tests.scenarios.robots import settings_of
-from tests.scenarios.wanderer import Wanderer
 
 CYCLES_S = {"chefbot": 0.05, "khan": 0.02}
 """The board's; KHAN's loops are laid out for its own 50 Hz, ChefBot's hold at 20 Hz too."""
@@ -45,15 +45,15 @@ def soak(minutes: float, seed: int, robot_name: str = "chefbot") -> Report:
 
 async def _drive(robot: SimulatedRobot, settings: Settings, report: Report, rng: random.Random) -> None:
     invariants = Invariants(robot, settings, report)
-    wanderer = Wanderer(robot, invariants, rng)
+    random_driver = RandomDriver(robot, invariants, rng)
     async with asyncio.TaskGroup() as group:  # what does not hold ends the drive, wherever it is
         watching = group.create_task(invariants.watch())
-        await wanderer.go(report.minutes / 4)
+        await random_driver.go(report.minutes / 4)
         before_mb = _resident_mb()
-        await wanderer.go(3 * report.minutes / 4)
+        await random_driver.go(3 * report.minutes / 4)
         report.resident_growth_mb = _resident_mb() - before_mb
         watching.cancel()
-    report.faults.update({f"injected: {name}": n for name, n in wanderer.injected.items()})
+    report.faults.update({f"injected: {name}": n for name, n in random_driver.injected.items()})
     await _check_the_end(robot, settings, report)
 
 

@@ -16,10 +16,10 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.scenarios.fault_run import Result
 from tests.scenarios.faults.link import GPS, NOT_THE_BOARD
 from tests.scenarios.process import PERIOD_S, SPEED_M_S, started
 from tests.scenarios.robots import ROBOTS, settings_of
-from tests.scenarios.trial import Result
 from tests.scenarios.wires import misread
 
 TALKS_FOR_S = 3.0

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios import endings, matrix, trial
+from tests.scenarios import fault_run, matrix, process_faults
+from tests.scenarios.fault_run import ENDED, Expected, Fault
 from tests.scenarios.faults import FAULTS
 from tests.scenarios.matrix import CLOCKS, Part, main, run, table, totals
 from tests.scenarios.robots import ROBOTS
-from tests.scenarios.trial import ENDED, Expected, Fault
 from tests.test_docs import PAGE, rows
 
 PART = {
@@ -48,7 +48,7 @@ NOT_INJECTED = {
 @pytest.fixture
 def only(monkeypatch: pytest.MonkeyPatch) -> Callable[[Fault], None]:
     """From then on the matrix has one fault."""
-    return lambda fault: monkeypatch.setitem(matrix.CLOCKS, "both", (Part(trial.attempt, [fault]),))
+    return lambda fault: monkeypatch.setitem(matrix.CLOCKS, "both", (Part(fault_run.attempt, [fault]),))
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -101,10 +101,10 @@ def test_the_defined_outcome_passes(only: Callable[[Fault], None], tmp_path: Pat
 def test_a_trial_that_breaks_is_a_failure_and_the_others_go_on(capsys: pytest.CaptureFixture[str]):
     """No outcome is not the outcome that is defined."""
 
-    def attempt(fault: Fault, robot: str) -> trial.Result:
+    def attempt(fault: Fault, robot: str) -> fault_run.Result:
         if fault.name == "estop":
             raise TimeoutError("never came back")
-        return trial.attempt(fault, robot)
+        return fault_run.attempt(fault, robot)
 
     broken, sound = run(["chefbot"], {"estop", "stop"}.__contains__, [Part(attempt, FAULTS)])
     assert (broken.fault, sound.fault) == ("stop", "estop") or (broken.fault, sound.fault) == (
@@ -169,7 +169,7 @@ def test_every_row_of_the_page_is_injected():
 @WITH_THE_PAGE
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_the_page_says_what_is_told_and_logged(fault: Fault):
-    """What a trial expects of the topic `safety` and of the log stands in its row."""
+    """What a run expects of the topic `safety` and of the log stands in its row."""
     _, _, _, seen, logged, *_ = row_of(fault)
     kind = fault.expected.kind
     assert kind is None or f"`{kind.replace(':front', ':')}" in seen
@@ -178,9 +178,9 @@ def test_the_page_says_what_is_told_and_logged(fault: Fault):
 
 
 @WITH_THE_PAGE
-@pytest.mark.parametrize("ending", endings.ENDINGS, ids=lambda ending: ending.name)
-def test_the_page_says_how_the_program_ends(ending: endings.Ending):
-    """So does what a trial of the real program expects."""
+@pytest.mark.parametrize("ending", process_faults.PROCESS_FAULTS, ids=lambda ending: ending.name)
+def test_the_page_says_how_the_program_ends(ending: process_faults.Ending):
+    """So does what a run of the real program expects."""
     _, does, _, seen, logged, *_ = row_of(ending)
     assert ending.exit_code != 0 or "exit code 0" in does
     assert ending.expected.kind is None or f"`{ending.expected.kind}`" in seen or seen == "the same"

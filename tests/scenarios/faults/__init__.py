@@ -1,6 +1,6 @@
 """The table of faults: how each happens to the simulated robot, and the one outcome that it may have."""
 
-from tests.scenarios.faults import board, driver, guards, link, program, rearm, strangers, wheels
+from tests.scenarios.faults import board, driver, guards, link, other_clients, program, rearm, wheels
 
 FAULTS = (
     *driver.FAULTS,
@@ -9,6 +9,6 @@ FAULTS = (
     *link.FAULTS,
     *board.FAULTS,
     *rearm.FAULTS,
-    *strangers.FAULTS,
+    *other_clients.FAULTS,
     *guards.FAULTS,
 )

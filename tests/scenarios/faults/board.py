@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from tests.scenarios.fault_run import ENDED, Expected, Fault, FaultRun
 from tests.scenarios.faults.link import PULLED_S, unplugged
 from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
 from tests.scenarios.faults.program import cancelled
-from tests.scenarios.trial import ENDED, Expected, Fault, Trial
 from tests.scenarios.wires import transport_of
 
 BEGUN_LINE = b"e\t50\t4"
@@ -19,65 +19,67 @@ AT_THE_PIN = {"sim.board.reset_delay_s": 0.0}
 
 
 @asynccontextmanager
-async def reset(trial: Trial) -> AsyncIterator[None]:
+async def reset(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board restarts because somebody asks for it: a stop first, and the reset right behind it."""
     said: list[bytes] = []
-    write = trial.robot.device.on_write
-    trial.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
-    await trial.robot.client.reset_board()
+    write = fault_run.robot.device.on_write
+    fault_run.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
+    await fault_run.robot.client.reset_board()
     yield
-    trial.robot.device.on_write = write
-    stop = b"s" + b" 0" * len(trial.robot.board.duty) + b"\r"
+    fault_run.robot.device.on_write = write
+    stop = b"s" + b" 0" * len(fault_run.robot.board.duty) + b"\r"
     before = said[: said.index(b"r\r")]
-    trial.check(before[-1:] == [stop], f"wrote {before}")
+    fault_run.check(before[-1:] == [stop], f"wrote {before}")
 
 
 @asynccontextmanager
-async def reset_by_itself(trial: Trial) -> AsyncIterator[None]:
+async def reset_by_itself(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board restarts in the middle of a line, as when its voltage sags."""
-    transport_of(trial.robot).feed(BEGUN_LINE)
-    trial.robot.board.receive(b"r\r")
+    transport_of(fault_run.robot).feed(BEGUN_LINE)
+    fault_run.robot.board.receive(b"r\r")
     yield
 
 
 @asynccontextmanager
-async def reset_without_banner(trial: Trial) -> AsyncIterator[None]:
+async def reset_without_banner(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board restarts and not a word of its banner arrives: only its clock tells."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     feed = transport.feed
     lines = lambda data: (line for line in data.splitlines(keepends=True) if line[1:2] == b"\t")  # noqa: E731
     transport.feed = lambda data: feed(b"".join(lines(data)))
-    trial.robot.board.receive(b"r\r")
+    fault_run.robot.board.receive(b"r\r")
     yield
     transport.feed = feed
 
 
 @asynccontextmanager
-async def power_cycle(trial: Trial) -> AsyncIterator[None]:
+async def power_cycle(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled, and meanwhile the board loses its power and has it again."""
-    before = trial.robot.daemon.session.board_restarts
-    trial.robot.board.receive(b"r\r")
-    async with unplugged(trial):
+    before = fault_run.robot.daemon.session.board_restarts
+    fault_run.robot.board.receive(b"r\r")
+    async with unplugged(fault_run):
         yield
-        trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
+        fault_run.check(
+            fault_run.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed"
+        )
 
 
 @asynccontextmanager
-async def deaf_board(trial: Trial) -> AsyncIterator[None]:
+async def deaf_board(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board reads nothing for half a second, in which somebody presses stop in earnest."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     transport.stall()
     asyncio.get_running_loop().call_later(0.5, transport.drain)
-    await trial.robot.client.estop("trial")
+    await fault_run.robot.client.estop("smoke")
     yield
 
 
 @asynccontextmanager
-async def deaf_behind_a_buffer(trial: Trial) -> AsyncIterator[None]:
+async def deaf_behind_a_buffer(fault_run: FaultRun) -> AsyncIterator[None]:
     """The same, but the kernel takes all that is written: repetitions, motions for 0.2 s, what slows, and the stop."""
-    device = trial.robot.device
+    device = fault_run.robot.device
     kernel: list[bytes] = []
-    in_force = b"s " + b" ".join(b"%d" % each for each in trial.robot.board.duty) + b"\r"
+    in_force = b"s " + b" ".join(b"%d" % each for each in fault_run.robot.board.duty) + b"\r"
     read, device.on_write = device.on_write, kernel.append
 
     def read_again() -> None:
@@ -86,34 +88,34 @@ async def deaf_behind_a_buffer(trial: Trial) -> AsyncIterator[None]:
 
     await asyncio.sleep(2.0)
     others = sum(line != in_force for line in kernel)
-    trial.check(
+    fault_run.check(
         len(kernel) > 0 and others <= 40, f"{others} of {len(kernel)} lines in the kernel are new motions"
     )
     asyncio.get_running_loop().call_later(0.5, read_again)
-    await trial.robot.client.estop("trial")
+    await fault_run.robot.client.estop("smoke")
     yield
 
 
 @asynccontextmanager
-async def deaf_at_the_end(trial: Trial) -> AsyncIterator[None]:
+async def deaf_at_the_end(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board reads nothing for half a second, in which the program ends: what it then reads has a stop at its end."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     transport.stall()
     asyncio.get_running_loop().call_later(0.5, transport.drain)
-    async with cancelled("drive", trial):
+    async with cancelled("drive", fault_run):
         yield
 
 
 @asynccontextmanager
-async def half_a_line(trial: Trial) -> AsyncIterator[None]:
+async def half_a_line(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board has half a line of a program that was killed; then somebody presses stop in earnest."""
-    trial.robot.board.receive(b"s 50")
-    await trial.robot.client.estop("trial")
+    fault_run.robot.board.receive(b"s 50")
+    await fault_run.robot.client.estop("smoke")
     yield
 
 
 @asynccontextmanager
-async def nothing(trial: Trial) -> AsyncIterator[None]:
+async def nothing(fault_run: FaultRun) -> AsyncIterator[None]:
     """What happens is in the overrides."""
     yield
 

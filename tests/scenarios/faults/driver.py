@@ -6,131 +6,131 @@ from contextlib import asynccontextmanager
 
 from chefbotd.client import CallError, Client
 from tests.scenarios.driver import PERIOD_S
+from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.outcomes import DEAD_MAN_S, DRIVES_ON, RAMP_S, SLACK_S, estopped, rests
-from tests.scenarios.trial import Fault, Trial
 
 LOWER_SOURCE = {"chefbot": "navigation", "khan": "move_base"}
 LOWER_SPEED_M_S = 0.1
 
 
 @asynccontextmanager
-async def silence(trial: Trial) -> AsyncIterator[None]:
+async def silence(fault_run: FaultRun) -> AsyncIterator[None]:
     """The driver says nothing more, but stays connected."""
-    trial.driver.says = None
+    fault_run.driver.says = None
     yield
 
 
 @asynccontextmanager
-async def heartbeat(trial: Trial) -> AsyncIterator[None]:
+async def heartbeat(fault_run: FaultRun) -> AsyncIterator[None]:
     """The driver is there and says so, twenty times a second, but drives no more."""
-    trial.driver.says = Client.ping
+    fault_run.driver.says = Client.ping
     yield
 
 
 @asynccontextmanager
-async def departure(trial: Trial) -> AsyncIterator[None]:
+async def departure(fault_run: FaultRun) -> AsyncIterator[None]:
     """The driver's connection ends."""
-    await trial.driver.leave()
+    await fault_run.driver.leave()
     yield
-    trial.driver.come_back()
+    fault_run.driver.come_back()
 
 
 @asynccontextmanager
-async def _lower_source(trial: Trial) -> AsyncIterator[None]:
+async def _lower_source(fault_run: FaultRun) -> AsyncIterator[None]:
     """A program drives too, whom the driver overrules as long as it is heard."""
-    source = LOWER_SOURCE[trial.robot.client.hello.robot]
+    source = LOWER_SOURCE[fault_run.robot.client.hello.robot]
 
     async def navigate(client: Client) -> None:
         while True:
             await client.drive(LOWER_SPEED_M_S, 0.0, source)
             await asyncio.sleep(PERIOD_S)
 
-    async with trial.another("navigation") as client:
+    async with fault_run.another("navigation") as client:
         navigating = asyncio.create_task(navigate(client))
         await asyncio.sleep(0.5)
         yield
-        trial.check(not navigating.done(), "the lower source was refused")
-        safety = await trial.topic("safety")
-        trial.check(safety["source"] == source, f"followed {safety['source']}")
-        off_m_s = abs(trial.robot.board.truth(0.0).twist.linear_m_s - LOWER_SPEED_M_S)
-        trial.check(off_m_s < 0.05 * LOWER_SPEED_M_S, "does not follow the lower source")
+        fault_run.check(not navigating.done(), "the lower source was refused")
+        safety = await fault_run.topic("safety")
+        fault_run.check(safety["source"] == source, f"followed {safety['source']}")
+        off_m_s = abs(fault_run.robot.board.truth(0.0).twist.linear_m_s - LOWER_SPEED_M_S)
+        fault_run.check(off_m_s < 0.05 * LOWER_SPEED_M_S, "does not follow the lower source")
         navigating.cancel()
         await asyncio.gather(navigating, return_exceptions=True)
 
 
 @asynccontextmanager
-async def silence_above(trial: Trial) -> AsyncIterator[None]:
+async def silence_above(fault_run: FaultRun) -> AsyncIterator[None]:
     """The driver says nothing more, and a program that it had overruled still drives."""
-    async with _lower_source(trial):
-        trial.driver.says = None
+    async with _lower_source(fault_run):
+        fault_run.driver.says = None
         yield
 
 
 @asynccontextmanager
-async def departure_above(trial: Trial) -> AsyncIterator[None]:
+async def departure_above(fault_run: FaultRun) -> AsyncIterator[None]:
     """The driver's connection ends, and a program that it had overruled still drives."""
-    async with _lower_source(trial):
-        await trial.driver.leave()
+    async with _lower_source(fault_run):
+        await fault_run.driver.leave()
         yield
-        trial.driver.come_back()
+        fault_run.driver.come_back()
 
 
 @asynccontextmanager
-async def second_driver(trial: Trial) -> AsyncIterator[None]:
+async def second_driver(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody else drives, without asking for control."""
-    async with trial.another("Bob") as bob:
+    async with fault_run.another("Bob") as bob:
         try:
             await bob.drive(-0.2, 0.0)
         except CallError as refusal:
-            trial.check(refusal.kind == "lease_held", f"refused as {refusal.kind}")
-            trial.check("driver" in str(refusal), f"the holder is not named: {refusal}")
+            fault_run.check(refusal.kind == "lease_held", f"refused as {refusal.kind}")
+            fault_run.check("driver" in str(refusal), f"the holder is not named: {refusal}")
         else:
-            trial.check(False, "two may drive")
+            fault_run.check(False, "two may drive")
         yield
 
 
 @asynccontextmanager
-async def takeover(trial: Trial) -> AsyncIterator[None]:
+async def takeover(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody else takes control and does not drive; the driver goes on commanding, in vain."""
-    async with trial.another("Bob") as bob:
+    async with fault_run.another("Bob") as bob:
         await bob.take_control()
         yield
-        holders = (await trial.topic("safety"))["control"].values()
-        trial.check(all(str(holder).startswith("Bob") for holder in holders), f"driven by {[*holders]}")
+        holders = (await fault_run.topic("safety"))["control"].values()
+        fault_run.check(all(str(holder).startswith("Bob") for holder in holders), f"driven by {[*holders]}")
         await bob.release_control()
 
 
 @asynccontextmanager
-async def stop(trial: Trial) -> AsyncIterator[None]:
+async def stop(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody else says stop, and the driver lets it be."""
-    trial.driver.says = None
-    await trial.robot.client.stop()
+    fault_run.driver.says = None
+    await fault_run.robot.client.stop()
     yield
 
 
 @asynccontextmanager
-async def estop(trial: Trial) -> AsyncIterator[None]:
+async def estop(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody else presses stop in earnest; the driver does not care."""
-    await trial.robot.client.estop("trial")
+    await fault_run.robot.client.estop("smoke")
     yield
 
 
 @asynccontextmanager
-async def gains(trial: Trial) -> AsyncIterator[None]:
+async def gains(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody changes the gains of all wheels a little, and then beyond all bounds."""
-    client = trial.robot.client
+    client = fault_run.robot.client
     before = await client.get_pid()
     wheel, gain = next(iter(before.items()))
     await client.set_pid(wheel, kp=1.2 * gain.kp)
     try:
         await client.set_pid(wheel, kp=-1.0)
     except CallError as refusal:
-        trial.check(refusal.kind == "invalid_params", f"refused as {refusal.kind}")
+        fault_run.check(refusal.kind == "invalid_params", f"refused as {refusal.kind}")
     else:
-        trial.check(False, "a negative gain was taken")
+        fault_run.check(False, "a negative gain was taken")
     yield
     await client.undo_pid()
-    trial.check(await client.get_pid() == before, "the gains are not as before")
+    fault_run.check(await client.get_pid() == before, "the gains are not as before")
 
 
 FAULTS = (

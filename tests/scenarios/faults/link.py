@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from chefbotd.core.events import LinkClosed, LinkOpened
+from tests.scenarios.fault_run import Expected, Fault, FaultRun
 from tests.scenarios.faults.outcomes import (
     SLACK_S,
     STALE,
@@ -14,7 +15,6 @@ from tests.scenarios.faults.outcomes import (
     drives_on,
     latched,
 )
-from tests.scenarios.trial import Expected, Fault, Trial
 from tests.scenarios.wires import damage, misread, transport_of
 
 MISSING_M = 0.03
@@ -31,33 +31,35 @@ NOT_THE_BOARD = "this does not sound like the board"
 
 
 @asynccontextmanager
-async def unheard(trial: Trial) -> AsyncIterator[None]:
+async def unheard(fault_run: FaultRun) -> AsyncIterator[None]:
     """Nothing that the board says arrives."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     feed, transport.feed = transport.feed, lambda data: None
     yield
     transport.feed = feed
 
 
 @asynccontextmanager
-async def heard_as(condition: str, trial: Trial) -> AsyncIterator[None]:
+async def heard_as(condition: str, fault_run: FaultRun) -> AsyncIterator[None]:
     """At the end of this context the link's topic says what the port sounds like."""
     yield
-    told = await trial.topic("link")
-    trial.check((told["condition"], told["healthy"]) == (condition, False), f"heard as {told['condition']}")
+    told = await fault_run.topic("link")
+    fault_run.check(
+        (told["condition"], told["healthy"]) == (condition, False), f"heard as {told['condition']}"
+    )
 
 
 @asynccontextmanager
-async def silent(trial: Trial) -> AsyncIterator[None]:
+async def silent(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board says nothing for so long that the port is told to be silent."""
-    async with unheard(trial), heard_as("silent", trial):
+    async with unheard(fault_run), heard_as("silent", fault_run):
         yield
 
 
 @asynccontextmanager
-async def _instead(said: bytes, period_s: float, trial: Trial) -> AsyncIterator[None]:
+async def _instead(said: bytes, period_s: float, fault_run: FaultRun) -> AsyncIterator[None]:
     """This comes in, again and again, and nothing of the board's."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     feed = transport.feed
 
     async def talk() -> None:
@@ -65,71 +67,71 @@ async def _instead(said: bytes, period_s: float, trial: Trial) -> AsyncIterator[
             feed(said)
             await asyncio.sleep(period_s)
 
-    async with unheard(trial):
+    async with unheard(fault_run):
         talking = asyncio.create_task(talk())
         yield
         talking.cancel()
 
 
 @asynccontextmanager
-async def other_device(trial: Trial) -> AsyncIterator[None]:
+async def other_device(fault_run: FaultRun) -> AsyncIterator[None]:
     """What comes in is a satellite receiver's."""
-    async with _instead(GPS, 0.1, trial), heard_as("wrong_device", trial):
+    async with _instead(GPS, 0.1, fault_run), heard_as("wrong_device", fault_run):
         yield
 
 
 @asynccontextmanager
-async def noise(trial: Trial) -> AsyncIterator[None]:
+async def noise(fault_run: FaultRun) -> AsyncIterator[None]:
     """A megabyte a second, and nothing else."""
-    async with _instead(random.Random(3).randbytes(10_000), 0.01, trial):
+    async with _instead(random.Random(3).randbytes(10_000), 0.01, fault_run):
         yield
 
 
 @asynccontextmanager
-async def wrong_baud(board_baud: int, trial: Trial) -> AsyncIterator[None]:
+async def wrong_baud(board_baud: int, fault_run: FaultRun) -> AsyncIterator[None]:
     """The board's program talks at another rate than the port's 115200."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     feed = transport.feed
     transport.feed = lambda data: feed(misread(data, board_baud / 115_200))
-    async with heard_as("wrong_baud", trial):
+    async with heard_as("wrong_baud", fault_run):
         yield
     transport.feed = feed
 
 
 @asynccontextmanager
-async def damaged(share: str, trial: Trial) -> AsyncIterator[None]:
+async def damaged(share: str, fault_run: FaultRun) -> AsyncIterator[None]:
     """One byte in a hundred suffers, both ways."""
-    transport, device = transport_of(trial.robot), trial.robot.device
+    transport, device = transport_of(fault_run.robot), fault_run.robot.device
     feed, write = transport.feed, device.on_write
-    damage(trial.robot, {share: 0.01}, seed=7)
+    damage(fault_run.robot, {share: 0.01}, seed=7)
     yield
     transport.feed, device.on_write = feed, write
 
 
 @asynccontextmanager
-async def misheard(share: str, trial: Trial) -> AsyncIterator[None]:
+async def misheard(share: str, fault_run: FaultRun) -> AsyncIterator[None]:
     """The same, but only what the board says: odometry loses no more than the readings that are still missing."""
-    write, off_m = trial.robot.device.on_write, await trial.odometry_error_m()
-    async with damaged(share, trial):
-        trial.robot.device.on_write = write
+    write, off_m = fault_run.robot.device.on_write, await fault_run.odometry_error_m()
+    async with damaged(share, fault_run):
+        fault_run.robot.device.on_write = write
         yield
-        worse_m = await trial.odometry_error_m() - off_m
-        trial.check(worse_m < MISSING_M, f"odometry is {worse_m:.3f} m worse")
+        worse_m = await fault_run.odometry_error_m() - off_m
+        fault_run.check(worse_m < MISSING_M, f"odometry is {worse_m:.3f} m worse")
 
 
 @asynccontextmanager
-async def unplugged(trial: Trial) -> AsyncIterator[None]:
+async def unplugged(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled, and put back a second later."""
-    device = trial.robot.device
+    device = fault_run.robot.device
     device.unplug()
     asyncio.get_running_loop().call_later(REPLUG_S, device.plug)
     yield
 
 
 @asynccontextmanager
-async def replugged(trial: Trial) -> AsyncIterator[None]:
+async def replugged(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled and put back a hundred times: no task is left over."""
-    device, daemon = trial.robot.device, trial.robot.daemon
+    device, daemon = fault_run.robot.device, fault_run.robot.daemon
     events = daemon.bus.subscribe(LinkOpened, LinkClosed, size=2 * REPLUGS)
     before = len(asyncio.all_tasks())
     for _ in range(REPLUGS):
@@ -140,14 +142,14 @@ async def replugged(trial: Trial) -> AsyncIterator[None]:
         await asyncio.sleep(SLACK_S)
     events.close()
     left = len(asyncio.all_tasks()) - before
-    trial.check(not left, f"{left} tasks more than before")
+    fault_run.check(not left, f"{left} tasks more than before")
     yield
 
 
 @asynccontextmanager
-async def opens_and_closes(trial: Trial) -> AsyncIterator[None]:
+async def opens_and_closes(fault_run: FaultRun) -> AsyncIterator[None]:
     """The port is lost as soon as it is open, for three seconds: it is tried ever more rarely."""
-    robot = trial.robot
+    robot = fault_run.robot
     opened, before = robot.daemon.bus.subscribe(LinkOpened), robot.daemon.session.opens
 
     async def close_again() -> None:
@@ -160,7 +162,7 @@ async def opens_and_closes(trial: Trial) -> AsyncIterator[None]:
     closing.cancel()
     opened.close()
     opens = robot.daemon.session.opens - before
-    trial.check(1 < opens <= BACKOFF_OPENS, f"opened {opens} times")
+    fault_run.check(1 < opens <= BACKOFF_OPENS, f"opened {opens} times")
     await asyncio.sleep(LONGEST_BACKOFF_S * 1.2)
 
 

@@ -4,7 +4,7 @@ Every bound on the time to zero is the sum of what must pass before it, which st
 one board cycle and one period of the driver.
 """
 
-from tests.scenarios.trial import ENDED, Expected
+from tests.scenarios.fault_run import ENDED, Expected
 
 SLACK_S = 0.1
 AT_ONCE_S = SLACK_S

@@ -6,36 +6,36 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from chefbotd.core.events import BatteryCounted, EdgesSeen, EncodersCounted
+from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.outcomes import ENDS, latched
-from tests.scenarios.trial import Fault, Trial
 
 
 @asynccontextmanager
-async def failing_step(trial: Trial) -> AsyncIterator[None]:
+async def failing_step(fault_run: FaultRun) -> AsyncIterator[None]:
     """Counts for a wheel that there is not break a control step."""
     now_s = asyncio.get_running_loop().time()
-    trial.robot.daemon.bus.publish(EncodersCounted(now_s, now_s, (1, 2, 3, 4, 5)))
+    fault_run.robot.daemon.bus.publish(EncodersCounted(now_s, now_s, (1, 2, 3, 4, 5)))
     yield
 
 
 @asynccontextmanager
-async def failing_service(times: int, trial: Trial) -> AsyncIterator[None]:
+async def failing_service(times: int, fault_run: FaultRun) -> AsyncIterator[None]:
     """A reading that breaks the sensors' service."""
     for _ in range(times):
-        trial.robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
+        fault_run.robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
         await asyncio.sleep(0)
     yield
 
 
 @asynccontextmanager
-async def failing_decoder(trial: Trial) -> AsyncIterator[None]:
+async def failing_decoder(fault_run: FaultRun) -> AsyncIterator[None]:
     """An edge that is none breaks a part that cannot be missed."""
-    trial.robot.daemon.bus.publish(EdgesSeen(0.0, 0.0, ("edge",)))
+    fault_run.robot.daemon.bus.publish(EdgesSeen(0.0, 0.0, ("edge",)))
     yield
 
 
 @asynccontextmanager
-async def cancelled(task_name: str, trial: Trial) -> AsyncIterator[None]:
+async def cancelled(task_name: str, fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody cancels one of the daemon's tasks."""
     next(task for task in asyncio.all_tasks() if task.get_name() == task_name).cancel()
     yield

@@ -6,12 +6,12 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from chefbotd.core.events import SafetyChanged
+from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.board import reset
 from tests.scenarios.faults.link import REPLUG_S, unplugged
 from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
 from tests.scenarios.faults.program import failing_step
 from tests.scenarios.faults.wheels import broken_encoder, critical_battery
-from tests.scenarios.trial import Fault, Trial
 from tests.scenarios.wires import frozen
 
 AUTO = {"safety.rearm": "auto"}
@@ -19,35 +19,37 @@ ROW = '`safety.rearm = "auto"`'
 
 
 @asynccontextmanager
-async def told_and_left(trial: Trial) -> AsyncIterator[None]:
+async def told_and_left(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled for a second: it latches as ever before it is left."""
-    changes = trial.robot.daemon.bus.subscribe(SafetyChanged, size=64)
-    async with unplugged(trial):
+    changes = fault_run.robot.daemon.bus.subscribe(SafetyChanged, size=64)
+    async with unplugged(fault_run):
         yield
     told = [changes.take().fault for _ in range(len(changes))]
     changes.close()
-    trial.check("link_lost" in told, f"told as {told}")
+    fault_run.check("link_lost" in told, f"told as {told}")
 
 
 @asynccontextmanager
-async def counted_and_left(trial: Trial) -> AsyncIterator[None]:
+async def counted_and_left(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board restarts: it is counted, and left in the same moment."""
-    before = trial.robot.daemon.session.board_restarts
-    async with reset(trial):
+    before = fault_run.robot.daemon.session.board_restarts
+    async with reset(fault_run):
         yield
-    trial.check(trial.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed")
+    fault_run.check(
+        fault_run.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed"
+    )
 
 
 @asynccontextmanager
-async def estop_then_replug(trial: Trial) -> AsyncIterator[None]:
+async def estop_then_replug(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody presses stop in earnest and goes; then the cable is pulled and put back, and the board restarts."""
-    async with trial.another("Eve") as eve:
+    async with fault_run.another("Eve") as eve:
         await eve.estop("smoke")
-    async with unplugged(trial):
+    async with unplugged(fault_run):
         await asyncio.sleep(REPLUG_S + 2.0)
-        await trial.robot.client.reset_board()
+        await fault_run.robot.client.reset_board()
         await asyncio.sleep(2.0)
-        trial.check(not any(trial.robot.board.duty), "moves again")
+        fault_run.check(not any(fault_run.robot.board.duty), "moves again")
         yield
 
 

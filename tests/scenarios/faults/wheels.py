@@ -10,8 +10,8 @@ from chefbotd.client import Client
 from chefbotd.core.events import SafetyChanged
 from chefbotd.settings import load, packaged
 from tests.scenarios.driver import PERIOD_S
+from tests.scenarios.fault_run import Expected, Fault, FaultRun, Inject
 from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, latched
-from tests.scenarios.trial import Expected, Fault, Inject, Trial
 from tests.scenarios.wires import (
     Rewrite,
     frozen,
@@ -28,78 +28,78 @@ RANGE_LINE = {"chefbot": b"u", "khan": b"a"}
 
 
 @asynccontextmanager
-async def rewired(kind: bytes, rewrite: Rewrite, trial: Trial) -> AsyncIterator[None]:
+async def rewired(kind: bytes, rewrite: Rewrite, fault_run: FaultRun) -> AsyncIterator[None]:
     """What the board says of this kind is something else."""
-    transport = transport_of(trial.robot)
+    transport = transport_of(fault_run.robot)
     feed = transport.feed
-    rewire(trial.robot, kind, rewrite)
+    rewire(fault_run.robot, kind, rewrite)
     yield
     transport.feed = feed
 
 
 def broken_encoder(broken: Callable[[], Rewrite]) -> Inject:
     """This encoder counts wrongly."""
-    return lambda trial: rewired(b"e", broken(), trial)
+    return lambda fault_run: rewired(b"e", broken(), fault_run)
 
 
 @asynccontextmanager
-async def rocked(index: int, period_s: float, trial: Trial) -> AsyncIterator[None]:
+async def rocked(index: int, period_s: float, fault_run: FaultRun) -> AsyncIterator[None]:
     """This encoder is unplugged while the driver changes his mind again and again."""
     turns = itertools.count()
     every = max(1, round(period_s / 2 / PERIOD_S))
 
     async def rock(client: Client) -> None:
         way = 1 if next(turns) // every % 2 else -1
-        await client.drive(way * trial.driver.twist[0], 0.0)
+        await client.drive(way * fault_run.driver.twist[0], 0.0)
 
-    trial.driver.says = rock
-    async with rewired(b"e", frozen(index), trial):
+    fault_run.driver.says = rock
+    async with rewired(b"e", frozen(index), fault_run):
         yield
 
 
-def swapped_encoders(trial: Trial) -> AbstractAsyncContextManager[None]:
+def swapped_encoders(fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """Left and right are exchanged."""
-    return rewired(b"e", lambda counts: counts[::-1], trial)
+    return rewired(b"e", lambda counts: counts[::-1], fault_run)
 
 
 @asynccontextmanager
-async def reversed_motor(index: int, trial: Trial) -> AsyncIterator[None]:
+async def reversed_motor(index: int, fault_run: FaultRun) -> AsyncIterator[None]:
     """This motor's wires were exchanged."""
-    device, transport = trial.robot.device, transport_of(trial.robot)
+    device, transport = fault_run.robot.device, transport_of(fault_run.robot)
     write, feed = device.on_write, transport.feed
-    rewire_motor(trial.robot, index)
+    rewire_motor(fault_run.robot, index)
     yield
     device.on_write, transport.feed = write, feed
 
 
 @asynccontextmanager
-async def too_strong(trial: Trial) -> AsyncIterator[None]:
+async def too_strong(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody sets a feedforward that is many times too large while it drives slowly."""
-    client = trial.robot.client
+    client = fault_run.robot.client
     await client.set_pid("all", kv=20_000.0)
     yield
     await client.call("undo_pid")
 
 
 @asynccontextmanager
-async def deaf(trial: Trial) -> AsyncIterator[None]:
+async def deaf(fault_run: FaultRun) -> AsyncIterator[None]:
     """The board reads nothing more, and the driver asks it to stop."""
-    device = trial.robot.device
+    device = fault_run.robot.device
     write, device.on_write = device.on_write, lambda data: None
 
     async def stop(client: Client) -> None:
         await client.stop()
 
-    trial.driver.says = stop
+    fault_run.driver.says = stop
     yield
     device.on_write = write
 
 
 @asynccontextmanager
-async def estopped_and_deaf(trial: Trial) -> AsyncIterator[None]:
+async def estopped_and_deaf(fault_run: FaultRun) -> AsyncIterator[None]:
     """The same, and somebody presses the emergency stop."""
-    async with deaf(trial):
-        await trial.robot.client.estop("it does not stop")
+    async with deaf(fault_run):
+        await fault_run.robot.client.estop("it does not stop")
         yield
 
 
@@ -109,34 +109,34 @@ def pieces_of_commands(duties: list[bytes]) -> list[bytes]:
 
 
 @asynccontextmanager
-async def excluded(index: int, trial: Trial) -> AsyncIterator[None]:
+async def excluded(index: int, fault_run: FaultRun) -> AsyncIterator[None]:
     """This wheel slips again and again: it is named, and odometry does without it."""
-    names = (await trial.topic("wheels"))["name"]
+    names = (await fault_run.topic("wheels"))["name"]
     said: set[str] = set()
 
     async def listen() -> None:
-        async for event in trial.robot.client.subscribe("wheels", policy="ordered"):
+        async for event in fault_run.robot.client.subscribe("wheels", policy="ordered"):
             said.update(event.data.excluded)
 
     listening = asyncio.create_task(listen())
-    async with rewired(b"e", slipping(index), trial):
+    async with rewired(b"e", slipping(index), fault_run):
         yield
-        trial.check(said == {names[index]}, f"left out: {said}")
+        fault_run.check(said == {names[index]}, f"left out: {said}")
     listening.cancel()
     await asyncio.gather(listening, return_exceptions=True)
 
 
-def critical_battery(trial: Trial) -> AbstractAsyncContextManager[None]:
+def critical_battery(fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """The ADC says 0.3 V less than the critical voltage."""
-    battery = load(packaged(trial.robot.client.hello.robot)).battery
+    battery = load(packaged(fault_run.robot.client.hello.robot)).battery
     share = (battery.critical_v - 0.3) / (battery.reference_v * battery.divider_ratio)
-    return rewired(b"b", lambda _: [b"%.2f" % (share * battery.adc_full_scale)], trial)
+    return rewired(b"b", lambda _: [b"%.2f" % (share * battery.adc_full_scale)], fault_run)
 
 
 @asynccontextmanager
-async def wall(trial: Trial) -> AsyncIterator[None]:
+async def wall(fault_run: FaultRun) -> AsyncIterator[None]:
     """A wall comes near: the fault begins with the first metre per second that the guard takes away."""
-    seen = trial.robot.daemon.bus.subscribe(SafetyChanged, size=16)
+    seen = fault_run.robot.daemon.bus.subscribe(SafetyChanged, size=16)
     async with asyncio.timeout(20.0):
         async for event in seen:
             if event.limited_by is not None:
@@ -145,29 +145,29 @@ async def wall(trial: Trial) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def wall_before_wheels(trial: Trial) -> AsyncIterator[None]:
+async def wall_before_wheels(fault_run: FaultRun) -> AsyncIterator[None]:
     """The same, where the wheels are commanded each on its own."""
-    names = (await trial.topic("wheels"))["name"]
-    wheel = load(packaged(trial.robot.client.hello.robot)).chassis.wheels[0]
-    velocity_rad_s = dict.fromkeys(names, trial.driver.twist[0] / wheel.radius_m)
+    names = (await fault_run.topic("wheels"))["name"]
+    wheel = load(packaged(fault_run.robot.client.hello.robot)).chassis.wheels[0]
+    velocity_rad_s = dict.fromkeys(names, fault_run.driver.twist[0] / wheel.radius_m)
 
     async def turn(client: Client) -> None:
         await client.set_wheel_velocities(velocity_rad_s)
 
-    trial.driver.says = turn
-    async with wall(trial):
+    fault_run.driver.says = turn
+    async with wall(fault_run):
         yield
 
 
-def blind(trial: Trial) -> AbstractAsyncContextManager[None]:
+def blind(fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """The range sensor says nothing more."""
-    return rewired(RANGE_LINE[trial.robot.client.hello.robot], lambda _: None, trial)
+    return rewired(RANGE_LINE[fault_run.robot.client.hello.robot], lambda _: None, fault_run)
 
 
-def lost_edges(every: int, trial: Trial) -> AbstractAsyncContextManager[None]:
+def lost_edges(every: int, fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """Of the lines that tell edges one in so many never comes."""
     said = itertools.count(1)
-    return rewired(EDGE_LINE, lambda fields: None if next(said) % every == 0 else fields, trial)
+    return rewired(EDGE_LINE, lambda fields: None if next(said) % every == 0 else fields, fault_run)
 
 
 BROKEN_ENCODERS = (

@@ -1,7 +1,6 @@
-"""Faults of the program itself: the real one in a process, which is signalled, killed, blocked or short of memory.
+"""Faults of the daemon's process: it is signalled, killed, blocked or short of memory.
 
-In real time and on a real pty, with the simulated robot at its other end, so what is measured has the machine's own
-delays in it.
+The real program runs in real time on a pty with a simulated robot, so measured times include the machine's own delays.
 """
 
 import asyncio
@@ -18,6 +17,7 @@ from typing import Any
 
 from chefbotd.client import ChefbotError, Client
 from chefbotd.process.signals import name_of
+from tests.scenarios.fault_run import ENDED, Expected, Result, motion
 from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, latched
 from tests.scenarios.instruments import MOVING_M_S
 from tests.scenarios.process import (
@@ -34,7 +34,6 @@ from tests.scenarios.process import (
     second_daemon,
 )
 from tests.scenarios.robots import ROBOTS
-from tests.scenarios.trial import ENDED, Expected, Result, motion
 
 RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005
@@ -125,7 +124,7 @@ async def _talkative(program: Program, client: Client) -> tuple[str, ...]:
 STOPPED = Expected(ENDED, None, 0.25, ("stopped",))
 RUNS_ON = Expected(ENDED)
 
-ENDINGS = (
+PROCESS_FAULTS = (
     *(
         Ending(
             "Any signal that would end the program", name_of(number), partial(_signalled, number), STOPPED, 0

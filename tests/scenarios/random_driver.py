@@ -1,4 +1,4 @@
-"""A driver that goes about at random, asks for too much, commands on whatever it is answered, and lets faults happen."""
+"""A random driver: it exceeds limits, goes on commanding whatever the answer, and injects faults."""
 
 import asyncio
 import contextlib
@@ -39,7 +39,7 @@ HOME, HOME_M = Pose2D(1.0, 1.0, 0.0), 0.8
 Fault = Callable[[], Awaitable[None]]
 
 
-class Wanderer:
+class RandomDriver:
     """All that it does comes from one seed."""
 
     def __init__(self, robot: SimulatedRobot, invariants: Invariants, rng: random.Random) -> None:

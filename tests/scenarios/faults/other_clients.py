@@ -1,4 +1,4 @@
-"""What other clients do while one drives: babble, flood, drip, crowd in, or read nothing."""
+"""Misbehaving clients beside the driver: garbage, floods, slow bytes, too many connections, or unread data."""
 
 import asyncio
 import contextlib
@@ -8,8 +8,8 @@ from contextlib import asynccontextmanager
 from functools import partial
 
 from benchmarks.abuse import SHAPES
+from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, estopped
-from tests.scenarios.trial import Fault, Trial
 
 Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
@@ -27,9 +27,9 @@ BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reas
 
 
 @asynccontextmanager
-async def stranger(trial: Trial) -> AsyncIterator[Streams]:
+async def stranger(fault_run: FaultRun) -> AsyncIterator[Streams]:
     """A connection that speaks what it likes; cut at the end, whatever it has left to say."""
-    host, port = await trial.robot.daemon.server.address()
+    host, port = await fault_run.robot.daemon.server.address()
     reader, writer = await asyncio.open_connection(host, port)
     try:
         yield reader, writer
@@ -48,17 +48,17 @@ async def last_kind(reader: asyncio.StreamReader) -> str | None:
     return kind or "still connected"
 
 
-async def expect_end(trial: Trial, reader: asyncio.StreamReader, kind: str | None) -> None:
+async def expect_end(fault_run: FaultRun, reader: asyncio.StreamReader, kind: str | None) -> None:
     """Note it if the connection has not ended, or ended as something else."""
     told = await last_kind(reader)
-    trial.check(told == kind, f"cut off as {told}")
+    fault_run.check(told == kind, f"cut off as {told}")
 
 
 @asynccontextmanager
-async def babble(shape: str, trial: Trial) -> AsyncIterator[None]:
+async def babble(shape: str, fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody sends a bad first message and a megabyte more."""
     first, body = SHAPES[shape]
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.write(first)
         with contextlib.suppress(ConnectionError):
             for _ in range(16):
@@ -68,69 +68,69 @@ async def babble(shape: str, trial: Trial) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def half_closed(trial: Trial) -> AsyncIterator[None]:
+async def half_closed(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody sends half a request and no more."""
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.write(DESCRIBE[:20])
         writer.write_eof()
         yield
 
 
 @asynccontextmanager
-async def drip(trial: Trial) -> AsyncIterator[None]:
+async def drip(fault_run: FaultRun) -> AsyncIterator[None]:
     """A request comes in byte by byte, slower than it may."""
-    async with stranger(trial) as (reader, writer):
+    async with stranger(fault_run) as (reader, writer):
         for byte in DESCRIBE[:4]:
             writer.write(bytes([byte]))
             await asyncio.sleep(0.3)
         yield
-        await expect_end(trial, reader, "timed_out")
+        await expect_end(fault_run, reader, "timed_out")
 
 
 @asynccontextmanager
-async def idle(trial: Trial) -> AsyncIterator[None]:
+async def idle(fault_run: FaultRun) -> AsyncIterator[None]:
     """A client is connected and asks for nothing; one that listens is not idle."""
-    await trial.robot.client.call("subscribe", topics=["text"])
-    async with stranger(trial) as (reader, _):
+    await fault_run.robot.client.call("subscribe", topics=["text"])
+    async with stranger(fault_run) as (reader, _):
         yield
-        await expect_end(trial, reader, "timed_out")
+        await expect_end(fault_run, reader, "timed_out")
 
 
 @asynccontextmanager
-async def unread(trial: Trial) -> AsyncIterator[None]:
+async def unread(fault_run: FaultRun) -> AsyncIterator[None]:
     """Ten clients ask for everything and read none of it."""
     async with contextlib.AsyncExitStack() as stack:
         for _ in range(DEAF):
-            _, writer = await stack.enter_async_context(stranger(trial))
+            _, writer = await stack.enter_async_context(stranger(fault_run))
             writer.transport.pause_reading()
             writer.write(LISTEN_TO_ALL + DESCRIBE * 200)
         yield
-        left = (await trial.robot.client.call("get_stats"))["clients"] - 2
-        trial.check(not left, f"{left} of them are still there")
+        left = (await fault_run.robot.client.call("get_stats"))["clients"] - 2
+        fault_run.check(not left, f"{left} of them are still there")
 
 
 @asynccontextmanager
-async def crowd(trial: Trial) -> AsyncIterator[None]:
+async def crowd(fault_run: FaultRun) -> AsyncIterator[None]:
     """Two hundred connections at once, which is more than there is room for."""
     async with contextlib.AsyncExitStack() as stack:
         for _ in range(CROWD):
-            await stack.enter_async_context(stranger(trial))
+            await stack.enter_async_context(stranger(fault_run))
         yield
 
 
 @asynccontextmanager
-async def estop_in_a_crowd(trial: Trial) -> AsyncIterator[None]:
+async def estop_in_a_crowd(fault_run: FaultRun) -> AsyncIterator[None]:
     """Where there is no room, somebody comes and presses stop in earnest."""
-    async with crowd(trial), stranger(trial) as (_, writer):
+    async with crowd(fault_run), stranger(fault_run) as (_, writer):
         writer.write(ESTOP)
         await asyncio.sleep(0.01)
         yield
 
 
 @asynccontextmanager
-async def unread_estop(trial: Trial) -> AsyncIterator[None]:
+async def unread_estop(fault_run: FaultRun) -> AsyncIterator[None]:
     """A client that reads none of its answers presses stop in earnest, behind all that it has asked for."""
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.transport.pause_reading()
         writer.write(LISTEN_TO_ALL + DESCRIBE * 400)
         await asyncio.sleep(0.5)
@@ -139,26 +139,26 @@ async def unread_estop(trial: Trial) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def last_estop(trial: Trial) -> AsyncIterator[None]:
+async def last_estop(fault_run: FaultRun) -> AsyncIterator[None]:
     """Somebody presses stop in earnest behind a thousand requests, and the connection is reset at once."""
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.write(DESCRIBE * 1000 + ESTOP)
         await asyncio.sleep(0.001)
     yield
 
 
 @asynccontextmanager
-async def estop_in_a_flood(trial: Trial) -> AsyncIterator[None]:
+async def estop_in_a_flood(fault_run: FaultRun) -> AsyncIterator[None]:
     """A client that may ask for five things at once asks for ten, and then presses stop in earnest."""
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.write(DESCRIBE * 10 + ESTOP)
         yield
 
 
 @asynccontextmanager
-async def badly_formed_estop(trial: Trial) -> AsyncIterator[None]:
+async def badly_formed_estop(fault_run: FaultRun) -> AsyncIterator[None]:
     """An estop with a wrong id, a wrong reason, more than is asked for and no end, and the connection is over."""
-    async with stranger(trial) as (_, writer):
+    async with stranger(fault_run) as (_, writer):
         writer.write(BADLY_FORMED_ESTOP)
         writer.write_eof()
         await asyncio.sleep(0.01)

@@ -1,7 +1,7 @@
-"""One fault, one robot, one trial: it is driven, the fault happens, and what then becomes of it is measured.
+"""One run of one fault on one robot: the robot drives, the fault is injected, and the robot's reaction is measured.
 
-All of it on the virtual clock, with the true motion of the simulated robot. The driver is stubborn: it goes on
-commanding at 20 Hz, whatever it is answered, so whatever stands still does so against somebody's wish.
+It uses the virtual clock and the true motion of the simulated robot. The driver commands at 20 Hz, whatever the answer,
+so a robot that stands still does so against a command.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from structlog.testing import capture_logs
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.scenarios.doors import Door, unguarded
+from tests.scenarios.access import Access, unguarded
 from tests.scenarios.driver import Driver
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving
 from tests.scenarios.robots import ROBOTS, settings_of
@@ -58,7 +58,7 @@ class Expected:
 class Result:
     """What happened: ``zero_s`` and ``rest_s`` after the fault the board had its last duty and the robot moved last.
 
-    Both are None where it drives on, at ``drives_m_s`` when the trial ends. ``wrong`` says what was not as expected.
+    Both are None where it drives on, at ``drives_m_s`` when the run ends. ``wrong`` says what was not as expected.
     """
 
     robot: str
@@ -72,17 +72,17 @@ class Result:
 
 
 def broken(robot_name: str, fault_name: str, error: Exception) -> Result:
-    """Of a trial that could not be carried through."""
+    """The result of a run that failed with an error."""
     return Result(robot_name, fault_name, None, None, None, 0, 0, (f"no outcome: {error!r}",))
 
 
 @dataclass(slots=True)
-class Trial:
+class FaultRun:
     """What a fault may lay hands on."""
 
     robot: SimulatedRobot
     driver: Driver
-    door: Door
+    access: Access
     wrong: list[str] = field(default_factory=list)
 
     async def told(self) -> tuple[str, str | None]:
@@ -107,7 +107,7 @@ class Trial:
     async def another(self, name: str, role: str = "drive") -> AsyncIterator[Client]:
         """One more client, with a name and what it needs to come in."""
         host, port = await self.robot.daemon.server.address()
-        async with Client.connect(host, port, name=name, **self.door.key(role)) as client:
+        async with Client.connect(host, port, name=name, **self.access.key(role)) as client:
             yield client
 
     def check(self, holds: bool, complaint: str) -> None:
@@ -116,7 +116,7 @@ class Trial:
             self.wrong.append(complaint)
 
 
-Inject = Callable[[Trial], AbstractAsyncContextManager[None]]
+Inject = Callable[[FaultRun], AbstractAsyncContextManager[None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ class Fault:
     on_wire: bool = False
     overrides: Mapping[str, object] = field(default_factory=dict)
     robots: tuple[str, ...] = ROBOTS
-    door: Callable[[], AbstractContextManager[Door]] = unguarded
+    access: Callable[[], AbstractContextManager[Access]] = unguarded
 
 
 def motion(
@@ -151,15 +151,15 @@ def attempt(fault: Fault, robot_name: str) -> Result:
     """Let it happen to a fresh robot."""
     results: list[Result] = []
     wrong: list[str] = []
-    with capture_logs() as log, fault.door() as door:
-        settings = settings_of(robot_name, {**fault.overrides, **door.overrides})
+    with capture_logs() as log, fault.access() as access:
+        settings = settings_of(robot_name, {**fault.overrides, **access.overrides})
 
         async def run() -> None:
-            async with simulated_robot(settings, **door.key()) as robot:
+            async with simulated_robot(settings, **access.key()) as robot:
                 await asyncio.sleep(1.0)
-                trial = Trial(robot, Driver(robot, fault.twist, door.key("drive")), door, wrong)
-                results.append(await _measured(fault, robot_name, trial))
-                await trial.driver.leave()
+                fault_run = FaultRun(robot, Driver(robot, fault.twist, access.key("drive")), access, wrong)
+                results.append(await _measured(fault, robot_name, fault_run))
+                await fault_run.driver.leave()
 
         try:
             run_virtual(run())
@@ -174,42 +174,42 @@ def _unlogged(expected: Expected, log: list[MutableMapping[str, Any]]) -> list[s
     return [f"log has no {event!r}" for event in expected.log if event not in entries]
 
 
-async def _measured(fault: Fault, robot_name: str, trial: Trial) -> Result:
+async def _measured(fault: Fault, robot_name: str, fault_run: FaultRun) -> Result:
     """The fault, what it does, and the way out of it."""
-    frames, steps = FrameCount(trial.robot), StepCount(trial.robot)
+    frames, steps = FrameCount(fault_run.robot), StepCount(fault_run.robot)
     await asyncio.sleep(RUN_UP_S)
-    trial.check(is_moving(trial.robot), "did not drive in the first place")
-    async with fault.inject(trial):
-        watch = Stopwatch(trial.robot)
+    fault_run.check(is_moving(fault_run.robot), "did not drive in the first place")
+    async with fault.inject(fault_run):
+        watch = Stopwatch(fault_run.robot)
         await asyncio.sleep(fault.lasts_s)
         await watch.stop()
-        told = await trial.told()
+        told = await fault_run.told()
     ended = told[0] == ENDED
-    trial.check(told == (fault.expected.mode, fault.expected.kind), f"told as {told}")
-    _check_motion(fault.expected, trial, watch)
-    speed_m_s = trial.robot.board.truth(0.0).twist.linear_m_s
+    fault_run.check(told == (fault.expected.mode, fault.expected.kind), f"told as {told}")
+    _check_motion(fault.expected, fault_run, watch)
+    speed_m_s = fault_run.robot.board.truth(0.0).twist.linear_m_s
     if not ended:
-        await _leave(fault, trial)
-    frames_lost, clients_lost = 0 if ended else frames.lost, trial.driver.lost + ended
-    trial.check(ended or not clients_lost, "lost a client")
-    trial.check(fault.on_wire or not frames_lost, f"lost {frames_lost} frames")
-    trial.check(ended or fault.on_wire or not steps.missed, f"missed {steps.missed} control steps")
+        await _leave(fault, fault_run)
+    frames_lost, clients_lost = 0 if ended else frames.lost, fault_run.driver.lost + ended
+    fault_run.check(ended or not clients_lost, "lost a client")
+    fault_run.check(fault.on_wire or not frames_lost, f"lost {frames_lost} frames")
+    fault_run.check(ended or fault.on_wire or not steps.missed, f"missed {steps.missed} control steps")
     moved = motion(watch.zero_s, watch.rest_s, speed_m_s, stops=fault.expected.zero_within_s is not None)
     return Result(robot_name, fault.name, *moved, frames_lost, clients_lost, ())
 
 
-def _check_motion(expected: Expected, trial: Trial, watch: Stopwatch) -> None:
-    trial.check(not trial.robot.board.truth(0.0).in_contact, "ran into something")
+def _check_motion(expected: Expected, fault_run: FaultRun, watch: Stopwatch) -> None:
+    fault_run.check(not fault_run.robot.board.truth(0.0).in_contact, "ran into something")
     if expected.zero_within_s is None:
-        trial.check(is_moving(trial.robot), "does not drive on")
+        fault_run.check(is_moving(fault_run.robot), "does not drive on")
     else:
-        trial.check(watch.zero_s <= expected.zero_within_s, f"duty for {watch.zero_s:.3f} s")
-        trial.check(not is_moving(trial.robot), "is not at rest")
+        fault_run.check(watch.zero_s <= expected.zero_within_s, f"duty for {watch.zero_s:.3f} s")
+        fault_run.check(not is_moving(fault_run.robot), "is not at rest")
 
 
-async def _leave(fault: Fault, trial: Trial) -> None:
+async def _leave(fault: Fault, fault_run: FaultRun) -> None:
     """Arm where it latched, see that nothing moves by that, and drive as if nothing had been."""
-    robot, driver, (linear_m_s, _) = trial.robot, trial.driver, fault.leave
+    robot, driver, (linear_m_s, _) = fault_run.robot, fault_run.driver, fault.leave
     driver.twist, driver.says = fault.leave, driver.drive
     if fault.expected.mode != "armed":
         driver.says = None
@@ -217,10 +217,10 @@ async def _leave(fault: Fault, trial: Trial) -> None:
         try:
             await robot.client.arm()
         except CallError as refusal:
-            trial.check(False, f"cannot be armed: {refusal}")
+            fault_run.check(False, f"cannot be armed: {refusal}")
         await asyncio.sleep(0.3)
-        trial.check(not any(robot.board.duty) and not is_moving(robot), "jumps when armed")
+        fault_run.check(not any(robot.board.duty) and not is_moving(robot), "jumps when armed")
         driver.says = driver.drive
     await asyncio.sleep(LEAVING_S)
     off_m_s = abs(robot.board.truth(0.0).twist.linear_m_s - linear_m_s)
-    trial.check(off_m_s < 0.05 * abs(linear_m_s), "does not drive again")
+    fault_run.check(off_m_s < 0.05 * abs(linear_m_s), "does not drive again")

@@ -1,4 +1,4 @@
-"""How clients come in: by an open socket, with a token, or with a token and TLS."""
+"""How clients are admitted: without authentication, with a token, or with a token and TLS."""
 
 import ssl
 import tempfile
@@ -14,7 +14,7 @@ TOKENS = {"observe": "o" * 32, "drive": "d" * 32, "admin": "a" * 32}
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Access:
     """The settings that guard the socket, and what a client of each role needs to come in."""
 
     overrides: Mapping[str, object] = field(default_factory=dict)
@@ -27,20 +27,20 @@ class Door:
 
 
 @contextmanager
-def unguarded() -> Iterator[Door]:
+def unguarded() -> Iterator[Access]:
     """Loopback, where nobody is asked."""
-    yield Door()
+    yield Access()
 
 
 @contextmanager
-def by_token() -> Iterator[Door]:
+def by_token() -> Iterator[Access]:
     """A token for each role."""
     with _folder() as folder:
-        yield Door(_token_file(folder), TOKENS)
+        yield Access(_token_file(folder), TOKENS)
 
 
 @contextmanager
-def by_token_and_tls() -> Iterator[Door]:
+def by_token_and_tls() -> Iterator[Access]:
     """The same, and a certificate of an authority that our clients trust."""
     authority, trusting = trustme.CA(), ssl.create_default_context()
     authority.configure_trust(trusting)
@@ -50,12 +50,12 @@ def by_token_and_tls() -> Iterator[Door]:
         certificate.write_bytes(b"".join(pem.bytes() for pem in issued.cert_chain_pems))
         _write_private(key, issued.private_key_pem.bytes())
         files = {"api.tls_certificate": str(certificate), "api.tls_key": str(key)}
-        yield Door({**_token_file(folder), **files}, TOKENS, trusting)
+        yield Access({**_token_file(folder), **files}, TOKENS, trusting)
 
 
 @contextmanager
 def _folder() -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="chefbotd-door-") as folder:
+    with tempfile.TemporaryDirectory(prefix="chefbotd-access-") as folder:
         yield Path(folder)
 
 
