@@ -3,18 +3,20 @@
 ``publish`` never waits and never fails. A subscriber either has an inbox of its own, from which it takes events in
 its own time, or a handler that is called at once. Inboxes are bounded: in a full one the oldest event gives way, and is
 counted.
-A handler that raises is logged and counted, and harms neither the publisher nor the other subscribers.
+A handler that raises harms neither the publisher nor the other subscribers: its error is counted, and is logged or
+handed to whoever answers for the handler.
 """
 
 import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
 
 import structlog
 
 E = TypeVar("E")
 Handler = Callable[[Any], None]
+OnError = Callable[[Exception], None]
 
 log = structlog.get_logger(component="bus")
 
@@ -116,9 +118,9 @@ class Bus:
     def __init__(self) -> None:
         self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
         self._of_all: tuple[Inbox[Any], ...] = ()
-        self._handlers: dict[type[Any], tuple[Handler, ...]] = {}
-        self._undelivered: deque[object] = deque()
-        self._is_delivering = False
+        self._handlers: dict[type[Any], tuple[tuple[Handler, OnError], ...]] = {}
+        self._undelivered: list[object] = []
+        self._is_held = False
         self.handler_errors: Counter[str] = Counter()
 
     def subscribe(
@@ -153,23 +155,26 @@ class Bus:
         self._of_all = _without(inbox, self._of_all)
         self._inboxes = {topic: _without(inbox, inboxes) for topic, inboxes in self._inboxes.items()}
 
-    def add_handler(self, handler: Callable[[E], None], *topics: type[E]) -> Callable[[], None]:
+    def add_handler(
+        self, handler: Callable[[E], None], *topics: type[E], on_error: OnError | None = None
+    ) -> Callable[[], None]:
         """Call ``handler`` with each event of these classes, before ``publish`` returns; returns what removes it.
 
         Events that a handler publishes are handed on after the present one, so that every handler gets events in the
-        order of their publication.
+        order of their publication. ``on_error`` is called with what the handler raises; without one it is logged.
 
         Raises:
             ValueError: no topic was named.
         """
         if not topics:
             raise ValueError("add_handler needs at least one event class")
+        entry = (handler, on_error or _log_error)
         for topic in topics:
-            self._handlers[topic] = (*self._handlers.get(topic, ()), handler)
+            self._handlers[topic] = (*self._handlers.get(topic, ()), entry)
 
         def remove() -> None:
             for topic in topics:
-                self._handlers[topic] = _without(handler, self._handlers[topic])
+                self._handlers[topic] = _without(entry, self._handlers[topic])
 
         return remove
 
@@ -178,28 +183,36 @@ class Bus:
         topic = type(event)
         for inbox in self._inboxes.get(topic, self._of_all):
             inbox.put(event)
-        if self._handlers.get(topic):
-            self._undelivered.append(event)
-            if not self._is_delivering:
-                self._deliver()
+        if topic not in self._handlers:
+            return
+        self._undelivered.append(event)
+        if not self._is_held:
+            self.deliver()
 
-    def _deliver(self) -> None:
-        self._is_delivering = True
+    def hold(self) -> None:
+        """Keep what is published from its handlers until ``deliver``: for events that belong together."""
+        self._is_held = True
+
+    def deliver(self) -> None:
+        """Call the handlers of all that was published meanwhile, and of what they publish, in that order."""
+        self._is_held = True
         try:
-            while self._undelivered:
-                event = self._undelivered.popleft()
-                for handler in self._handlers.get(type(event), ()):
-                    self._call(handler, event)
+            for event in self._undelivered:  # it grows meanwhile
+                self._deliver(event)
         finally:
-            self._is_delivering = False
+            self._undelivered.clear()
+            self._is_held = False
 
-    def _call(self, handler: Handler, event: object) -> None:
-        try:
-            handler(event)
-        except Exception:
-            name = type(event).__name__
-            self.handler_errors[name] += 1
-            log.exception("an event handler has failed", handler=repr(handler), event_class=name)
+    def _deliver(self, event: object) -> None:
+        for handler, on_error in self._handlers[type(event)]:
+            try:
+                handler(event)
+            except Exception as error:  # noqa: BLE001 (handed on)
+                self.handler_errors[type(event).__name__] += 1
+                try:
+                    on_error(error)
+                except Exception as another:  # noqa: BLE001 (logged)
+                    _log_error(another)
 
     def wanted(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
@@ -219,3 +232,33 @@ T = TypeVar("T")
 
 def _without(subscriber: T, subscribers: tuple[T, ...]) -> tuple[T, ...]:
     return tuple(each for each in subscribers if each is not subscriber)
+
+
+def _log_error(error: Exception) -> None:
+    log.error("an event handler has failed", error=repr(error), exc_info=error)
+
+
+class HandlerFailure:
+    """Carries the error of a service's handler to the service's ``run``, and so to whoever supervises it."""
+
+    def __init__(self) -> None:
+        self._error: Exception | None = None
+        self._waiter: asyncio.Future[None] | None = None
+
+    def report(self, error: Exception) -> None:
+        """A handler has failed; of several failures before ``wait`` returns the first counts."""
+        if self._error is None:
+            self._error = error
+        if self._waiter is not None:
+            _expire(self._waiter)
+
+    async def wait(self) -> NoReturn:
+        """Wait for a failure, or for one that was reported before, and raise it."""
+        while self._error is None:
+            self._waiter = asyncio.get_running_loop().create_future()
+            try:
+                await self._waiter
+            finally:
+                self._waiter = None
+        error, self._error = self._error, None
+        raise error

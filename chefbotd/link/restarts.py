@@ -68,18 +68,16 @@ class Restarts:
         """The board said that it is about to restart."""
         self._watch.reset_done(now_s)
 
-    def counted(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> bool:
-        """An encoder line came: whether it shows that the board has restarted."""
+    def counted(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> str | None:
+        """An encoder line came: how it shows that the board has restarted (``noticed`` is to follow); None if not."""
         cause = self._watch.observe(now_s, counts, has_clock=has_clock)
-        if cause is not None:
-            self.noticed(now_s, cause)
-        elif self._watch.has_gone_on:
+        if cause is None and self._watch.has_gone_on:
             self._watch.has_gone_on = False
             if self._reset.stage is ResetStage.ASKED:
                 self._end(ResetStage.NOT_RESTARTED)
             else:
                 log.warning("the board said 'Reset Done' unasked, and went on")
-        return cause is not None
+        return cause
 
     def noticed(self, now_s: float, cause: str) -> None:
         """The board has restarted."""

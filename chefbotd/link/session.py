@@ -105,9 +105,9 @@ class BoardSession(asyncio.Protocol):
         self.opens += 1
         now_s = self._clock.now_s()
         self.hearing.begin(now_s)
-        self._bus.publish(LinkOpened(now_s, self._device))
         self._speech.stop_first()
         self._wrote(self._still, FIRST_STOPS)
+        self._bus.publish(LinkOpened(now_s, self._device))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
@@ -128,11 +128,15 @@ class BoardSession(asyncio.Protocol):
         now_s = self._clock.now_s()
         self.hearing.take(data)
         listened, keep = self._bus.wanted(LineSeen), self.lines.heard.append
-        for line, message in self._decoder.feed(data):
-            keep((now_s, line))
-            if listened:
-                self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
-            self._handlers[type(message)](message, now_s)
+        self._bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
+        try:
+            for line, message in self._decoder.feed(data):
+                keep((now_s, line))
+                if listened:
+                    self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
+                self._handlers[type(message)](message, now_s)
+        finally:
+            self._bus.deliver()
         self._setpoints.heard()
 
     def judge_health(self) -> None:
@@ -245,8 +249,9 @@ class BoardSession(asyncio.Protocol):
         if self.board_clock.in_doubt:
             return
         board_s = self._printed_s(now_s)
-        if self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None):
-            self._window.restarted()
+        cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
+        if cause is not None:
+            self._restarted(now_s, cause)
         self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
 
     def _printed_s(self, now_s: float) -> float:

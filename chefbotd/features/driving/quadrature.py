@@ -4,7 +4,7 @@ import math
 
 import structlog
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.core.events import BoardRestarted, EdgeBurst, EdgesSeen, EncodersCounted
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import quadrature
@@ -27,9 +27,9 @@ class QuadratureService:
         self._bus, self._parameters, self._wheel_names = bus, parameters, wheel_names
         self._states = [quadrature.START] * len(wheel_names)
         self._since_s: float | None = None
-        self._inbox: Inbox[EdgesSeen | BoardRestarted] = bus.subscribe(
-            EdgesSeen, BoardRestarted, kept=(BoardRestarted,)
-        )
+        self._failure = HandlerFailure()
+        bus.add_handler(self._count_edges, EdgesSeen, on_error=self._failure.report)
+        bus.add_handler(self._rebase, BoardRestarted, on_error=self._failure.report)
         self._log = RateLimitedLog(log)
 
     @property
@@ -48,15 +48,14 @@ class QuadratureService:
         return sum(state.lost for state in self._states)
 
     async def run(self) -> None:
-        """Count until cancelled."""
-        async for event in self._inbox:
-            if isinstance(event, EdgesSeen):
-                self._count(event)
-            else:
-                self._states = [quadrature.rebase(state) for state in self._states]
-                self._since_s = None
+        """Raise the error of edges that could not be counted; edges are counted as they are published."""
+        await self._failure.wait()
 
-    def _count(self, event: EdgesSeen) -> None:
+    def _rebase(self, event: BoardRestarted) -> None:
+        self._states = [quadrature.rebase(state) for state in self._states]
+        self._since_s = None
+
+    def _count_edges(self, event: EdgesSeen) -> None:
         before = self._states.copy()
         bursts = [burst for burst in event.bursts if self._lies_within(event.board_s, burst)]
         self._since_s = event.board_s

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import structlog
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
@@ -31,8 +31,6 @@ from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyPar
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
-
-Looked = RangeMeasured | BatteryMeasured | DutyEchoed
 
 ENCODERS_STALE = "encoders_stale"
 OBSTACLE = "obstacle:"
@@ -75,8 +73,10 @@ class SafetyKeeper:
         self._announced: SafetyChanged | None = None
         self._said: tuple[str | None, ...] = ()
         self._limited_log = RateLimitedLog(log)
-        # Nobody waits for these: they are looked at whenever a decision is made.
-        self._readings: Inbox[Looked] = bus.subscribe(RangeMeasured, BatteryMeasured, DutyEchoed)
+        self._reading_error: Exception | None = None
+        bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
+        bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
+        bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
 
     @property
     def armed(self) -> bool:
@@ -215,10 +215,12 @@ class SafetyKeeper:
     # What it comes to
 
     def decide(self, now_s: float, *, driven: bool) -> Decision:
-        """What to do now; ``driven`` tells whether a duty is in force."""
-        self._take_report()
-        while len(self._readings):
-            self._take_reading(self._readings.take())
+        """What to do now; ``driven`` tells whether a duty is in force. Raises what a reading's handler has raised."""
+        if self._reported is not None:
+            self._take_report()
+        if self._reading_error is not None:
+            error, self._reading_error = self._reading_error, None
+            raise error
         decision = gate.decide(self._parameters, self._gate, now_s)
         if not decision.halted:
             decision = self._within_sight(decision, now_s, driven)
@@ -272,18 +274,24 @@ class SafetyKeeper:
             fault, self._reported = self._reported, None
             self.fail(fault)
 
-    def _take_reading(self, event: Looked) -> None:
-        if isinstance(event, RangeMeasured):
-            self._beams = guard.see(self._beams, event)
-            return
-        if isinstance(event, DutyEchoed):
-            fault = self._motors.hear(event)
-        else:
-            self._critical_since_s, fault = battery_monitor.judge(
-                self._parameters.battery, self._critical_since_s, event
-            )
+    def _on_range(self, event: RangeMeasured) -> None:
+        self._beams = guard.see(self._beams, event)
+
+    def _on_battery(self, event: BatteryMeasured) -> None:
+        self._critical_since_s, fault = battery_monitor.judge(
+            self._parameters.battery, self._critical_since_s, event
+        )
         if fault is not None:
             self.fail(fault)
+
+    def _on_echo(self, event: DutyEchoed) -> None:
+        fault = self._motors.hear(event)
+        if fault is not None:
+            self.fail(fault)
+
+    def _keep_error(self, error: Exception) -> None:
+        """Let the next decision raise it: the control loop then brakes and disarms."""
+        self._reading_error = error
 
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:

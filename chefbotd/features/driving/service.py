@@ -4,12 +4,13 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 goes out as events.
 """
 
+import asyncio
 from collections.abc import Callable, Collection, Mapping
 
 import structlog
 from pydantic import Field
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
     BoardRestarted,
@@ -31,7 +32,8 @@ from chefbotd.safety.gate import Command, Decision
 
 log = structlog.get_logger(component="drive")
 
-Heard = EncodersCounted | LinkOpened | LinkClosed | BoardRestarted
+TIMER_EARLY_S = 1e-6
+"""The watch acts so much too early rather than look again."""
 
 
 class ControlParameters(Parameters):
@@ -65,8 +67,15 @@ class DriveService:
         self._reader, self._wheel_names = reader, wheel_names
         self._duty_ceiling = duty_ceiling
         self._watch_period_s = control.watch_period_s
-        link = (LinkOpened, LinkClosed, BoardRestarted)  # safety hangs on these, counts accumulate
-        self._inbox: Inbox[Heard] = bus.subscribe(EncodersCounted, *link, kept=link)
+        self._failure = HandlerFailure()
+        self._heard_s = float("-inf")
+        self._watch_timer: asyncio.TimerHandle | None = None
+        self._remove_handlers = (
+            bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
+            bus.add_handler(self._on_link, LinkOpened, on_error=self._on_handler_error),
+            bus.add_handler(self._on_link, LinkClosed, on_error=self._on_handler_error),
+            bus.add_handler(self._on_link, BoardRestarted, on_error=self._on_handler_error),
+        )
         self.steps = 0
         self.internal_errors = 0
         self.acted_s = float("-inf")
@@ -153,33 +162,44 @@ class DriveService:
     # The loop
 
     async def run(self) -> None:
-        """Control until cancelled; whatever ends it, the last thing sent is a stop."""
+        """Watch for silent encoders until cancelled; whatever ends it, the last thing sent is a stop.
+
+        Encoder frames and changes of the link are handled in the call that publishes them.
+        """
         self._keeper.announce(self._clock.now_s())
+        self._heard_s = self._clock.now_s()
+        self._arm_watch(self._watch_period_s)
         try:
-            while True:
-                event = await self._inbox.get_within(self._watch_period_s)
-                try:
-                    self._on(event)
-                except Exception as error:
-                    if self._keeper.armed:
-                        log.exception("a control step failed")
-                    self._on_internal_error(error)
+            await self._failure.wait()
         finally:
-            self._inbox.close()
+            if self._watch_timer is not None:
+                self._watch_timer.cancel()
+            for remove in self._remove_handlers:
+                remove()
             self._halt()
 
-    def _on(self, event: Heard | None) -> None:
-        if isinstance(event, EncodersCounted):
-            self._on_encoders(event)
-        elif event is None:
-            self._act(self._clock.now_s(), repeat=False)
-        else:
-            self._on_link(event)
+    def _arm_watch(self, wait_s: float) -> None:
+        self._watch_timer = asyncio.get_running_loop().call_later(wait_s, self._watch)
+
+    def _watch(self) -> None:
+        """Act without a measurement once nothing was heard for the period, and look again when that may next be so."""
+        now_s = self._clock.now_s()
+        left_s = self._heard_s + self._watch_period_s - now_s
+        if left_s > TIMER_EARLY_S:
+            self._arm_watch(left_s)
+            return
+        self._heard_s = now_s
+        self._arm_watch(self._watch_period_s)
+        try:
+            self._act(now_s, repeat=False)
+        except Exception as error:  # noqa: BLE001 (brakes, and is logged)
+            self._on_handler_error(error)
 
     def _on_encoders(self, event: EncodersCounted) -> None:
-        """The story of one tick: decode, ask the keeper, regulate, put it on the wire, tell the others."""
+        """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
+        self._heard_s = now_s = self._clock.now_s()
         seen = self._reader.read(event, self._state.setpoint_m_s)
-        reading, now_s = seen.reading, self._clock.now_s()
+        reading = seen.reading
         if reading.refused:
             if reading.jumped:
                 self._keeper.note_jump(reading.jumped)
@@ -257,12 +277,22 @@ class DriveService:
             raise
 
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        self._heard_s = self._clock.now_s()
         if isinstance(event, BoardRestarted):
             self._reader.rebase()
         if not isinstance(event, LinkOpened):
             self._halt()
         self._keeper.on_link(event)
         self._act(self._clock.now_s())
+
+    def _on_handler_error(self, error: Exception) -> None:
+        """Brake and disarm; an error in that ends the service, and the daemon with it."""
+        try:
+            if self._keeper.armed:
+                log.error("a control step failed", exc_info=error)
+            self._on_internal_error(error)
+        except Exception as another:  # noqa: BLE001 (ends the service)
+            self._failure.report(another)
 
     def _on_internal_error(self, error: Exception) -> None:
         self.internal_errors += 1

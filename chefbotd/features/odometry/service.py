@@ -1,6 +1,6 @@
 """Dead reckoning as a service: every measured turn of the wheels becomes an ``OdometryUpdated``."""
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryUpdated, WheelsMeasured
 from chefbotd.core.geometry import Pose2D
@@ -18,20 +18,17 @@ class OdometryService:
         self._bus, self._clock, self._parameters = bus, clock, parameters
         self._kinematics = Kinematics(chassis)
         self._state = odometry.START
-        self._inbox: Inbox[WheelsMeasured] = bus.subscribe(WheelsMeasured, size=1024)
+        self._failure = HandlerFailure()
+        bus.add_handler(self._integrate, WheelsMeasured, on_error=self._failure.report)
 
     def set_pose(self, odom_from_base: Pose2D) -> None:
         """Declare where the robot is; the covariance starts again from zero."""
-        while len(self._inbox):
-            self._integrate(self._inbox.take())
         self._state = odometry.set_pose(self._state, odom_from_base)
         self._publish(self._clock.now_s())
 
     async def run(self) -> None:
-        """Integrate until cancelled."""
-        async for event in self._inbox:
-            self._integrate(event)
-            self._publish(event.stamp_s)
+        """Raise the error of a reading that could not be integrated; readings are integrated as they are published."""
+        await self._failure.wait()
 
     def _integrate(self, event: WheelsMeasured) -> None:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
@@ -39,6 +36,7 @@ class OdometryService:
         self._state = odometry.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
+        self._publish(event.stamp_s)
 
     def _publish(self, stamp_s: float) -> None:
         state = self._state

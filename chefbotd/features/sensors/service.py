@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.core.events import (
     AnalogueCounted,
     BatteryCounted,
@@ -47,14 +47,17 @@ class SensorService:
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(_orientation, imu_parameters)
             self._interpret[InertialCounted] = partial(_inertial, imu_parameters)
-        self._inbox: Inbox[Any] = bus.subscribe(*self._interpret, kept=interruptions)
+        self._failure = HandlerFailure()
+        bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
     async def run(self) -> None:
-        """Interpret until cancelled."""
-        async for event in self._inbox:
-            measured = self._interpret[type(event)](event)
-            if measured is not None:
-                self._bus.publish(measured)
+        """Raise the error of a reading that could not be interpreted; readings are interpreted as they are published."""
+        await self._failure.wait()
+
+    def _on_reading(self, event: Any) -> None:
+        measured = self._interpret[type(event)](event)
+        if measured is not None:
+            self._bus.publish(measured)
 
     def _glow(self, event: AnalogueCounted) -> RangeMeasured | None:
         """None for an analogue input that no sensor is configured on."""

@@ -65,8 +65,8 @@ def test_setting_the_pose_takes_effect_after_all_that_was_measured_before():
     updates = poses(turned(2.0, 2.0), Pose2D(5.0, 5.0, math.pi / 2), turned(2.0, 2.0))
     last = updates[-1].odom_from_base
     assert (last.x_m, last.y_m) == pytest.approx((5.0, 6.0))
-    assert updates[0].odom_from_base == Pose2D(5.0, 5.0, math.pi / 2)
-    assert updates[0].covariance == CERTAIN
+    assert updates[1].odom_from_base == Pose2D(5.0, 5.0, math.pi / 2)
+    assert updates[1].covariance == CERTAIN
 
 
 def test_wheels_left_out_do_not_move_the_robot():
