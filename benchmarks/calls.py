@@ -21,9 +21,9 @@ from types import FrameType
 from typing import Any
 
 from benchmarks.figures import Figure, Outcome
-from chefbotd.app import Daemon
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.link.port import BriefSerial, LinkParameters, SerialPortTransport
+from chefbotd.process.build import build
 from chefbotd.settings import load
 
 TARGET = 400
@@ -126,7 +126,7 @@ async def _measure(cycles: int) -> list[CallCounter]:
     tty.setraw(board)
     tty.setraw(device)
     settings = load(overrides={"api.host": "127.0.0.1", "api.port": 0})
-    daemon = Daemon(settings, clock=LoopClock(), opener=_opener(os.ttyname(device)), rng=random.Random(1))
+    daemon = build(settings, clock=LoopClock(), opener=_opener(os.ttyname(device)), rng=random.Random(1))
     running = asyncio.create_task(daemon.run())
     reader, writer = await asyncio.open_connection(*await daemon.server.address())
     counters: list[CallCounter] = []

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, cast
 
 import structlog
@@ -39,6 +40,9 @@ from firmware_protocol.decoder import Decoder
 
 log = structlog.get_logger(component="link")
 
+LINES_CACHED = 64
+"""A command is asked for its length twice before it is written, and a robot at speed repeats a few commands."""
+
 
 class BoardSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters.
@@ -65,6 +69,7 @@ class BoardSession(asyncio.Protocol):
         self._cycle_has_time = False
         self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._still = (0,) * variant.wheels
+        self._line = lru_cache(maxsize=LINES_CACHED)(self._encode_duty)
         self.lines = LineRing()
         self._speech = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
         self._restarts = Restarts(bus, clock, self._speech, self._encoder.encode(wire.ResetBoard()))
@@ -214,7 +219,7 @@ class BoardSession(asyncio.Protocol):
             self._speech.say_first(self._line(duty))
             self._wrote(duty, FIRST_STOPS)
 
-    def _line(self, duty: tuple[int, ...]) -> bytes:
+    def _encode_duty(self, duty: tuple[int, ...]) -> bytes:
         return self._encoder.encode(wire.SetDuty(duty))
 
     def _wrote(self, duty: tuple[int, ...], times: int) -> None:

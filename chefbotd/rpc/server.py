@@ -2,9 +2,8 @@
 
 import asyncio
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
 
-from chefbotd.bus import Bus, Inbox
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
 from chefbotd.metrics import Metrics
 from chefbotd.rpc import jsonrpc
@@ -21,7 +20,6 @@ from chefbotd.rpc.models import Hello
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
-INBOX_EVENTS = 1024
 SWEEP_PERIOD_S = 0.25
 SCHEMA_PERIOD_S = 0.05
 """The schemas for ``describe`` are built after the start, one at a time: together they take as long as several control
@@ -79,21 +77,21 @@ class RpcServer:
         self.connections = ConnectionManager(
             parameters, clock, dispatcher, self.arrivals, self._fanout, leases, self._greeting, role
         )
-        self._taps: dict[str, tuple[Inbox[Any], asyncio.Task[None]]] = {}
-        self._tasks: asyncio.TaskGroup
+        self._taps: dict[str, Callable[[], None]] = {}
+        self._failure = HandlerFailure()
 
     async def run(self) -> None:
         """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
-        inbox = self._bus.subscribe(*always, size=INBOX_EVENTS)
+        stop_telemetry = self._bus.add_handler(self._fanout.publish, *always, on_error=self._failure.report)
         try:
-            async with asyncio.TaskGroup() as self._tasks:
-                self._tasks.create_task(self._tick())
-                self._tasks.create_task(self._sweep())
-                self._tasks.create_task(self._prepare_description())
-                await self._pump(inbox)
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._tick())
+                tasks.create_task(self._sweep())
+                tasks.create_task(self._prepare_description())
+                await self._failure.wait()
         finally:
-            inbox.close()
+            stop_telemetry()
             self.connections.close()
             await asyncio.sleep(0)  # answers that are not sent by now are lost
             self.connections.abort()
@@ -132,19 +130,14 @@ class RpcServer:
         for _ in prepare(self._methods, self._fanout.topics):
             await asyncio.sleep(SCHEMA_PERIOD_S)
 
-    async def _pump(self, inbox: Inbox[Any]) -> None:
-        async for event in inbox:
-            self._fanout.publish(event)
-
     def _tap(self, topic: Topic, wanted: bool) -> None:
         """Take a topic's events off the bus only while someone wants them; its publisher can tell."""
         if wanted:
-            inbox = self._bus.subscribe(*topic.events, size=INBOX_EVENTS)
-            self._taps[topic.name] = (inbox, self._tasks.create_task(self._pump(inbox)))
+            self._taps[topic.name] = self._bus.add_handler(
+                self._fanout.publish, *topic.events, on_error=self._failure.report
+            )
         else:
-            inbox, pump = self._taps.pop(topic.name)
-            inbox.close()
-            pump.cancel()
+            self._taps.pop(topic.name)()
 
     def _greeting(self) -> bytes:
         hello = Hello(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from chefbotd.bus import Bus
+from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import run_virtual
 
 
@@ -229,3 +229,54 @@ def test_a_subscriber_of_all_events_is_bounded_and_leaves():
     assert not bus.wanted(str)
     with pytest.raises(ValueError, match="at least one event class"):
         bus.add_handler(print)
+
+
+def test_a_handlers_error_goes_to_whoever_answers_for_it():
+    """It is counted, the handlers after it are called all the same, and what ``on_error`` raises harms nobody."""
+    bus, errors, heard = Bus(), [], []
+
+    def fail(event: Ticked) -> None:
+        raise ValueError(f"no {event.number}")
+
+    def report(error: Exception) -> None:
+        errors.append(str(error))
+        raise RuntimeError("and no report either")
+
+    bus.add_handler(fail, Ticked, on_error=report)
+    bus.add_handler(heard.append, Ticked)
+    bus.publish(Ticked(7))
+    assert (errors, heard, bus.handler_errors) == (["no 7"], [Ticked(7)], {"Ticked": 1})
+
+
+def test_what_is_held_is_delivered_in_its_order_with_what_follows_from_it():
+    """Two pings are held: no handler hears them before ``deliver``, and their echoes come after both."""
+    bus, heard = Bus(), []
+    bus.add_handler(lambda ping: bus.publish(Tocked(ping.number)), Ticked)
+    bus.add_handler(heard.append, Ticked)
+    bus.add_handler(heard.append, Tocked)
+    bus.hold()
+    bus.publish(Ticked(1))
+    bus.publish(Ticked(2))
+    assert heard == []
+    bus.deliver()
+    assert heard == [Ticked(1), Ticked(2), Tocked(1), Tocked(2)]
+    bus.publish(Ticked(3))
+    assert heard[4:] == [Ticked(3), Tocked(3)]
+
+
+def test_a_failure_is_raised_to_who_waits_also_if_it_came_before():
+    """The first of two that came before is raised; the next wait ends with one that comes meanwhile."""
+
+    async def scenario() -> list[str]:
+        failure, raised = HandlerFailure(), []
+        failure.report(ValueError("first"))
+        failure.report(ValueError("second"))
+        for _ in range(2):
+            asyncio.get_running_loop().call_later(1.0, failure.report, ValueError("third"))
+            try:
+                await failure.wait()
+            except ValueError as error:
+                raised.append(str(error))
+        return raised
+
+    assert run_virtual(scenario()) == ["first", "third"]

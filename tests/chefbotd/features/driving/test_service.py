@@ -151,6 +151,18 @@ def test_every_encoder_frame_is_answered_with_a_duty():
     on_rig(scenario)
 
 
+def test_an_encoder_frame_is_answered_before_publishing_it_returns():
+    """No turn of the loop lies between the bytes of a frame and its duty."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.02)
+        before = len(rig.written)
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s() + 0.01, (0, 0)))
+        assert [duty for _, duty in rig.written[before:]] == [(0, 0)]
+
+    on_rig(scenario)
+
+
 def test_a_command_is_on_the_wire_before_the_call_returns():
     """No frame and no turn of the loop lies between the command and its duty."""
 
