@@ -36,6 +36,7 @@ from chefbotd.client.handshake import (
 from chefbotd.client.methods import Methods
 from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
 from chefbotd.client.topics import Topics
+from chefbotd.client.wire import ProgressListener
 
 FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
 
@@ -125,9 +126,15 @@ class Client(Methods, Topics):
         if not self.connected:
             raise ConnectionLost(str(self._connection.wire.lost))
 
-    async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
-        """Any method by its name: the answer's ``result`` as it came."""
-        return await self._connection.wire.call(method, params, self._endpoint.timeout_s)
+    async def call(
+        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
+    ) -> dict[str, Any]:
+        """Any method by its name: the answer's ``result`` as it came.
+
+        ``on_progress`` is called with each report of a request that takes its time: done, total, text. Cancelling the
+        task that waits cancels the request.
+        """
+        return await self._connection.wire.call(method, params, self._endpoint.timeout_s, on_progress)
 
     # telemetry
 

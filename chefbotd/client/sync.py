@@ -24,6 +24,7 @@ from chefbotd.client.methods import Gains
 from chefbotd.client.subscription import SubscribeOptions, Subscription
 from chefbotd.client.sync_subscription import SyncSubscription
 from chefbotd.client.sync_topics import SyncTopics
+from chefbotd.client.wire import ProgressListener
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -104,9 +105,11 @@ class SyncClient(SyncTopics):
         """Events that the daemon gave up for this connection, by topic."""
         return self._client.dropped
 
-    def call(self, method: str, /, **params: Any) -> dict[str, Any]:
-        """Any method by its name: the answer's ``result`` as it came."""
-        return self._run(self._client.call(method, **params))
+    def call(
+        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
+    ) -> dict[str, Any]:
+        """Any method by its name: the answer's ``result`` as it came. ``on_progress`` is called in another thread."""
+        return self._run(self._client.call(method, on_progress=on_progress, **params))
 
     def _subscription(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]

@@ -9,6 +9,8 @@ from typing import Any, cast
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 
 OnNotification = Callable[[str, dict[str, Any]], None]
+ProgressListener = Callable[[float, float, str], None]
+"""Takes how far a request is: so much done of a total, and a text."""
 MAX_LINE_BYTES = 1 << 20
 
 
@@ -18,6 +20,7 @@ class Wire(asyncio.Protocol):
     def __init__(self, on_notification: OnNotification, on_lost: Callable[[ConnectionLost], None]) -> None:
         self._on_notification, self._on_lost = on_notification, on_lost
         self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._on_progress: dict[int, ProgressListener] = {}
         self._ids = itertools.count(1)
         self._unfinished = bytearray()
         self._writable = asyncio.Event()
@@ -72,10 +75,22 @@ class Wire(asyncio.Protocol):
         except (ValueError, AttributeError):
             self._abort(f"no JSON object: {bytes(line[:60])!r}")
             return
-        if method is not None:
+        if method == "progress":
+            self._report(message.get("params", {}))
+        elif method is not None:
             self._on_notification(method, message.get("params", {}))
         else:
             self._resolve(message)
+
+    def _report(self, params: Mapping[str, Any]) -> None:
+        request_id = params.get("id") or 0
+        report, answer = self._on_progress.get(request_id), self._answers.get(request_id)
+        if report is None or answer is None or answer.done():
+            return
+        try:
+            report(params["done"], params["total"], params["text"])
+        except Exception as problem:  # noqa: BLE001 - the caller's own: it is raised where the answer is awaited
+            answer.set_exception(problem)
 
     def _resolve(self, message: Mapping[str, Any]) -> None:
         error = CallError.from_wire(message["error"]) if "error" in message else None
@@ -94,8 +109,16 @@ class Wire(asyncio.Protocol):
             self._lost_reason = f"the daemon sent {reason}"
             self._transport.abort()
 
-    async def call(self, method: str, params: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
-        """Ask, and wait for the answer.
+    async def call(
+        self,
+        method: str,
+        params: Mapping[str, Any],
+        timeout_s: float,
+        on_progress: ProgressListener | None = None,
+    ) -> dict[str, Any]:
+        """Ask, and wait for the answer; each report for ``on_progress`` allows another ``timeout_s``.
+
+        When the waiting task is cancelled, or the time is over, the daemon is asked to cancel the request.
 
         Raises:
             CallError: the daemon refused.
@@ -104,13 +127,17 @@ class Wire(asyncio.Protocol):
         """
         request_id = next(self._ids)
         try:
-            async with asyncio.timeout(timeout_s):
+            async with asyncio.timeout(timeout_s) as limit:
+                if on_progress is not None:
+                    self._on_progress[request_id] = _extending(limit, timeout_s, on_progress)
                 answer = await self._ask(request_id, method, params)
                 return await answer
         except TimeoutError:
             raise CallTimeout(f"no answer to {method} within {timeout_s} s") from None
         finally:
-            self._answers.pop(request_id, None)
+            self._on_progress.pop(request_id, None)
+            if self._answers.pop(request_id, None) is not None:  # nobody waits for it any more
+                self.notify("cancel", {"id": request_id})
 
     async def _ask(
         self, request_id: int, method: str, params: Mapping[str, Any]
@@ -137,6 +164,14 @@ class Wire(asyncio.Protocol):
                 await self.closed.wait()
         except TimeoutError:
             self._transport.abort()
+
+
+def _extending(limit: asyncio.Timeout, timeout_s: float, on_progress: ProgressListener) -> ProgressListener:
+    def report(done: float, total: float, text: str) -> None:
+        limit.reschedule(asyncio.get_running_loop().time() + timeout_s)
+        on_progress(done, total, text)
+
+    return report
 
 
 def _line(message: Mapping[str, Any]) -> bytes:

@@ -167,12 +167,13 @@ class ConnectionManager:
         return self._greeting()
 
     def remove(self, session: Session) -> None:
-        """A client is gone, with its subscriptions and its leases."""
+        """A client is gone, with its subscriptions, its leases and its jobs."""
         connection = self._sessions.pop(session, None)
         self._handshakes.pop(session, None)
         if connection is not None:
             self._fanout.unsubscribe(connection)
         self._control.release(session, self.clock.now_s())
+        self.dispatcher.jobs.cancel_all(session)
 
     def count_ended(self, session: Session, failure: Failure) -> None:
         """Count and log a connection that is refused or ended."""

@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias
 from pydantic import BaseModel
 
 from chefbotd.rpc import models
+from chefbotd.rpc.jobs import JobProgress
 from chefbotd.rpc.jsonrpc import ERRORS
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
@@ -17,6 +18,7 @@ NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
     "hello": models.Hello,
     "event": models.Event,
     "dropped": models.Dropped,
+    "progress": JobProgress,
 }
 
 

@@ -3,15 +3,18 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
+from inspect import iscoroutinefunction
 
 import structlog
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
 from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
 from chefbotd.rpc.models import Params
@@ -35,8 +38,19 @@ class Dispatcher:
     """
 
     def __init__(
-        self, methods: Mapping[str, Method], clock: Clock, arrivals: Arrivals, command_timeout_s: float
+        self,
+        methods: Mapping[str, Method],
+        clock: Clock,
+        arrivals: Arrivals,
+        command_timeout_s: float,
+        jobs: Jobs | None = None,
     ) -> None:
+        self.jobs = jobs or Jobs()
+        self._async_methods = {name for name, m in methods.items() if iscoroutinefunction(m.handle)}
+        if late := [name for name in self._async_methods if methods[name].urgent]:
+            raise ValueError(
+                f"{late[0]} is urgent, so its handler must not be async: a stop does not wait for a task"
+            )
         self._methods, self._clock = methods, clock
         self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
         self.faults: Counter[str] = Counter()
@@ -106,6 +120,9 @@ class Dispatcher:
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
+            if request.method in self._async_methods:
+                self.jobs.start(caller, request, partial(method.handle, caller, params), self._failure)
+                return None
             body = self._constants.get(request.method) or self._handle(method, caller, params)
             if method.constant:
                 self._constants[request.method] = body
@@ -114,26 +131,29 @@ class Dispatcher:
             answered = True
             if method.afterwards is not None:
                 method.afterwards(caller, params)
-        except Unserved as problem:
-            return Failure(problem.kind, str(problem), request.id, problem.details)
-        except Refused as refusal:
-            return Failure(refusal.kind, str(refusal), request.id, refusal.details or {})
-        except Exception:
-            self.faults[request.method] += 1
-            log.exception("handler_fault", method=request.method)
-            if not answered:
-                return Failure(
-                    ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id
-                )
+        except Exception as problem:  # noqa: BLE001 - told, counted and logged: a handler may raise anything
+            failure = self._failure(request, problem)
+            return None if answered else failure
         return None
 
     def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
         """The result as JSON. A stop makes older commands of others void, even where it has failed."""
         try:
-            return method.handle(caller, params).model_dump_json().encode()
+            result: BaseModel = method.handle(caller, params)
+            return result.model_dump_json().encode()
         finally:
             if method.urgent:
                 self._arrivals.record_stop(caller, str(caller.session))
+
+    def _failure(self, request: Request, problem: Exception) -> Failure:
+        """The error of a handler's exception; one that is no refusal is a fault, which is counted and logged."""
+        if isinstance(problem, Unserved):
+            return Failure(problem.kind, str(problem), request.id, problem.details)
+        if isinstance(problem, Refused):
+            return Failure(problem.kind, str(problem), request.id, problem.details or {})
+        self.faults[request.method] += 1
+        log.error("handler_fault", method=request.method, exc_info=problem)
+        return Failure(ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id)
 
     def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
         """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""

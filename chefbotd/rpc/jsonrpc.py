@@ -47,6 +47,9 @@ class ErrorKind(StrEnum):
     TIMED_OUT = "timed_out"
     OVERTAKEN = "overtaken"
     TOO_OLD = "too_old"
+    TOO_MANY_JOBS = "too_many_jobs"
+    NO_SUCH_JOB = "no_such_job"
+    CANCELLED = "cancelled"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,9 @@ ERRORS: Mapping[str, ErrorClass] = {
     ErrorKind.TOO_OLD: ErrorClass(
         -32028, "the command waited for longer than one moves the robot; send it again if it still holds"
     ),
+    ErrorKind.TOO_MANY_JOBS: ErrorClass(-32030, "too many requests of this client are running"),
+    ErrorKind.NO_SUCH_JOB: ErrorClass(-32031, "no such request of this client is running"),
+    ErrorKind.CANCELLED: ErrorClass(-32032, "the request was cancelled by cancel"),
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
     RefusalKind.STOPPED: ErrorClass(

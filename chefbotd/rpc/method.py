@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from chefbotd.rpc.event import EventPayload
     from chefbotd.rpc.session import Session
 
-F = TypeVar("F", bound=Callable[..., BaseModel])
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Receiver(Protocol):
@@ -31,8 +31,12 @@ class Caller(Receiver, Protocol):
 
     session: "Session"
 
-    def reply(self, message: bytes) -> None:
-        """Send an answer; never waits."""
+    def reply(self, message: bytes, *, keep: bool = False) -> None:
+        """Send an answer; never waits. ``keep``: even if the client reads too little and the answer has no room."""
+        ...
+
+    def send_progress(self, message: bytes) -> None:
+        """Send a progress notification, or keep the latest while the client is behind; never waits."""
         ...
 
     def end(self, failure: Failure) -> None:
@@ -52,6 +56,8 @@ class Unserved(Exception):
 class Method:
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
+    A coroutine function also takes a ``Progress``. It runs as a job, and the request is answered when it ends.
+
     ``role`` is what a client needs for it, None: not even a token. An ``urgent`` method stops the robot: it passes
     every rate limit, is never refused for its form, and may overtake others. One that ``moves`` the robot, or lets it
     move, is not carried out when it was overtaken. One that is served ``when_crowded`` can also be called from a place
@@ -61,7 +67,7 @@ class Method:
     role: Role | None
     params: type[Params]
     result: type[BaseModel]
-    handle: Callable[[Caller, Any], BaseModel]
+    handle: Callable[..., Any]
     afterwards: Callable[[Caller, Any], None] | None = None
     urgent: bool = False
     moves: bool = False

@@ -15,6 +15,7 @@ from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
+from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Caller, Method, Unserved, method, methods_of
 from chefbotd.rpc.models import DONE, NoParams
@@ -163,6 +164,7 @@ def method_table(
     default_source: str,
     resume: Callable[[Collection[str]], None],
     keyring: Keyring | None = None,
+    jobs: Jobs | None = None,
 ) -> dict[str, Method]:
     """The server's own methods, and those of the features behind them, by name.
 
@@ -180,7 +182,7 @@ def method_table(
         resume=resume,
         keyring=keyring,
     )
-    table.update({each.name: each for each in methods_of(own)})
+    table.update({each.name: each for each in (*methods_of(own), *methods_of(jobs or Jobs()))})
     table["get_state"] = replace(table["get_state"], result=state_model(fanout.topics))
     if taken := sorted(table.keys() & methods.keys()):
         raise ValueError(f"the server itself has the method {', '.join(taken)}")

@@ -14,6 +14,7 @@ from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
+from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.models import Hello
@@ -57,6 +58,7 @@ class RpcServer:
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
         self._fanout = Fanout(topics, clock, self._tap)
         self.arrivals = Arrivals(clock)
+        jobs = Jobs()
         self._methods = method_table(
             methods,
             self._fanout,
@@ -66,13 +68,14 @@ class RpcServer:
             default_source=default_source,
             resume=resume,
             keyring=keyring,
+            jobs=jobs,
         )
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(self._methods, clock, self.arrivals, command_timeout_s)
+        dispatcher = Dispatcher(self._methods, clock, self.arrivals, command_timeout_s, jobs)
         role = parameters.default_role if keyring is None else None
         self.connections = ConnectionManager(
             parameters, clock, dispatcher, self.arrivals, self._fanout, leases, self._greeting, role

@@ -1,6 +1,7 @@
 """The commands of chefbotctl about the wheels' controllers: show, set, undo, save, and tune on a screen."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -42,7 +43,7 @@ def get(context: CommandContext) -> None:
 @click.pass_obj
 def set_(context: CommandContext, wheel: str, changes: tuple[tuple[str, object], ...]) -> None:
     """Change gains of one WHEEL or of all while they run, such as: pid set all kp=420 ki=90."""
-    gains = dict(changes)
+    gains: dict[str, Any] = dict(changes)
     if len(gains) < len(changes) or "wheel" in gains:
         raise click.UsageError("each gain may be named once, and the wheel comes before them")
     answer = context.run_with_client(lambda robot: robot.call("set_pid", wheel=wheel, **gains))

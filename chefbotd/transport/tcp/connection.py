@@ -63,9 +63,13 @@ class Connection(asyncio.Protocol):
         self._outbox = Outbox(self._transport, self._manager.parameters, self._manager.drops, self._end_stuck)
         self.reply(self._manager.add(self))
 
-    def reply(self, message: bytes) -> None:
-        """Send an answer; never waits."""
-        self._outbox.reply(message + b"\n")
+    def reply(self, message: bytes, *, keep: bool = False) -> None:
+        """Send an answer; never waits. ``keep``: even if the client reads too little and the answer has no room."""
+        self._outbox.reply(message + b"\n", keep=keep)
+
+    def send_progress(self, message: bytes) -> None:
+        """Send a progress notification, or keep the latest while the client is behind; never waits."""
+        self._outbox.telemetry("progress", True, message + b"\n")
 
     def send_event(self, payload: EventPayload, latest: bool) -> None:
         """Send an event, or keep it by the policy while the client is behind; never waits."""

@@ -45,10 +45,14 @@ class Outbox:
         self.blocked = self.closing = False
         transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
 
-    def reply(self, line: bytes) -> None:
-        """An answer: written at once, if need be beyond the buffer's limit, within another of the same size."""
+    def reply(self, line: bytes, *, keep: bool = False) -> None:
+        """Write an answer at once, if need be beyond the buffer's limit, within another of the same size.
+
+        One that is to ``keep`` is written beyond that too: a client has only so many jobs that are answered late.
+        """
         room = 2 * self._parameters.write_buffer_bytes
-        if self.closing or (self.blocked and self._transport.get_write_buffer_size() > room):
+        behind = self.blocked and self._transport.get_write_buffer_size() > room
+        if self.closing or (behind and not keep):
             return
         self._unread_bytes += len(line)
         self._transport.write(line)

@@ -264,6 +264,7 @@ def test_no_answer_in_time() -> None:
     async def script(daemon: Daemon) -> None:
         daemon.say(HELLO)
         late = await daemon.hear()
+        assert (await daemon.hear())["params"] == {"id": late["id"]}  # of ``cancel``
         request = await daemon.hear()
         daemon.say({"jsonrpc": "2.0", "id": late["id"], "result": {"pong": True, "stamp_s": 1.0}})
         daemon.say({"jsonrpc": "2.0", "id": request["id"], "result": {"pong": True, "stamp_s": 2.0}})

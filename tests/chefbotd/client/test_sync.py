@@ -42,7 +42,7 @@ def test_every_method_of_the_socket_is_a_method(port: int) -> None:
     """What the daemon lists as capabilities can be called by name, and every topic has a model."""
     with SyncClient.connect(port=port) as robot:
         listed = {c.removeprefix("method.") for c in robot.hello.capabilities if c.startswith("method.")}
-        assert listed - {"unsubscribe"} <= public(SyncClient).keys()  # a subscription's ``close`` does that
+        assert listed - {"unsubscribe", "cancel"} <= public(SyncClient).keys()  # leaving does both
     models = {name: topic.model for name, topic in topics_of(simulated=True).items()}
     assert models.keys() == DATA_BY_TOPIC.keys()
     assert all(issubclass(models[name], DATA_BY_TOPIC[name]) for name in models)

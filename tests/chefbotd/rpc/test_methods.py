@@ -375,7 +375,7 @@ def test_describe_covers_the_whole_interface() -> None:
     desk = Desk()
     described = desk.ask("describe")["result"]
     contract = (
-        "authenticate set_client_name describe get_description ping get_state get_stats subscribe unsubscribe "
+        "authenticate cancel set_client_name describe get_description ping get_state get_stats subscribe unsubscribe "
         "drive set_wheel_velocities take_control release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board"
     )

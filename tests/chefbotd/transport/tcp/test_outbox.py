@@ -204,3 +204,18 @@ def test_a_closing_client_that_catches_up_is_left_to_the_transport() -> None:
         assert not transport.aborted
 
     run_virtual(scenario())
+
+
+def test_an_answer_to_keep_is_written_where_others_have_no_room() -> None:
+    """Of a client that has not read two buffers; a stop's answer is left out, a job's is not."""
+
+    async def scenario() -> None:
+        box, transport, _ = outbox()
+        fall_behind(box, transport)
+        box.reply(FILL)
+        transport.written.clear()
+        box.reply(b"stopped")
+        box.reply(b"surveyed", keep=True)
+        assert transport.written == [b"surveyed"]
+
+    run_virtual(scenario())

@@ -1,0 +1,122 @@
+"""Requests that take their time: each runs as a task, reports progress, and can be cancelled.
+
+A job ends when its handler does. It is cancelled by the method ``cancel`` and when its client disconnects.
+"""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+from pydantic import BaseModel
+
+from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
+from chefbotd.rpc.method import Caller, Unserved, method
+from chefbotd.rpc.models import Done, Params, Result
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.session import Session
+
+MAX_JOBS: Final = 8
+"""Of one client at a time; a job that was cancelled counts until it has ended."""
+
+
+class CancelParams(Params):
+    """The id of the request to cancel."""
+
+    id: str | int | None
+
+
+class JobProgress(Result):
+    """How far a request is: ``done`` of ``total``, in the method's own unit."""
+
+    id: str | int | None
+    done: float
+    total: float
+    text: str
+
+
+class Progress:
+    """Handed to an async handler, which reports with it how far it is."""
+
+    def __init__(self, caller: Caller, request: Request) -> None:
+        self._caller, self._request = caller, request
+
+    def report(self, done: float, total: float, text: str = "") -> None:
+        """Send how far the job is; of a client that is behind only the latest report is kept."""
+        if self._request.wants_answer:
+            model = JobProgress(id=self._request.id, done=done, total=total, text=text)
+            self._caller.send_progress(jsonrpc.notification("progress", model.model_dump_json().encode()))
+
+
+Handler = Callable[[Progress], Coroutine[Any, Any, BaseModel]]
+
+
+class Jobs:
+    """The jobs of all clients, and the method that cancels one."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[Session, dict[object, asyncio.Task[bytes]]] = {}
+
+    def start(
+        self,
+        caller: Caller,
+        request: Request,
+        handler: Handler,
+        failure_of: Callable[[Request, Exception], Failure],
+    ) -> None:
+        """Run a handler, and answer when it ends; ``failure_of`` makes the error of an exception.
+
+        Raises:
+            Unserved: the client has too many jobs, or one with this id.
+        """
+        own = self._tasks.get(caller.session, {})
+        key: object = request.id if request.wants_answer else object()
+        if len(own) >= MAX_JOBS:
+            raise Unserved(ErrorKind.TOO_MANY_JOBS, f"at most {MAX_JOBS} requests of a client run at a time")
+        if key in own:
+            raise Unserved(ErrorKind.INVALID_REQUEST, f"a request with the id {request.id!a} is running")
+        task = asyncio.get_running_loop().create_task(_result(handler, Progress(caller, request)))
+        self._tasks.setdefault(caller.session, own)[key] = task
+
+        def finish(task: asyncio.Task[bytes]) -> None:
+            self._remove(caller.session, key)
+            answer = _answer(task, request, failure_of)
+            if request.wants_answer:
+                caller.reply(answer, keep=True)
+
+        task.add_done_callback(finish)
+
+    def _remove(self, session: Session, key: object) -> None:
+        own = self._tasks[session]
+        del own[key]
+        if not own:
+            del self._tasks[session]
+
+    @method(role=Role.OBSERVE)
+    def cancel(self, caller: Caller, params: CancelParams) -> Done:
+        """Cancel a request of this client that is still running; it is answered with ``cancelled`` when it has ended."""
+        task = self._tasks.get(caller.session, {}).get(params.id)
+        if task is None:
+            raise Unserved(ErrorKind.NO_SUCH_JOB, f"no request with the id {params.id!a} is running")
+        task.cancel()
+        return Done()
+
+    def cancel_all(self, session: Session) -> None:
+        """A client is gone: cancel all of its jobs."""
+        for task in list(self._tasks.get(session, {}).values()):
+            task.cancel()
+
+
+async def _result(handler: Handler, progress: Progress) -> bytes:
+    return (await handler(progress)).model_dump_json().encode()
+
+
+def _answer(
+    task: asyncio.Task[bytes], request: Request, failure_of: Callable[[Request, Exception], Failure]
+) -> bytes:
+    if task.cancelled():
+        return jsonrpc.error(Failure(ErrorKind.CANCELLED, f"{request.method} was cancelled", request.id))
+    problem = task.exception()
+    if isinstance(problem, Exception):
+        return jsonrpc.error(failure_of(request, problem))
+    return jsonrpc.result(request.id, task.result())
