@@ -1,10 +1,9 @@
-"""What one client has yet to read, bounded: telemetry gives way, replies never do, who reads nothing is cut off.
+"""What one client has yet to read, bounded: telemetry is dropped first, and a client that reads nothing is cut off.
 
-While the transport takes bytes they go straight to it. When it says that the client is behind, telemetry waits
-here; under the policy ``latest`` an event replaces its topic's older one, and beyond ``outbox_bytes`` the oldest
-goes. What was given up is counted, and told to the client as soon as there is room again. Replies always go to the
-transport: of a client that is behind nothing is served but stops, and their answers are the only ones for which there
-may be no room: beyond twice the buffer they are left out.
+While the transport accepts bytes they go straight to it. When it says that the client is behind, telemetry waits here.
+Under the policy ``latest`` an event replaces the older one of its topic, and beyond ``outbox_bytes`` the oldest event is
+dropped. Drops are counted, and the client is told as soon as there is room again. Answers always go to the transport:
+for a client that is behind only stops are served, and only their answers are dropped beyond twice the buffer.
 """
 
 import asyncio
@@ -21,7 +20,7 @@ FULL_S = 1.0
 
 
 class Outbox:
-    """The way out to one client; ``drops`` counts, by topic, what all clients together have lost.
+    """The output of one client; ``drops`` counts, by topic, what all clients together have lost.
 
     ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
@@ -58,7 +57,7 @@ class Outbox:
         self._transport.write(line)
 
     def telemetry(self, topic: str, latest: bool, line: bytes) -> None:
-        """An event: written at once, or kept for later by the policy."""
+        """Write an event at once, or keep it by the policy."""
         if self.closing:
             return
         if not self.blocked:
@@ -78,7 +77,7 @@ class Outbox:
         self._all_drops[key[0]] += 1
 
     def pause(self) -> None:
-        """The client is behind; from now on it is watched."""
+        """The client is behind: from now on it has to make progress."""
         self.blocked = True
         self._expect_progress(self._parameters.stuck_s)
 
@@ -88,7 +87,7 @@ class Outbox:
             self._expect_progress(FULL_S)
 
     def resume(self) -> None:
-        """The client has caught up: it hears what it lost, then what waited."""
+        """The client has caught up: tell it what it lost, then send what waited."""
         self.blocked = False
         if self.closing:
             return
@@ -104,12 +103,12 @@ class Outbox:
             self._transport.write(line)
 
     def shut(self) -> None:
-        """Take no more."""
+        """Accept no more output."""
         self.closing = True
         self._waiting.clear()
 
     def close(self) -> None:
-        """Send what the transport already has, and no more; give up after ``stuck_s`` without progress."""
+        """Send only what the transport already has; cut off after ``stuck_s`` without progress."""
         self.shut()
         self._transport.close()
         self._expect_progress(self._parameters.stuck_s)

@@ -140,6 +140,21 @@ def test_a_job_ends_with_its_client() -> None:
     with_survey(scenario)
 
 
+def test_a_job_ends_when_its_client_closes_its_sending_side() -> None:
+    """Nobody can cancel it any more, so it does not outlive its connection, which the daemon closes."""
+
+    async def scenario(served: Served, survey: Survey) -> None:
+        async with line_client(served) as client:
+            client.request("survey", 7, rooms=3)
+            client.half_close()
+            with pytest.raises(EOFError):
+                await client.read(1.5)
+            await asyncio.sleep(0.1)
+            assert (survey.cancelled, len(served.server.connections)) == (1, 0)
+
+    with_survey(scenario)
+
+
 def test_a_client_has_so_many_jobs_at_a_time() -> None:
     """The ninth, and one with the id of another, are refused; when the eight have ended there is room again."""
 
