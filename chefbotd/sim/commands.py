@@ -6,10 +6,7 @@ The published ones use a library (Messenger) that cuts a line into words and rea
 
 import re
 from collections.abc import Iterator
-from typing import Protocol
 
-from firmware_protocol.codec import Variant, to_board
-from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import ResetBoard, SetDuty
 
 BUFFER_BYTES = 64
@@ -18,40 +15,7 @@ NUMBER = re.compile(rb"[+-]?\d+")
 Command = SetDuty | ResetBoard
 
 
-class CommandReader(Protocol):
-    """Bytes in, commands out; what is no command is counted."""
-
-    @property
-    def ignored(self) -> int: ...  # noqa: D102
-
-    def feed(self, data: bytes) -> Iterator[Command]: ...  # noqa: D102
-
-    def reset(self) -> None: ...  # noqa: D102
-
-
-class StrictReader:
-    """Obeys whole commands only."""
-
-    def __init__(self, variant: Variant) -> None:
-        self._decoder = Decoder(to_board(variant))
-
-    @property
-    def ignored(self) -> int:
-        """Lines that were no command."""
-        return self._decoder.malformed.total()
-
-    def feed(self, data: bytes) -> Iterator[Command]:
-        """The commands in the next bytes."""
-        for _, command in self._decoder.feed(data):
-            if isinstance(command, SetDuty | ResetBoard):
-                yield command
-
-    def reset(self) -> None:
-        """Forget the beginning of a line."""
-        self._decoder.reset()
-
-
-class LenientReader:
+class CommandReader:
     """Obeys as the published sketches do: of a line the first ``s`` with the numbers behind it, and each ``r`` before.
 
     Beyond 64 bytes a line begins anew.

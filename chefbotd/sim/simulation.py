@@ -46,7 +46,7 @@ class Simulation:
         if sketch in PUBLISHED_SKETCHES and self.variant.name != CLASSIC.name:
             raise ValueError(
                 f"the sketch {sketch.value!r} speaks the wire {CLASSIC.name!r}, the robot {self.variant.name!r}: "
-                f"set sim.board.sketch to {SketchName.OWN.value!r}"
+                f"set sim.board.sketch to {SketchName.KHAN.value!r}"
             )
         if wheelbase_m and len(wheels) == 2:
             raise ValueError(

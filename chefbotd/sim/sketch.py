@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from chefbotd.sim.battery import adc_counts
-from chefbotd.sim.commands import CommandReader, LenientReader, StrictReader
+from chefbotd.sim.commands import CommandReader
 from chefbotd.sim.dmp import MotionProcessor
 from chefbotd.sim.pwm import pwm_share
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
@@ -53,10 +53,7 @@ class Sketch:
     def __init__(self, wiring: Wiring, parameters: BoardParameters, uart: Uart, seed: int) -> None:
         self._parameters, self._wiring, self._robot = parameters, wiring, wiring.robot
         self._encoder = from_board(wiring.variant)
-        lenient = parameters.obeys_pieces
-        self._commands: CommandReader = (
-            LenientReader(wiring.variant.wheels) if lenient else StrictReader(wiring.variant)
-        )
+        self._commands = CommandReader(wiring.variant.wheels)
         self._uart, self._chance = uart, np.random.default_rng(seed)
         chassis = wiring.chassis
         self._motor_signs = [wheel.motor_sign for wheel in chassis.wheels]
@@ -133,8 +130,6 @@ class Sketch:
             for command in self._commands.feed(data):
                 if isinstance(command, SetDuty):
                     self._asked = command.duty
-                    if self._parameters.obeys_at_once:
-                        self._drive(self._asked)
                     continue
                 yield from self._print(ResetDone())
                 yield from self._wait(self._parameters.reset_delay_s)

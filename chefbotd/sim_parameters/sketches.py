@@ -1,7 +1,7 @@
 """What tells one board's sketch from another's: a row of parameters each, for the one program in ``sim/sketch.py``.
 
 The four published ones were measured as they are, built for a computer and driven through a pty. What is not known of
-them is marked "assumed".
+them is marked "assumed". No sketch of KHAN's is published: all of its row is assumed.
 """
 
 from collections.abc import Mapping
@@ -19,16 +19,16 @@ LINE_KINDS = "teusiab"
 
 
 class SketchName(StrEnum):
-    """The published sketches, and a board of one's own."""
+    """The published sketches of ChefBot, and what KHAN's board is assumed to run."""
 
     TIVA = "tiva"
     TIVA_BARE = "tiva_bare"
     DUEMILANOVE = "duemilanove"
     TIVA_SECOND = "tiva_second"
-    OWN = "own"
+    KHAN = "khan"
 
 
-PUBLISHED_SKETCHES = tuple(name for name in SketchName if name is not SketchName.OWN)
+PUBLISHED_SKETCHES = tuple(name for name in SketchName if name is not SketchName.KHAN)
 
 
 class SketchParameters(Parameters):
@@ -38,10 +38,9 @@ class SketchParameters(Parameters):
     ``cycle_s``. A sketch that ``waits_for_imu`` waits for a sample of the motion processor, which has one every
     ``cycle_s``; those that it is late for back up, and it reads the oldest.
 
-    ``missing_imu_share`` of the cycles find no sample. ``obeys_pieces``: numbers are read as ``atol`` does.
-    ``obeys_at_once``: a command is in force when it is read, and not only after all that waits and the echo. ``resets``:
-    ``r`` restarts the board, instead of only saying so. The USB converter hands over at once what came within
-    ``handover_s``. ``cuts_first_line``: whoever opens the port hears the end of a line first.
+    ``missing_imu_share`` of the cycles find no sample. ``resets``: ``r`` restarts the board, instead of only saying so.
+    The USB converter hands over at once what came within ``handover_s``. ``cuts_first_line``: whoever opens the port
+    hears the end of a line first.
     """
 
     lines: str = Field("teusib", pattern=f"^[{LINE_KINDS}]+$")
@@ -49,8 +48,6 @@ class SketchParameters(Parameters):
     waits_for_imu: bool = False
     missing_imu_share: float = Field(0.0, ge=0, le=1)
     has_banner: bool = True
-    obeys_pieces: bool = True
-    obeys_at_once: bool = False
     cuts_first_line: bool = True
     resets: bool = True
     receive_buffer_bytes: int = Field(1024, ge=1)
@@ -74,26 +71,22 @@ SKETCHES: Mapping[SketchName, SketchParameters] = MappingProxyType(
             pwm_law=PwmLaw.LOW_BYTE,
         ),
         SketchName.TIVA_SECOND: SketchParameters(lines="tesb", cycle_s=0.005, has_banner=False),
-        SketchName.OWN: SketchParameters(
-            lines=LINE_KINDS,
-            cycle_s=0.02,
-            obeys_pieces=False,
-            obeys_at_once=True,
-            cuts_first_line=False,
+        SketchName.KHAN: SketchParameters(
+            lines=LINE_KINDS, cycle_s=0.02, cuts_first_line=False, pwm_full_scale=1023
         ),
     }
 )
-"""The buffers of the Tiva's, and all of one's own, are assumed."""
+"""The buffers of the Tiva's are assumed, and all of KHAN's: a program of the same kind at its 50 Hz."""
 
 
 class BoardParameters(SketchParameters):
-    """The board, and its ``sketch`` (one of its own, unless told), whose values stand for those that are not given.
+    """The board. Values that are not given are those of its ``sketch``, which is the published Tiva's unless told.
 
     Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next. Its line is as
     fast as the robot's, unless ``line_rate_bytes_s`` says another.
     """
 
-    sketch: SketchName = SketchName.OWN
+    sketch: SketchName = SketchName.TIVA
     line_rate_bytes_s: float | None = Field(None, gt=0)
     echo_timeout_s: float = Field(1.0, ge=0, le=1)
     blocking_ultrasonic: bool = True
@@ -109,7 +102,7 @@ class BoardParameters(SketchParameters):
         """What is not given is as the sketch has it; a name that is none is left to be refused."""
         if not isinstance(given, Mapping):
             return given
-        name = given.get("sketch", SketchName.OWN)
+        name = given.get("sketch", SketchName.TIVA)
         if name not in list(SketchName):
             return dict(given)
         return {**SKETCHES[SketchName(name)].model_dump(), **given}

@@ -34,7 +34,12 @@ GAINS = PidParameters(kp=100.0, ki=50.0, ks=40.0, kv=1000.0, ka=10.0, output_lim
 
 def drive(gains: PidParameters = GAINS, **parameters: float) -> Drive:
     """A controller of two wheels, the right motor wired the other way round."""
-    return Drive(DriveParameters(max_rim_speed_m_s=0.5, **parameters), CHASSIS, LIMITS, (gains, gains))
+    return Drive(
+        DriveParameters(max_rim_speed_m_s=0.5, **{"max_duty": 1023, **parameters}),
+        CHASSIS,
+        LIMITS,
+        (gains, gains),
+    )
 
 
 def regulated(

@@ -2,8 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.commands import LenientReader, StrictReader
-from firmware_protocol.codec import CLASSIC
+from chefbotd.sim.commands import CommandReader
 from firmware_protocol.messages import ResetBoard, SetDuty
 
 
@@ -23,24 +22,21 @@ from firmware_protocol.messages import ResetBoard, SetDuty
 )
 def test_pieces_are_obeyed_as_atol_reads_them(sent: bytes, obeyed: list[object]):
     """A word that is no number, or not there, is 0; whatever the chunking."""
-    assert list(LenientReader(2).feed(sent)) == obeyed
-    reader = LenientReader(2)
+    assert list(CommandReader(2).feed(sent)) == obeyed
+    reader = CommandReader(2)
     assert [command for byte in sent for command in reader.feed(bytes([byte]))] == obeyed
 
 
 def test_what_is_no_command_is_counted():
-    """A line without ``s`` and ``r``, and one of 64 bytes; a strict reader counts the pieces too."""
-    reader = LenientReader(2)
+    """A line without ``s`` and ``r``, and one of 64 bytes."""
+    reader = CommandReader(2)
     assert list(reader.feed(b"37 40\r" + b"s" * 64 + b"\r\n")) == []
     assert reader.ignored == 2
-    strict = StrictReader(CLASSIC)
-    assert list(strict.feed(b"s 6637\rs 1 2\r")) == [SetDuty((1, 2))]
-    assert strict.ignored == 1
 
 
 def test_a_reset_forgets_the_beginning_of_a_line():
     """What came before the sketch started is not glued to what comes after."""
-    reader = LenientReader(2)
+    reader = CommandReader(2)
     assert list(reader.feed(b"s 9")) == []
     reader.reset()
     assert list(reader.feed(b"s 5 6\r")) == [SetDuty((5, 6))]

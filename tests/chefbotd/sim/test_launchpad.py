@@ -14,10 +14,12 @@ from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
+from chefbotd.sim_parameters.sketches import BoardParameters, SketchName
 from firmware_protocol.codec import FOUR_WHEELS, Variant
 from tests.budget import sample
 
-CHEFBOT = Simulation()
+PLAIN = SimulationParameters(board=BoardParameters(sketch=SketchName.KHAN))
+CHEFBOT = Simulation(PLAIN)
 BANNER = [
     b"Initializing I2C devices...\r\n",
     b"Testing device connections...\r\n",
@@ -26,7 +28,8 @@ BANNER = [
 
 
 def board(seed: int = 1, robot: Simulation = CHEFBOT, **tables: Any) -> Launchpad:
-    """A robot's board; tables as in the configuration."""
+    """A robot's board; tables as in the configuration. It runs the plainest program: 50 Hz, and no IMU to wait for."""
+    tables["board"] = {"sketch": "khan", "pwm_full_scale": 255, **tables.get("board", {})}
     return build_launchpad(replace(robot, parameters=SimulationParameters.model_validate(tables)), seed)
 
 
@@ -50,7 +53,7 @@ def test_a_board_boots_with_its_banner() -> None:
 def test_a_board_boots_with_the_banner_of_its_variant() -> None:
     """Another robot's board prints what its table says, and nothing of ChefBot's."""
     sled = Variant("sled", banner=("Sled 2.1", "ready"))
-    sent = lines(board(robot=Simulation(variant=sled)), 1.0)
+    sent = lines(board(robot=Simulation(PLAIN, variant=sled)), 1.0)
     assert sent[:2] == [b"Sled 2.1\r\n", b"ready\r\n"]
     assert not set(sent) & set(BANNER)
 
@@ -165,12 +168,12 @@ def test_encoder_counts_are_those_of_the_true_motion() -> None:
 
 
 def test_malformed_and_overlong_commands_are_ignored() -> None:
-    """What is no command changes nothing and is counted; the next command counts again."""
+    """A kind that is none, 70 bytes (too long after 64) and their end: counted; the next command counts again."""
     launchpad = board()
-    launchpad.receive(b"x 1\rs 1\rs 5 5 5\r" + b"s" * 70 + b"\r", 1.0)
+    launchpad.receive(b"x 1\r" + b"s" * 70 + b"\r", 1.0)
     launchpad.advance(1.1)
     assert launchpad.duty == (0, 0)
-    assert launchpad.commands_ignored == 4
+    assert launchpad.commands_ignored == 3
     launchpad.receive(b"\ns 7 8\r\n", 1.1)
     launchpad.advance(1.2)
     assert launchpad.duty == (7, 8)
@@ -261,7 +264,7 @@ def test_the_battery_line_is_the_adc_reading() -> None:
 def test_four_wheels_speak_their_own_variant() -> None:
     """Two wheels a side make four counts and four duties."""
     four = replace(PUBLISHED, wheels=PUBLISHED.wheels * 2)
-    launchpad = board(robot=Simulation(variant=FOUR_WHEELS, chassis=four))
+    launchpad = board(robot=Simulation(PLAIN, variant=FOUR_WHEELS, chassis=four))
     launchpad.receive(b"s 100 200 300 400\r", 1.0)
     sent = lines(launchpad, 1.5)
     assert len(fields(sent, b"e")[-1]) == 4

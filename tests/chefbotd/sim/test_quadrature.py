@@ -99,7 +99,7 @@ def heard(to_s: float, counts_per_turn: float = 800, **board: float) -> list[obj
     """What a board of KHAN's says that passes its encoders' edges on, and is told to drive after 1 s."""
     launchpad = build_launchpad(
         Simulation(
-            SimulationParameters.model_validate({"board": board}),
+            SimulationParameters.model_validate({"board": {"sketch": "khan", **board}}),
             KHAN_EDGES,
             Chassis(PUBLISHED.wheels * 2, PUBLISHED.track_width_m, counts_per_turn),
             ultrasonic=None,

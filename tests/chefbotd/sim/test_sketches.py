@@ -183,13 +183,14 @@ def test_what_is_given_goes_before_what_the_sketch_has():
 
 def test_a_sketch_that_is_none_is_refused():
     """The names that there are are told."""
-    with pytest.raises(ValidationError, match="'tiva', 'tiva_bare', 'duemilanove', 'tiva_second' or 'own'"):
+    with pytest.raises(ValidationError, match="'tiva', 'tiva_bare', 'duemilanove', 'tiva_second' or 'khan'"):
         BoardParameters.model_validate({"sketch": "uno"})
 
 
 def test_a_published_sketch_is_for_the_classic_wire():
     """KHAN's board runs another: the refusal says which key to set."""
-    khan = Simulation(variant=KHAN, chassis=replace(PUBLISHED, wheels=PUBLISHED.wheels * 2))
+    assumed = SimulationParameters.model_validate({"board": {"sketch": "khan"}})
+    khan = Simulation(assumed, variant=KHAN, chassis=replace(PUBLISHED, wheels=PUBLISHED.wheels * 2))
     tiva = SimulationParameters.model_validate({"board": {"sketch": "tiva"}})
     with pytest.raises(
         ValueError, match=r"'tiva' speaks the wire 'classic', the robot 'khan': set sim\.board\.sketch"

@@ -66,7 +66,7 @@ class Rig:
             self.bus,
             self.clock,
             lambda duty: self.written.append((round(self.elapsed_s, 6), duty)),
-            Drive(DriveParameters(max_rim_speed_m_s=0.5), CHASSIS, LIMITS, (GAINS, GAINS)),
+            Drive(DriveParameters(max_rim_speed_m_s=0.5, max_duty=1023), CHASSIS, LIMITS, (GAINS, GAINS)),
             SafetyKeeper(
                 self.bus,
                 self.clock,
