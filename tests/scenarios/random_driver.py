@@ -12,6 +12,7 @@ from chefbotd.clock import LoopClock
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.faults import BadCable, CableParameters
 from chefbotd.testing.daemon import SimulatedRobot
+from tests.scenarios.instruments import task_count
 from tests.scenarios.invariants import Invariants
 from tests.scenarios.wires import frozen, rewire, transport_of
 
@@ -65,14 +66,14 @@ class RandomDriver:
         end_s = clock.now_s() + 60 * minutes
         await asyncio.sleep(1.0)
         await self._start_anew()
-        tasks = len(asyncio.all_tasks())
+        tasks = task_count()
         while clock.now_s() < end_s:
             await self._leg()
             fault = self._rng.choice(self._faults)
             self.injected[fault.__name__] += 1
             await fault()
             await self._start_anew()
-            left = len(asyncio.all_tasks()) - tasks
+            left = task_count() - tasks
             assert not left, f"{left} tasks more than at the start, after {fault.__name__}"
 
     async def _leg(self) -> None:

@@ -8,6 +8,12 @@ from collections.abc import Mapping
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
 
+CYCLE_S, ECHO_S = 0.05, 0.025
+"""Of the slowest published sketch, ChefBot's default: its cycle, and the echo of 4 m that it waits for."""
+
+OBEYED_S = CYCLE_S + ECHO_S
+"""The longest from a command on the wire until it is in force: it is read once a cycle, after the echo."""
+
 ROBOTS = ("chefbot", "khan")
 SKETCHED = tuple(f"chefbot/{sketch.value}" for sketch in PUBLISHED_SKETCHES)
 EVERY_ROBOT = (*ROBOTS, *SKETCHED)

@@ -11,6 +11,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
+from tests.scenarios.robots import OBEYED_S
 from tests.scenarios.wires import Rewrite, frozen, rewire, slipping
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
@@ -158,7 +159,7 @@ def test_wheel_commands_are_at_the_gates_mercy():
         assert refused.value.kind == "unknown_wheel"
         await turn(robot, {"left_wheel": 4.0}, 0.5)
         await robot.client.estop()
-        await asyncio.sleep(0.05)
+        await asyncio.sleep(OBEYED_S)
         assert not any(robot.board.duty)
         with pytest.raises(CallError) as refused:
             await robot.client.set_wheel_velocities({"left_wheel": 1.0})

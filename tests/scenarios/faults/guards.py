@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, CannotConnect, Client
 from tests.scenarios.access import by_token, by_token_and_tls
 from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.other_clients import CUT_OFF, STOP, expect_end, last_kind, stranger
@@ -79,8 +79,8 @@ async def distrust(fault_run: FaultRun) -> AsyncIterator[None]:
     try:
         async with Client.connect(host, port, **key):
             fault_run.check(False, "trusted a stranger")
-    except ssl.SSLCertVerificationError:
-        pass
+    except CannotConnect as error:
+        fault_run.check(isinstance(error.__cause__, ssl.SSLCertVerificationError), f"refused for {error}")
     yield
 
 

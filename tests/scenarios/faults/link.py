@@ -15,6 +15,7 @@ from tests.scenarios.faults.outcomes import (
     drives_on,
     latched,
 )
+from tests.scenarios.instruments import task_count
 from tests.scenarios.wires import damage, misread, transport_of
 
 MISSING_M = 0.03
@@ -133,7 +134,7 @@ async def replugged(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled and put back a hundred times: no task is left over."""
     device, daemon = fault_run.robot.device, fault_run.robot.daemon
     events = daemon.bus.subscribe(LinkOpened, LinkClosed, size=2 * REPLUGS)
-    before = len(asyncio.all_tasks())
+    before = task_count()
     for _ in range(REPLUGS):
         device.unplug()
         await events.get()
@@ -141,7 +142,7 @@ async def replugged(fault_run: FaultRun) -> AsyncIterator[None]:
         await events.get()
         await asyncio.sleep(SLACK_S)
     events.close()
-    left = len(asyncio.all_tasks()) - before
+    left = task_count() - before
     fault_run.check(not left, f"{left} tasks more than before")
     yield
 

@@ -1,12 +1,14 @@
 """The outcomes that there are, and the times that they are made of.
 
 Every bound on the time to zero is the sum of what must pass before it, which stands beside it, and of some slack:
-one board cycle and one period of the driver.
+one cycle of the slowest sketch and its echo, and one period of the driver.
 """
 
+from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import ENDED, Expected
+from tests.scenarios.robots import OBEYED_S
 
-SLACK_S = 0.1
+SLACK_S = OBEYED_S + PERIOD_S
 AT_ONCE_S = SLACK_S
 RAMP_S = 0.3
 """0.2 m/s at 1 m/s2, and the wheels' last bit of way."""

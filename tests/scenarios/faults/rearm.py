@@ -12,6 +12,7 @@ from tests.scenarios.faults.link import REPLUG_S, unplugged
 from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
 from tests.scenarios.faults.program import failing_step
 from tests.scenarios.faults.wheels import broken_encoder, critical_battery
+from tests.scenarios.robots import CYCLE_S
 from tests.scenarios.wires import frozen
 
 AUTO = {"safety.rearm": "auto"}
@@ -83,7 +84,7 @@ FAULTS = (
         "Battery critical",
         "battery critical, rearm auto",
         critical_battery,
-        latched("battery_critical", 5.0 + SLACK_S),
+        latched("battery_critical", 5.0 + 2 * CYCLE_S + SLACK_S),
         lasts_s=7.0,
         on_wire=True,
         overrides=AUTO,

@@ -12,6 +12,7 @@ from chefbotd.settings import load, packaged
 from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import Expected, Fault, FaultRun, Inject
 from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, latched
+from tests.scenarios.robots import CYCLE_S
 from tests.scenarios.wires import (
     Rewrite,
     frozen,
@@ -271,7 +272,7 @@ FAULTS = (
         "Battery critical",
         "battery critical",
         critical_battery,
-        latched("battery_critical", 5.0 + SLACK_S),
+        latched("battery_critical", 5.0 + 2 * CYCLE_S + SLACK_S),
         lasts_s=7.0,
         on_wire=True,
     ),
