@@ -1,6 +1,7 @@
 """The whole daemon on each of the published sketches: what every one of them must let it do."""
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -47,6 +48,21 @@ def test_the_robot_moves_as_it_is_told(robot: str, linear_m_s: float, angular_ra
         twist = simulated.board.truth(0.0).twist
         assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.04, abs=0.003)
         assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.04, abs=0.02)
+
+    on(robot, scenario)
+
+
+@on_every_sketch
+def test_an_inner_wheel_creeps_as_it_is_told(robot: str):
+    """0.05 m/s and -0.3 rad/s ask the right rim for 0.05 - 0.15 * 0.3 = 5 mm/s: within 2 mm/s over 3 s from 2.5 s on."""
+
+    async def scenario(simulated: SimulatedRobot) -> None:
+        await drive(simulated, 0.05, -0.3, 2.5)
+        start = simulated.board.truth(0.0).world_from_base
+        await drive(simulated, 0.05, -0.3, 3.0)
+        end = simulated.board.truth(0.0).world_from_base
+        turned_rad = math.remainder(end.heading_rad - start.heading_rad, math.tau)
+        assert turned_rad / 3.0 == pytest.approx(-0.3, abs=0.002 / 0.15)
 
     on(robot, scenario)
 

@@ -10,8 +10,8 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
 from chefbotd.settings.gains_file import save, with_gains
 
-PID = """kp = 100
-ki = 25.0
+PID = """kp = 200
+ki = 200.0
 ks = 21.2
 kv = 598
 ka = 15
@@ -52,9 +52,9 @@ def test_only_what_changed_is_written(config: Path) -> None:
     before = config.read_text()
     save(config, both(kp=450.0, kv=2500.0))
     assert changed(before, config.read_text()) == [
-        "-kp_duty_per_m_s = 100.0             # the published 400 and 100 of a range of 1023",
+        "-kp_duty_per_m_s = 200.0             # the published 400 belongs to a host without feedforward",
         "-kv_duty_per_m_s = 598.0             # duty per speed,",
-        "+kp_duty_per_m_s = 450.0             # the published 400 and 100 of a range of 1023",
+        "+kp_duty_per_m_s = 450.0             # the published 400 belongs to a host without feedforward",
         "+kv_duty_per_m_s = 2500.0             # duty per speed,",
     ]
 
@@ -86,7 +86,7 @@ def test_another_wheel_differs(config: Path) -> None:
     first = with_gains(config.read_text(), {wheel: odd if wheel == "a" else usual for wheel in wheels})
     second = with_gains(first, {wheel: odd if wheel == "d" else usual for wheel in wheels})
     said = tomllib.loads(second)
-    assert said["pid"]["kp_duty_per_m_s"] == 100.0
+    assert said["pid"]["kp_duty_per_m_s"] == 200.0
     assert said["wheel_pid"].keys() == {"d"}
 
 
@@ -106,7 +106,7 @@ def test_what_goes_leaves_its_comments(config: Path) -> None:
         + "# below\n\n# of what follows\n[limits]"
     )
     config.write_text(
-        config.read_text().replace("[limits]", apart).replace("ki = 25.0", "ki = 7  # found by hand")
+        config.read_text().replace("[limits]", apart).replace("ki = 200.0", "ki = 7  # found by hand")
     )
     save(config, both())
     assert (
@@ -156,9 +156,9 @@ def test_sections_that_are_meant_stay(config: Path) -> None:
     config.write_text(config.read_text() + f"[wheel_pid.left_wheel]\n{PID}[wheel_pid.right_wheel]\n{PID}")
     before = config.read_text()
     save(config, gains(kp=450.0))
-    assert config.read_text() == "kp = 450.0".join(before.rsplit("kp = 100", 1))
+    assert config.read_text() == "kp = 450.0".join(before.rsplit("kp = 200", 1))
     save(config, both(kp=450.0))
-    assert config.read_text() == before.replace("kp = 100\n", "kp = 450.0\n")
+    assert config.read_text() == before.replace("kp = 200\n", "kp = 450.0\n")
 
 
 def test_there_and_back(config: Path) -> None:

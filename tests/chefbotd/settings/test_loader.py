@@ -26,13 +26,13 @@ def spoil(path: Path, old: str, new: str) -> Path:
 
 
 def test_the_packaged_chefbot_has_the_published_numbers():
-    """Wheel diameter 0.09 m, base 0.3 m, 4200 counts, Kp 400 and Ki 100 of 1023 on a wire of 255, dead-man 0.5 s."""
+    """Wheel diameter 0.09 m, base 0.3 m, 4200 counts, a wire of 255 (its gains are our own), dead-man 0.5 s."""
     settings = load()
     assert settings.robot.name == "chefbot"
     assert [wheel.radius_m for wheel in settings.chassis.wheels] == [0.045, 0.045]
     assert settings.chassis.track_width_m == 0.3
     assert settings.encoders.counts_per_turn == 4200
-    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (100, 25, 255)
+    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (200, 200, 255)
     assert settings.drive.max_duty == 255
     assert settings.safety.command_timeout_s == 0.5
     assert {name: s.priority for name, s in settings.safety.sources.items()} == {
@@ -208,7 +208,7 @@ def test_a_wheel_may_have_gains_of_its_own(chefbot: Path):
     chefbot.write_text(chefbot.read_text() + OWN_GAINS.format(wheel="right_wheel"))
     gains = load(chefbot).gains()
     assert [(name, own.kp, own.output_limit) for name, own in gains.items()] == [
-        ("left_wheel", 100.0, 255.0),
+        ("left_wheel", 200.0, 255.0),
         ("right_wheel", 1.0, 255.0),
     ]
 
