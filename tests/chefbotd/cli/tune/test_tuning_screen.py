@@ -14,6 +14,7 @@ from textual.widgets import Static
 from textual_hires_canvas import Canvas
 
 from chefbotd.cli.common.exits import Exit
+from chefbotd.cli.tune import tuning_screen
 from chefbotd.cli.tune.excitation import WaveParameters
 from chefbotd.cli.tune.plots import WheelPlot
 from chefbotd.cli.tune.tuning_screen import Tune, tune
@@ -36,7 +37,9 @@ def on_screen(daemon: FakeDaemon, script: Script, config: Path | None = None) ->
                 await script(screen, user)
             return screen
 
-    return asyncio.run(daemon.beside(main()))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning_screen, "SHOWN_HZ", 4.0)  # drawing is what costs time here
+        return asyncio.run(daemon.beside(main()))
 
 
 def test_it_shows_wheels_and_gains(daemon: FakeDaemon) -> None:
