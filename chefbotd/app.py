@@ -51,6 +51,7 @@ log = structlog.get_logger(component="app")
 
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
+FeatureBuilder = Callable[[Bus, Clock], Feature]
 
 
 class Supervisor(Protocol):
@@ -87,7 +88,7 @@ class Daemon:
         opener: Opener = open_port,
         simulated: bool = False,
         rng: random.Random | None = None,
-        features: Sequence[Callable[[Bus, Clock], Feature]] = (),
+        features: Sequence[FeatureBuilder] = (),
     ) -> None:
         self.bus = Bus()
         self._clock = clock
@@ -109,7 +110,7 @@ class Daemon:
         self._leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
         built = [feature(self.bus, clock) for feature in features]
-        self.features = [*self._own_features(settings, simulated=simulated), *built]
+        self.features = [*built, *self._own_features(settings, simulated=simulated)]
         methods, topics = methods_and_topics(self.features)
         guard = load_guard(settings.api, os.environ)
         self.rpc = RpcServer(

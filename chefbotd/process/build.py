@@ -1,8 +1,9 @@
 """A daemon with what it needs of the process: the file of its latch and the supervisor of its services."""
 
 import random
+from collections.abc import Sequence
 
-from chefbotd.app import Daemon
+from chefbotd.app import Daemon, FeatureBuilder
 from chefbotd.clock import Clock
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
@@ -18,8 +19,9 @@ def build(
     opener: Opener = open_port,
     simulated: bool = False,
     rng: random.Random | None = None,
+    features: Sequence[FeatureBuilder] = (),
 ) -> Daemon:
-    """The robot of this configuration, ready to run."""
+    """The robot of this configuration, ready to run; ``features`` are further ones."""
     return Daemon(
         settings,
         clock=clock,
@@ -28,4 +30,5 @@ def build(
         opener=opener,
         simulated=simulated,
         rng=rng,
+        features=features,
     )

@@ -4,10 +4,10 @@ import asyncio
 import contextlib
 import random
 import ssl
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass
 
-from chefbotd.app import Daemon
+from chefbotd.app import Daemon, FeatureBuilder
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.process.build import build
@@ -19,13 +19,18 @@ from chefbotd.testing.transport import FakeSerialDevice
 
 
 @contextlib.asynccontextmanager
-async def running_daemon(device: FakeSerialDevice, settings: Settings | None = None) -> AsyncIterator[Client]:
+async def running_daemon(
+    device: FakeSerialDevice, settings: Settings | None = None, features: Sequence[FeatureBuilder] = ()
+) -> AsyncIterator[Client]:
     """Run the daemon (default: the packaged ChefBot) on ``device``; yields a client connected to its socket.
+
+    ``features`` are further ones, beside those that every robot has.
 
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
-    daemon = build(settings, clock=LoopClock(), opener=device.open, rng=random.Random(settings.sim.seed))
+    rng = random.Random(settings.sim.seed)
+    daemon = build(settings, clock=LoopClock(), opener=device.open, rng=rng, features=features)
     async with _running(daemon) as client:
         yield client
 
