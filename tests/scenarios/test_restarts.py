@@ -39,11 +39,16 @@ async def ended(program: Program, number: signal.Signals) -> None:
     await program.ended()
 
 
-async def refused_until_armed(program: Program, client: Client, kind: str) -> None:
-    """Once the board is there, commands are refused as ``kind`` and nothing moves; after ``arm`` the robot does."""
+async def board_there(client: Client) -> None:
+    """Until then the mode is `no_board` where the robot would be armed."""
     async with client.subscribe("link") as changes:
         while (await anext(changes)).data.state != "up":
             pass
+
+
+async def refused_until_armed(program: Program, client: Client, kind: str) -> None:
+    """Once the board is there, commands are refused as ``kind`` and nothing moves; after ``arm`` the robot does."""
+    await board_there(client)
     while program.board.told_to_move:  # noqa: ASYNC110 - the first stop is on its way, and nobody tells us
         await asyncio.sleep(PERIOD_S)
     for _ in range(5):
@@ -116,6 +121,7 @@ def test_whoever_ends_in_order_leaves_a_robot_that_is_armed(tmp_path: Path):
             await ended(program, signal.SIGTERM)
             assert list((tmp_path / "latch").iterdir()) == []
             async with second_daemon(program) as second, second.client() as again:
+                await board_there(again)
                 assert (await again.call("get_state"))["safety"]["mode"] == "armed"
                 await drive_until_told(second.board, again)
 
@@ -131,6 +137,7 @@ def test_without_a_folder_there_is_no_memory_and_the_log_says_so(tmp_path: Path)
             await ended(program, signal.SIGKILL)
             assert program.log.read_text().count("does not outlive the daemon") == 1
             async with second_daemon(program) as second, second.client() as again:
+                await board_there(again)
                 assert (await again.call("get_state"))["safety"]["mode"] == "armed"
 
     asyncio.run(scenario())

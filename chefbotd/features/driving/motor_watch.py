@@ -13,6 +13,13 @@ ECHO_AGE_S = 1.5
 """An echo older than this says nothing of now: the sketch's cycle lasts a second at most."""
 
 
+PAUSE_S = 0.25
+"""A control loop that has not run for so long was held up, or the whole program was frozen."""
+
+LATE_READINGS_S = 1.0
+"""For so long after a pause readings may be older than the commands that they are held against."""
+
+
 class MotorWatch:
     """Holds what the detectors remember from one reading to the next."""
 
@@ -21,7 +28,14 @@ class MotorWatch:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._dragged = len(self._names) > 2
         self._echo = echo.UNKNOWN
+        self._blind_until_s = self._ran_s = float("-inf")
         self.start_anew()
+
+    def loop_runs(self, now_s: float) -> None:
+        """The control loop runs; after a pause, what waited on the line says nothing of the commands of now."""
+        if now_s - self._ran_s > PAUSE_S:
+            self._blind_until_s = now_s + LATE_READINGS_S
+        self._ran_s = now_s
 
     def start_anew(self) -> None:
         """The robot is armed, or its board another: nothing is held against it."""
@@ -39,12 +53,18 @@ class MotorWatch:
         self._echo = echo.say(self._echo, now_s, duty)
 
     def hear(self, event: DutyEchoed) -> Fault | None:
-        """What the board says is in force."""
+        """What the board says is in force; an echo that may have waited on the line says nothing of now."""
+        if event.stamp_s < self._blind_until_s:
+            return None
         self._echo, fault = echo.hear(self._parameters.echo, self._echo, event.stamp_s, event.duty)
         return fault
 
     def watch(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
         """A good reading, after a while in which the rims were asked for these speeds."""
+        if now_s < self._blind_until_s:
+            self._overspeed = overspeed.at_rest(len(self._names))
+            self._deaf = deaf.told(deaf.DRIVEN, now_s, driven=self._deaf.told_s is None)
+            return
         travel_m = self._kinematics.rims_at_m_s(seen.reading.travel_rad)
         speed_m_s = self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s)
         self._overspeed, fault = overspeed.watch(

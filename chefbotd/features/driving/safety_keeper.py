@@ -195,6 +195,10 @@ class SafetyKeeper:
         if fault is not None:
             self.fail(fault)
 
+    def loop_runs(self, now_s: float) -> None:
+        """The control loop runs: to be called whenever it does, before a reading is judged."""
+        self._motors.loop_runs(now_s)
+
     def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
         self._motors.tell(now_s, duty)

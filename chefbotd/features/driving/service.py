@@ -200,6 +200,7 @@ class DriveService:
         self._heard_s = now_s = self._clock.now_s()
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
+        self._keeper.loop_runs(now_s)
         if reading.refused:
             if reading.jumped:
                 self._keeper.note_jump(reading.jumped)
@@ -264,6 +265,7 @@ class DriveService:
 
     def _decide(self, now_s: float) -> Decision:
         self.acted_s = now_s
+        self._keeper.loop_runs(now_s)
         return self._keeper.decide(now_s, driven=self.is_driving)
 
     # Faults

@@ -11,7 +11,7 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.settings import load, packaged
 from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import Expected, Fault, FaultRun, Inject
-from tests.scenarios.faults.outcomes import DRIVES_ON, SLACK_S, drives_on, latched
+from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, drives_on, latched, rests
 from tests.scenarios.robots import CYCLE_S
 from tests.scenarios.wires import (
     Rewrite,
@@ -102,6 +102,24 @@ async def estopped_and_deaf(fault_run: FaultRun) -> AsyncIterator[None]:
     async with deaf(fault_run):
         await fault_run.robot.client.estop("it does not stop")
         yield
+
+
+@asynccontextmanager
+async def pushed(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The driver lets go; somebody rolls the robot on, a metre in three seconds."""
+    fault_run.driver.says = None
+    await fault_run.robot.client.stop()
+    await asyncio.sleep(1.0)
+    pushed_counts, step = 0, 40
+
+    def push(counts: list[bytes]) -> list[bytes]:
+        nonlocal pushed_counts
+        pushed_counts += step
+        return [b"%d" % (int(count) + pushed_counts) for count in counts]
+
+    rewire(fault_run.robot, b"e", push)
+    yield
+    step = 0
 
 
 def pieces_of_commands(duties: list[bytes]) -> list[bytes]:
@@ -250,6 +268,7 @@ FAULTS = (
         Expected("estopped", "board_deaf", logged=("the robot moves though it must not",)),
         on_wire=True,
     ),
+    Fault("Pushed by hand while it stands", "pushed by hand", pushed, rests(AT_ONCE_S), on_wire=True),
     Fault(
         "Board carries out other than it was told",
         "echo of pieces of commands",
