@@ -31,11 +31,15 @@ class MotorWatch:
         self._blind_until_s = self._ran_s = float("-inf")
         self.start_anew()
 
-    def loop_runs(self, now_s: float) -> None:
-        """The control loop runs; after a pause, what waited on the line says nothing of the commands of now."""
-        if now_s - self._ran_s > PAUSE_S:
+    def loop_runs(self, now_s: float) -> bool:
+        """The control loop runs; tells whether it had paused.
+
+        After a pause, what waited on the line says nothing of the commands of now.
+        """
+        paused, self._ran_s = now_s - self._ran_s > PAUSE_S, now_s
+        if paused:
             self._blind_until_s = now_s + LATE_READINGS_S
-        self._ran_s = now_s
+        return paused
 
     def start_anew(self) -> None:
         """The robot is armed, or its board another: nothing is held against it."""

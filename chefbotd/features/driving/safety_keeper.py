@@ -38,6 +38,9 @@ NO_BOARD = "no_board"
 """The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
 
 EMERGENCY_STOP = "an emergency stop"
+JUST_S = 0.001
+"""So much older than it may be is a reading that is just too old."""
+
 WAITING = "waiting for the board"
 
 
@@ -196,8 +199,13 @@ class SafetyKeeper:
             self.fail(fault)
 
     def loop_runs(self, now_s: float) -> None:
-        """The control loop runs: to be called whenever it does, before a reading is judged."""
-        self._motors.loop_runs(now_s)
+        """The control loop runs: to be called whenever it does, before a reading is judged.
+
+        After a pause the encoders have not been silent for its time: the robot brakes until they are heard again.
+        """
+        if self._motors.loop_runs(now_s):
+            stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
+            self._silence = replace(self._silence, heard_s=max(self._silence.heard_s, stale_s))
 
     def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
