@@ -64,6 +64,14 @@ def test_a_wheel_that_brakes_is_no_fault(cycle_s: float) -> None:
     assert after(*braking, cycle_s=cycle_s)[1] is None
 
 
+def test_what_is_hardly_beyond_the_allowance_is_found_late_or_never() -> None:
+    """Asked for 0.3 m/s, allowed are 0.385: 0.387 m/s is 15 mm beyond after 7.5 s, 0.384 m/s never."""
+    found_s, fault = after(((0.3, 0.25), (0.387, 0.25), 10.0))
+    assert fault is not None
+    assert 7.5 < found_s < 8.0
+    assert after(((0.3, 0.25), (0.384, 0.25), 60.0))[1] is None
+
+
 def test_a_wheel_that_does_not_brake_is_found() -> None:
     """Asked for 0.05 m/s after 0.34, and still as fast a second later."""
     fast, still_fast = ((0.34, 0.34), (0.34, 0.34), 1.0), ((0.05, 0.05), (0.34, 0.34), 1.0)
