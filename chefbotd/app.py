@@ -209,6 +209,7 @@ class Daemon:
                     group.create_task(run(service.name, service.run))
                 await asyncio.Event().wait()
             finally:
+                self.driving.detach()
                 self.session.close()
 
 

@@ -174,9 +174,13 @@ class DriveService:
         finally:
             if self._watch_timer is not None:
                 self._watch_timer.cancel()
-            for remove in self._remove_handlers:
-                remove()
+            self.detach()
             self._halt()
+
+    def detach(self) -> None:
+        """Handle nothing more of what the board and its link do. A link that the daemon closes itself is no fault."""
+        for remove in self._remove_handlers:
+            remove()
 
     def _arm_watch(self, wait_s: float) -> None:
         self._watch_timer = asyncio.get_running_loop().call_later(wait_s, self._watch)

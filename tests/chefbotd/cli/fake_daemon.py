@@ -152,7 +152,9 @@ class FakeDaemon:
                 break
             if self.latency_s:
                 await asyncio.sleep(self.latency_s)
-            _send(writer, {"id": request["id"], **self._answer(writer, now_s, request)})
+            answer = self._answer(writer, now_s, request)
+            if "id" in request:  # a notification, such as cancel, has no answer
+                _send(writer, {"id": request["id"], **answer})
         del self._subscribed[writer]
         writer.close()
 
