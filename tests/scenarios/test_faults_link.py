@@ -225,7 +225,7 @@ def test_the_boards_clock_wraps_in_mid_drive():
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.1, 0.7, 4.0)
         assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.1, abs=0.005)
-        assert await odometry_error_m(robot) < 0.005
+        assert await odometry_error_m(robot) < 0.1 * OBEYED_S  # the latest reading is a cycle and an echo old
         stats = await robot.client.call("get_stats")
         assert (stats["board_restarts"], stats["board_clock_suspects"]) == (0, 0)
 

@@ -111,7 +111,7 @@ def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
     after_s, fault, reason = found(robot_name, frozen(0), motion, half_period_s)
     assert fault == "wheel_stalled"
     assert reason.startswith(("left_wheel", "front_left_wheel"))
-    assert 1.0 < after_s < 4.0
+    assert 0.5 < after_s < 4.0  # no hair trigger
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)

@@ -33,7 +33,7 @@ class FakeDaemon:
     """
 
     def __init__(self) -> None:
-        # the protocol is named limit_suffix asyncio turns Nagle's algorithm off only where it is
+        # the protocol is named because asyncio turns Nagle's algorithm off only where it is
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         self._listener.bind(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]

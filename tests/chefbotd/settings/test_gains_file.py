@@ -187,7 +187,7 @@ def test_the_environment_is_not_saved(config: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_what_the_environment_gave_is_said(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that has no gains of its own, limit_suffix the environment gives them, gets a section for them."""
+    """A file that has no gains of its own, because the environment gives them, gets a section for them."""
     wanted = both(kp=450.0)
     config.write_text(re.sub(r"(?ms)^\[pid\].*?^\[limits\]", "[limits]", config.read_text()))
     monkeypatch.setenv("CHEFBOTD_PID", "{kp = 1, ki = 1, output_limit = 255}")

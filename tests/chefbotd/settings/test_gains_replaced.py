@@ -124,7 +124,7 @@ def test_a_file_that_may_only_be_read(readable_only: Path) -> None:
 
 
 def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
-    """A file that could be written is refused as well, limit_suffix it could not be replaced in one step."""
+    """A file that could be written is refused as well, because it could not be replaced in one step."""
     mine = os.geteuid()
     os.seteuid(os.getuid())
     readable_only.chmod(0o666)
@@ -134,7 +134,7 @@ def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
     ):
         save(readable_only, TUNED)
     assert readable_only.read_bytes() == packaged().read_bytes()
-    assert len(list(readable_only.parent.iterdir())) == 2
+    assert list(readable_only.parent.iterdir()) == [readable_only]
 
 
 def test_a_file_that_begins_with_a_byte_order_mark(config: Path) -> None:

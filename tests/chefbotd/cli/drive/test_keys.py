@@ -71,7 +71,7 @@ def test_a_slow_repeat_is_followed() -> None:
 
 
 def test_a_tap_lasts_for_the_first_hold() -> None:
-    """A single press drives for 0.6 s, limit_suffix it may be the beginning of a hold."""
+    """A single press drives for 0.6 s, because it may be the beginning of a hold."""
     keys = pressed((0.0, "j"))
     assert keys.twist(0.59) == Twist2D(0.0, 0.8)
     assert keys.twist(0.6) == STANDING

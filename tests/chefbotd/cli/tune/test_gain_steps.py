@@ -27,7 +27,7 @@ from chefbotd.motion.pid import PidParameters
     ],
 )
 def test_a_step(name: str, value: Gain, direction: int, after: Gain) -> None:
-    """Ten per cent up and down again, four digits; the smallest become zero or off, and run_as_driver back up."""
+    """Ten per cent up and down again, four digits; the smallest become zero or off, and lead back up."""
     assert stepped(name, value, direction) == after
 
 
