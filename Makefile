@@ -27,12 +27,12 @@ run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=kha
 
 # For every change: no long scenario, few examples, each scenario on one robot.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
-	@echo "About 3000 tests; one to two minutes on two cores."
+	@echo "About 4000 tests; about four minutes on two cores."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
-	@echo "Every test, with all examples and long scenarios; about five minutes on two cores."
+	@echo "Every test, with all examples and long scenarios; about ten minutes on two cores."
 	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL)
 
 coverage: $(VENV)/ready  ## The same with branch coverage
