@@ -312,7 +312,8 @@ def test_odometry_survives_a_board_reset(settings: Settings):
         await robot.client.arm()
         await drive(robot, 0.2, 0.0, 2.0)
         moved_m = (await topic(robot, "odometry"))["x_m"] - before["x_m"]
-        late_s = OBEYED_S + settings.sim.board.cycle_s
+        cycle_s = settings.sim.board.cycle_s
+        late_s = (OBEYED_S if settings.ultrasonic else cycle_s) + cycle_s
         assert moved_m == pytest.approx(2.0 * 0.2 - 0.02 - late_s * 0.2, abs=0.02)
 
     on_robot(scenario, settings)
