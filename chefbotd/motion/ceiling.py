@@ -7,6 +7,7 @@ What slows goes on as ever.
 from collections.abc import Sequence
 from dataclasses import replace
 
+from chefbotd.core.geometry import Twist2D
 from chefbotd.motion.drive_state import DriveState
 from chefbotd.motion.limits import LimiterState
 
@@ -18,7 +19,8 @@ def under(ceiling: Duty | None, before: DriveState, after: DriveState) -> DriveS
     if ceiling is None:
         return after
     duty = tuple([_cut(wanted, most) for wanted, most in zip(after.duty, ceiling, strict=True)])
-    if _rises(before.setpoint_m_s, after.setpoint_m_s):
+    slows = _slows(before.limiter.twist, after.limiter.twist)
+    if not slows and _rises(before.setpoint_m_s, after.setpoint_m_s):
         after = replace(
             after,
             limiter=LimiterState(before.limiter.twist),
@@ -30,6 +32,12 @@ def under(ceiling: Duty | None, before: DriveState, after: DriveState) -> DriveS
         for new, old, given, wanted in zip(after.pids, before.pids, duty, after.duty, strict=True)
     ]
     return replace(after, duty=duty, pids=tuple(pids))
+
+
+def _slows(before: Twist2D, after: Twist2D) -> bool:
+    """Whether the robot as a whole slows down. On the inside of a curve a wheel may speed up for that."""
+    pairs = ((before.linear_m_s, after.linear_m_s), (before.angular_rad_s, after.angular_rad_s))
+    return before != after and all(new * old >= 0 and abs(new) <= abs(old) for old, new in pairs)
 
 
 def _cut(wanted: int, most: int) -> int:

@@ -72,3 +72,11 @@ def test_an_integral_does_not_grow_behind_what_is_cut():
     """The left wheel is cut and keeps its integral of 3; the right one is not, and has its new one."""
     held = under((50, -40), BEFORE, step((60, -30), (-0.04, 0.08)))
     assert [each.integral_duty for each in held.pids] == [3.0, -1.0]
+
+
+def test_a_robot_that_slows_is_held_by_no_ceiling_though_a_wheel_of_it_speeds_up() -> None:
+    """The twist falls from (0.07, 0.74) to (0.01, 0.62) while the inner wheel goes from 0 to -0.049 m/s."""
+    before = replace(BEFORE, limiter=LimiterState(Twist2D(0.07, 0.74)), setpoint_m_s=(0.0, 0.14))
+    after = replace(before, limiter=LimiterState(Twist2D(0.01, 0.62)), setpoint_m_s=(-0.049, 0.069))
+    assert under((0, 50), before, after).setpoint_m_s == (-0.049, 0.069)
+    assert under((0, 50), after, before).setpoint_m_s == after.setpoint_m_s

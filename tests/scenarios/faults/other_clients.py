@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -103,6 +104,8 @@ async def unread(fault_run: FaultRun) -> AsyncIterator[None]:
         for _ in range(DEAF):
             _, writer = await stack.enter_async_context(stranger(fault_run))
             writer.transport.pause_reading()
+            # Otherwise some kernels hold megabytes for a client that reads nothing.
+            writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
             writer.write(LISTEN_TO_ALL + DESCRIBE * 200)
         yield
         left = (await fault_run.robot.client.call("get_stats"))["clients"] - 2

@@ -23,7 +23,7 @@ async def failing_service(times: int, fault_run: FaultRun) -> AsyncIterator[None
     """A reading that breaks the sensors' service."""
     for _ in range(times):
         fault_run.robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
-        await asyncio.sleep(0)
+        await asyncio.sleep(0.005)  # the supervisor starts the service again
     yield
 
 
