@@ -16,11 +16,11 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= logical
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: run test test-all coverage check audit lint format wheel wheel-test bench fuzz soak faults clean help
+.PHONY: run test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
-	@sed -n 's/^\([a-z-]*\):.*  ## \(.*\)/  \1|\2/p' $(MAKEFILE_LIST) | awk -F '|' '{ printf "%-13s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*  ## \(.*\)/  \1|\2/p' $(MAKEFILE_LIST) | awk -F '|' '{ printf "%-17s %s\n", $$1, $$2 }'
 
 run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=khan: the other one)
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
@@ -29,6 +29,10 @@ run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=kha
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
 	@echo "About 4000 tests; about four minutes on two cores."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
+
+# One at a time, for a machine on which tests of the real clock may have been held up by others.
+test-again: $(VENV)/ready  ## Run what failed in the last run once more, one test at a time
+	$(BIN)/pytest -q --last-failed --last-failed-no-failures none -m "not slow"
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
@@ -66,6 +70,9 @@ wheel-test: wheel  ## Run the tests against the installed wheel
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
 	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
+
+wheel-test-again:  ## Run what failed in the last wheel-test once more, one test at a time
+	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q --last-failed --last-failed-no-failures none
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)
