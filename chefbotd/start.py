@@ -59,13 +59,13 @@ def light_imports() -> Iterator[None]:
         gc.enable()
 
 
-def _import_without(module: str, left_out: str) -> None:
+def _import_without(module: str, absent: str) -> None:
     """Import a module as if another one were not installed: an entry of None makes its import fail (sys.modules)."""
-    hidden = sys.modules.get(left_out)
-    sys.modules[left_out] = None  # type: ignore[assignment]
+    hidden = sys.modules.get(absent)
+    sys.modules[absent] = None  # type: ignore[assignment]
     try:
         import_module(module)
     finally:
-        del sys.modules[left_out]
+        del sys.modules[absent]
         if hidden is not None:
-            sys.modules[left_out] = hidden
+            sys.modules[absent] = hidden

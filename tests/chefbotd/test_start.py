@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 SLOW_IMPORT = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts its background jobs without it
 class Slow:
     def find_spec(self, name, *_):
         if name == "click":
