@@ -38,14 +38,13 @@ class Expected:
 
     ``mode`` and ``kind`` (the fault that latched, or what limits the motion) are those of the topic ``safety`` while it
     lasts; zero is on the motors within ``zero_within_s`` of its beginning and stays there (None: it drives on).
-    ``logged`` are entries of the log. ``also`` are kinds that a robot may tell as well, because it is quick to notice.
+    ``logged`` are entries of the log.
     """
 
     mode: str = "armed"
     kind: str | None = None
     zero_within_s: float | None = None
     logged: tuple[str, ...] = ()
-    also: tuple[str, ...] = ()
 
     @property
     def log(self) -> tuple[str, ...]:
@@ -186,9 +185,7 @@ async def _measured(fault: Fault, robot_name: str, fault_run: FaultRun) -> Resul
         await watch.stop()
         told = await fault_run.told()
     ended = told[0] == ENDED
-    expected = fault.expected
-    fits = told[0] == expected.mode and told[1] in (expected.kind, *expected.also)
-    fault_run.check(fits, f"told as {told}")
+    fault_run.check(told == (fault.expected.mode, fault.expected.kind), f"told as {told}")
     _check_motion(fault.expected, fault_run, watch)
     speed_m_s = fault_run.robot.board.truth(0.0).twist.linear_m_s
     if not ended:

@@ -64,8 +64,8 @@ async def power_cycle(fault_run: FaultRun) -> AsyncIterator[None]:
         )
 
 
-DEAF_FOR_HALF_A_SECOND = Expected("estopped", None, 0.5 + AT_ONCE_S, also=("board_deaf",))
-"""KHAN's fifty readings a second tell within that time that the board does not listen; ChefBot's twenty do not."""
+NOTICED = {"chefbot": None, "khan": "board_deaf"}
+"""KHAN's fifty readings a second tell within half a second that the board does not listen; ChefBot's twenty do not."""
 
 
 @asynccontextmanager
@@ -151,12 +151,17 @@ FAULTS = (
         on_wire=True,
         overrides=AT_THE_PIN,
     ),
-    Fault("Board does not read", "board reads nothing for 0.5 s", deaf_board, DEAF_FOR_HALF_A_SECOND),
-    Fault(
-        "Board talks but no longer reads",
-        "board reads nothing, the kernel takes all",
-        deaf_behind_a_buffer,
-        DEAF_FOR_HALF_A_SECOND,
+    *(
+        Fault(row, f"{name}: {robot}", inject, Expected("estopped", kind, 0.5 + AT_ONCE_S), robots=(robot,))
+        for row, name, inject in (
+            ("Board does not read", "board reads nothing for 0.5 s", deaf_board),
+            (
+                "Board talks but no longer reads",
+                "board reads nothing, the kernel takes all",
+                deaf_behind_a_buffer,
+            ),
+        )
+        for robot, kind in NOTICED.items()
     ),
     Fault(
         "The same, while the program ends",
