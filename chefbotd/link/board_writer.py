@@ -81,7 +81,7 @@ class BoardWriter:
             self._pass(self._port.overtake, line, FIRST_STOPS)
 
     def stop_last(self) -> None:
-        """The last words on this port, which is closed then: stops, instead of all that is unsent."""
+        """The shutdown stop on this port, which is closed then: stops, instead of all that is unsent."""
         if self._port is not None:
             self._pass(self._port.close_saying, self._stop, LAST_STOPS)
             self.end()

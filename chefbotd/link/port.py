@@ -23,7 +23,7 @@ IN_USE = (errno.EAGAIN, errno.EBUSY)
 """What a lock that another holds, or its exclusive mode, is refused with."""
 
 STALE_S = 0.05
-"""What is unsent after this is not waited for any longer: the last words go instead of it."""
+"""What is unsent after this is not waited for any longer: the shutdown stop goes instead of it."""
 
 LAST_WORDS_S = 1.2
 """The sketch may wait a second for an echo, and a board with USB of its own takes nothing meanwhile."""
@@ -74,7 +74,7 @@ class BriefSerial(serial.Serial):  # type: ignore[misc]
     """
 
     def flush(self) -> None:
-        """Drop what is unsent: the last words have had their time. A lost device has nothing to drop."""
+        """Drop what is unsent: the shutdown stop has had its time. A lost device has nothing to drop."""
         try:
             if self.out_waiting:
                 self.reset_output_buffer()
@@ -142,7 +142,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
                 self._drop_in_kernel()
                 self._sent(words, LAST_WORDS_S)
         except (OSError, termios.error):
-            log.debug("the device was gone before the last words")
+            log.debug("the device was gone before the shutdown stop")
         self.abort()
 
     def flush(self) -> None:

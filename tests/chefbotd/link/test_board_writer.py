@@ -84,7 +84,7 @@ def damaged(words: bytes) -> Iterator[bytes]:
 
 
 def said_last(variant: Variant) -> bytes:
-    """The last words."""
+    """The shutdown stop."""
     speech, port, _, _ = speaking(variant)
     speech.stop_last()
     return port.taken
@@ -110,7 +110,7 @@ def test_a_stop_holds_whatever_piece_of_a_line_stands_before_it(variant: Variant
 
 
 @ROBOTS
-def test_one_damaged_byte_does_not_undo_the_last_words(variant: Variant):
+def test_one_damaged_byte_does_not_undo_the_shutdown_stop(variant: Variant):
     """After any cut line, any byte lost, doubled or with a bit flipped: zero, or a digit made of one of its zeros."""
     _, line = motion(variant)
     for cut in range(len(line) + 1):
@@ -127,7 +127,7 @@ def test_no_empty_line_is_ever_said():
 
 
 def test_every_line_is_counted_kept_and_published():
-    """A command, the stop that overtakes it and the last words: each line of them, with its time."""
+    """A command, the stop that overtakes it and the shutdown stop: each line of them, with its time."""
     speech, _, bus, lines = speaking()
     seen = bus.subscribe(LineSeen)
     speech.say(b"s 1 2\r")
@@ -139,7 +139,7 @@ def test_every_line_is_counted_kept_and_published():
     assert speech.lines_out == 7
 
 
-def test_after_the_last_words_nothing_is_said():
+def test_after_the_shutdown_stop_nothing_is_said():
     """The port is given up: neither a command, nor a stop, nor one from another thread."""
     speech, port, _, _ = speaking()
     speech.stop_last()

@@ -51,7 +51,7 @@ def test_a_closed_pipe_is_no_error(pipe: tuple[int, int]):
 
 
 def test_closing_does_not_wait_for_a_reader_who_never_reads(pipe: tuple[int, int]):
-    """Half a second of last words at most, and a full queue is not waited for at all."""
+    """Half a second of shutdown stop at most, and a full queue is not waited for at all."""
     writer = LogWriter(pipe[1])
     for _ in range(2 * ROOM_FOR_LINES):
         writer.write("x" * 1000)

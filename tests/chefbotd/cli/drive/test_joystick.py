@@ -110,7 +110,7 @@ def test_a_hang_is_followed_by_no_burst(daemon: FakeDaemon) -> None:
 
 
 def test_its_end_lets_go(daemon: FakeDaemon) -> None:
-    """Ended while the button is held, its last words are a target of zero and its source given back."""
+    """Ended while the button is held, its last commands are a target of zero and its source given back."""
     asked = fly(daemon, drive)
     assert [name for _, name, _ in asked][-2:] == ["drive", "release_control"]
     assert daemon.calls[-2][2]["linear_m_s"] == 0.0

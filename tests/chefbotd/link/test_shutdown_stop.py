@@ -249,7 +249,7 @@ def test_a_board_that_reads_in_time_is_told_once(far_end: FarEnd):
     assert kernel.dropped == []
 
 
-def test_what_does_not_go_makes_room_for_the_last_words(far_end: FarEnd, monkeypatch: pytest.MonkeyPatch):
+def test_what_does_not_go_makes_room_for_the_shutdown_stop(far_end: FarEnd, monkeypatch: pytest.MonkeyPatch):
     """What lies before them does not move: it is dropped, they are said again, and are dropped last, if at all."""
     monkeypatch.setattr(port_module, "LAST_WORDS_S", 0.1)
     kernel = Kernel(looks=float("inf"))
@@ -258,6 +258,6 @@ def test_what_does_not_go_makes_room_for_the_last_words(far_end: FarEnd, monkeyp
     assert took_s >= port_module.STALE_S + port_module.LAST_WORDS_S
 
 
-def test_the_last_words_have_longer_than_the_sketch_waits_for_an_echo():
+def test_the_shutdown_stop_has_longer_than_the_sketch_waits_for_an_echo():
     """A board with USB of its own takes nothing for that second; systemd gives the daemon five."""
     assert 1.0 < port_module.STALE_S + port_module.LAST_WORDS_S < 2.0
