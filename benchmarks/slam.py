@@ -15,6 +15,7 @@ import psutil
 from benchmarks.carmen import Recording, Score, recordings, score
 from benchmarks.figures import Figure, Outcome
 from chefbotd.core.compiled import release_compiler
+from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.parameters import SlamParameters
 from chefbotd.mapping.poses import Floats, between
@@ -22,7 +23,7 @@ from chefbotd.mapping.slam import Report, step
 from chefbotd.mapping.state import Scan, SlamState, start
 from chefbotd.mapping.surfaces import Singles, normals
 from chefbotd.mapping.tracking import tracked
-from chefbotd.perception.laser_scan import BeamParameters, LaserScan, usable
+from chefbotd.perception.laser_scan import BeamParameters, usable
 from tests.chefbotd.mapping.slam.drives import Drive, off_m, walls_off_m
 from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
 

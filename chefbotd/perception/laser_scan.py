@@ -1,4 +1,4 @@
-"""A lidar's turn as a value, and the points that it shows of the room: filtered, and with the motion undone.
+"""The points that a lidar's turn shows of the room: filtered, and with the motion undone.
 
 A turn takes a tenth of a second, in which a robot moves on by centimetres and turns by degrees. Each beam has its
 own time; odometry says where the robot was then.
@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.scan import Floats, LaserScan
 
-Floats: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 
 
@@ -39,28 +39,6 @@ class BeamParameters(Parameters):
                 f"min_range_m must be below max_range_m, got {self.min_range_m} and {self.max_range_m}"
             )
         return self
-
-
-@dataclass(frozen=True, slots=True)
-class LaserScan:
-    """One turn, in the order in which it was measured; bearings are counter-clockwise in the lidar's frame.
-
-    ``range_m`` is 0, infinite or NaN where there was no reading. ``stamp_s`` is the time of the scan, and ``after_s``
-    how long after it each beam was measured (negative: before).
-
-    Raises:
-        ValueError: the arrays are not of one length.
-    """
-
-    stamp_s: float
-    bearing_rad: Floats
-    range_m: Floats
-    after_s: Floats
-
-    def __post_init__(self) -> None:
-        sizes = {self.bearing_rad.shape, self.range_m.shape, self.after_s.shape}
-        if len(sizes) != 1 or self.range_m.ndim != 1:
-            raise ValueError(f"bearings, ranges and times are of one length, got shapes {sorted(sizes)}")
 
 
 @dataclass(frozen=True, slots=True)

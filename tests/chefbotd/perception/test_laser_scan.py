@@ -7,7 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.perception.laser_scan import BeamParameters, LaserScan, Track, points_in_base, pose_at, usable
+from chefbotd.core.scan import LaserScan
+from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base, pose_at, usable
 
 STILL = Track(np.array([0.0]), np.zeros((1, 3)))
 MOUNT = Pose2D(0.1, -0.05, 0.4)

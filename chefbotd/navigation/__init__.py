@@ -1,0 +1,1 @@
+"""Where to drive and how: costs, planning and following, pure steps."""

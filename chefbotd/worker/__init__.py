@@ -1,0 +1,1 @@
+"""The child process that maps, localizes and plans, and the link to it."""
