@@ -1,8 +1,9 @@
 """Poses and twists in the plane (REP-103: x forward, y left, counter-clockwise positive, SI units)."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
+
+from chefbotd.core.record import Record
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -11,16 +12,14 @@ def wrap_angle(angle_rad: float) -> float:
     return math.pi if wrapped == -math.pi else wrapped
 
 
-@dataclass(frozen=True, slots=True)
-class Twist2D:
+class Twist2D(Record, frozen=True):
     """Velocity in the robot's own frame: forward in m/s, turning in rad/s (CCW positive)."""
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class WheelVelocities:
+class WheelVelocities(Record, frozen=True):
     """How fast each wheel is to turn, in the order of the configured wheels (rad/s, forward positive).
 
     ``twist`` is how they move the robot as a whole, if none of them slips.
@@ -39,8 +38,7 @@ Motion: TypeAlias = Twist2D | WheelVelocities
 """What may be asked of the robot: a motion as a whole, or of each wheel its own."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pose2D:
+class Pose2D(Record, frozen=True):
     """Where one frame lies in another: ``odom_from_base`` maps points of ``base_footprint`` into ``odom``."""
 
     x_m: float = 0.0

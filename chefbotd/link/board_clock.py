@@ -5,8 +5,9 @@ is a straight line (offset and skew) fitted by exponentially weighted least squa
 """
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
+
+from chefbotd.core.record import Record
 
 MICROS_PER_TURN = 2**32
 """`t` is a uint32 of microseconds: it wraps every 71.6 minutes."""
@@ -36,8 +37,7 @@ class Verdict(StrEnum):
     RESTARTED = "restarted"
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
+class _Reading(Record, frozen=True):
     micros: int
     board_s: float
     host_s: float

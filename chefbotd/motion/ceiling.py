@@ -5,9 +5,9 @@ What slows goes on as ever.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import replace
 from chefbotd.motion.drive_state import DriveState
 from chefbotd.motion.limits import LimiterState
 

@@ -6,10 +6,10 @@ needs no measurement: limiter, feedforward and the proportional term (``retarget
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelVelocities
+from chefbotd.core.record import replace
 from chefbotd.motion import pid, reference
 from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics

@@ -1,10 +1,9 @@
 """What the wheels' controller is told once, and what one of its steps hands to the next."""
 
-from dataclasses import dataclass, field
-
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.motion import reference
 from chefbotd.motion.limits import AT_REST, LimiterState
 from chefbotd.motion.pid import PidState
@@ -38,8 +37,7 @@ class DriveParameters(Parameters):
     regain_per_s: float = Field(default=0.5, gt=0, le=100)
 
 
-@dataclass(frozen=True, slots=True)
-class DriveState:
+class DriveState(Record, frozen=True):
     """Everything that one step hands to the next; ``stepped_s`` is None until the first.
 
     ``loose``: the wheels of a side are not set to the same speed, so that ``limiter`` does not say it all.
@@ -50,7 +48,7 @@ class DriveState:
     limiter: LimiterState = AT_REST
     stepped_s: float | None = None
     share: float = 1.0
-    setpoint_m_s: tuple[float, ...] = field(default=())
-    acceleration_m_s2: tuple[float, ...] = field(default=())
+    setpoint_m_s: tuple[float, ...] = ()
+    acceleration_m_s2: tuple[float, ...] = ()
     loose: bool = False
     asked: reference.History = ()

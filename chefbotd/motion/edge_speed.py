@@ -11,13 +11,13 @@ two are known.
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 
 CYCLE = 4
 """Counts in a full cycle of both lines: every phase once."""
@@ -53,8 +53,7 @@ class Known(NamedTuple):
     since_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(Record, frozen=True):
     """What speed is measured over: the latest edges, newest last, in one ``direction`` and without a rest or a loss.
 
     ``direction`` is +1, -1, or 0 before the first count. After a loss ``held`` is the speed before it, which stands in

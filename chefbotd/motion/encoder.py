@@ -7,12 +7,12 @@ nothing is lost. One that is possible and far from where the wheels were heading
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 
 
 class EncoderParameters(Parameters):
@@ -41,8 +41,7 @@ class Sample(NamedTuple):
     counts: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EncodersState:
+class EncodersState(Record, frozen=True):
     """What decoding remembers.
 
     ``base`` is the last good reading as on the wire (None: the next reading becomes the reference).
@@ -61,8 +60,7 @@ class EncodersState:
 START = EncodersState()
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Record, frozen=True):
     """What one encoder frame says, per wheel, in the order of the configured wheels, forward positive.
 
     The velocity is a mean over the board's last ``measured_over_s``, 0 where nothing could be measured.

@@ -5,7 +5,6 @@ immediate does not come through here: it resets the limiter to ``AT_REST``.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from pydantic import Field
 
 from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.motion.ramp import AxisLimits, advance
 
 Speed = Annotated[float, Field(ge=0, le=100)]
@@ -87,8 +87,7 @@ class MotionLimits(Parameters):
     keep_curvature: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class LimiterState:
+class LimiterState(Record, frozen=True):
     """The twist now allowed, and how fast it is changing: the same fields, per second."""
 
     twist: Twist2D = STANDING

@@ -7,13 +7,13 @@ rotational noise of Thrun, Burgard and Fox, "Probabilistic Robotics", 5.4).
 """
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
 from pydantic import Field
 
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovariance, Twist2D, wrap_angle
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 
 Response: TypeAlias = tuple[float, float, float]
 """How far x (m), y (m) and the heading (rad) move per unit of an error."""
@@ -29,8 +29,7 @@ class OdometryParameters(Parameters):
     turn_variance_rad2_per_rad: float = Field(default=3e-4, ge=0, le=1)
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryState:
+class OdometryState(Record, frozen=True):
     """The pose, the twist in the base frame, and the covariance of (x, y, heading) in ``odom``."""
 
     odom_from_base: Pose2D

@@ -12,11 +12,11 @@ flight control, and never outlasts the motion: it goes down with the setpoint, a
 """
 
 import math
-from dataclasses import dataclass, replace
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 
 
 class PidParameters(Parameters):
@@ -46,8 +46,7 @@ FADE_S = 0.5
 """Time constant with which a bump that new gains would have made, and the integral could not hold, comes after all."""
 
 
-@dataclass(frozen=True, slots=True)
-class PidState:
+class PidState(Record, frozen=True):
     """What the controller remembers between encoder frames; ``measured_m_s`` is None before the first.
 
     ``fading_duty`` is what is left of a change of gains (``retune``), at the last ``setpoint_m_s``.

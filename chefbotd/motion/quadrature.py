@@ -5,9 +5,8 @@ change of both levels at once, levels that did not change, and edges that the bo
 become angles where those of any board do, in ``motion.encoder``; speed is ``motion.edge_speed``'s.
 """
 
-from dataclasses import dataclass, replace
-
 from chefbotd.core.events import EdgeBurst
+from chefbotd.core.record import Record, replace
 from chefbotd.motion import edge_speed
 from chefbotd.motion.edge_speed import Mark, QuadratureParameters, Run
 
@@ -23,8 +22,7 @@ STEPS: tuple[tuple[int | None, ...], ...] = (
 TOTAL_SPAN = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
-class QuadratureState:
+class QuadratureState(Record, frozen=True):
     """One wheel's encoder.
 
     ``levels`` are None until the next edge, which is the reference and counts nothing; ``total`` is the board's, None

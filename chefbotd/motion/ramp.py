@@ -8,11 +8,11 @@ steps.
 """
 
 import math
-from dataclasses import dataclass, replace
+
+from chefbotd.core.record import Record, replace
 
 
-@dataclass(frozen=True, slots=True)
-class AxisLimits:
+class AxisLimits(Record, frozen=True):
     """What an axis may do: all > 0 (``max_reverse`` may be 0); a ``jerk`` of infinity is no limit."""
 
     max_forward: float

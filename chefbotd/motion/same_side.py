@@ -18,12 +18,12 @@ Mates that are asked for different speeds (``set_wheel_velocities``) are not com
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from statistics import median
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 from chefbotd.motion.kinematics import Kinematics, without
 
 
@@ -49,8 +49,7 @@ STANDS_SHARE = 0.1
 """A wheel stands that rolls less than this share of what its mate does, or no more than two counts."""
 
 
-@dataclass(frozen=True, slots=True)
-class MatesState:
+class MatesState(Record, frozen=True):
     """What each wheel has rolled lately, and was asked to; ``latest_m`` is its way just now, to and fro taken together.
 
     ``led`` are the wheels that are not believed, each with the mate that is: pairs of indices.

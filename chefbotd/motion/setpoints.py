@@ -4,9 +4,8 @@ A twist is limited as a twist, and so is what wheels that are each asked for a s
 of a side differ, that is ramped beside it, until they turn alike again: no setpoint ever jumps.
 """
 
-from dataclasses import replace
-
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
+from chefbotd.core.record import replace
 from chefbotd.motion import pid, rims
 from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.kinematics import Kinematics

@@ -8,11 +8,10 @@ robot that is pushed by hand, armed or not, is no fault, and one that never stop
 estopped: only the motors' switch stops it.
 """
 
-from dataclasses import dataclass, replace
-
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -32,8 +31,7 @@ class DeafParameters(Parameters):
     rest_s: float = Field(default=0.2, gt=0, le=10)
 
 
-@dataclass(frozen=True, slots=True)
-class DeafState:
+class DeafState(Record, frozen=True):
     """What has been seen since the last duty: ``told_s`` is when zero was first said (None: a duty is in force).
 
     ``readings`` have come since; the wheels may roll ``coasting_m`` (None: the board need not have heard yet) and have

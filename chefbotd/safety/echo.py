@@ -8,11 +8,10 @@ A line may be damaged on its way, in either direction, so one that does not fit 
 that fits takes off ``forgiven``.
 """
 
-from dataclasses import dataclass, replace
-
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 from chefbotd.safety.faults import Fault, FaultKind
 
 Duty = tuple[int, ...]
@@ -34,8 +33,7 @@ class EchoParameters(Parameters):
     memory_s: float = Field(default=3.0, ge=1.5, le=60)
 
 
-@dataclass(frozen=True, slots=True)
-class EchoState:
+class EchoState(Record, frozen=True):
     """``said``: the commands of late, newest first, each with when it was last said.
 
     ``fitting`` counts the echoes that showed one of them; ``score`` is what is held against the board, ``shown`` its

@@ -6,11 +6,10 @@ robot brakes, and goes on from rest with the next reading if somebody still comm
 the sketch has a reason for, which began while the robot was driven, is a fault.
 """
 
-from dataclasses import dataclass
-
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -21,8 +20,7 @@ class EncoderTimeoutParameters(Parameters):
     latch_after_s: float = Field(default=2.0, ge=2, le=60)
 
 
-@dataclass(frozen=True, slots=True)
-class EncoderTimeoutState:
+class EncoderTimeoutState(Record, frozen=True):
     """When the encoders were last heard, and whether the robot was being driven when they fell silent."""
 
     heard_s: float = float("-inf")

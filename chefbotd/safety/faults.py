@@ -1,7 +1,8 @@
 """What can go wrong with motion: a stable name for each fault, and what happened in words that say what to check."""
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from chefbotd.core.record import Record
 
 
 class FaultKind(StrEnum):
@@ -30,8 +31,7 @@ UNSTOPPED = frozenset({FaultKind.BOARD_DEAF})
 """Faults with which the robot may move although the gate is shut, so that they are told whatever else has latched."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Record, frozen=True):
     """A fault that has happened; ``reason`` is for people."""
 
     kind: FaultKind

@@ -12,7 +12,6 @@ second of the two has passed. What feeds either time is commands, never a heartb
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated, Self
 
@@ -21,6 +20,7 @@ from pydantic import Field, model_validator
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters, section
+from chefbotd.core.record import Record, replace
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
 from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
@@ -119,8 +119,7 @@ NEXT: Mapping[tuple[Mode, Trigger], Mode] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(Record, frozen=True):
     """A motion asked for by a source, and when it was."""
 
     source: str
@@ -128,8 +127,7 @@ class Command:
     stamp_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class GateState:
+class GateState(Record, frozen=True):
     """The mode, why it is so (``fault``: the fault that latched), and the newest command of each source."""
 
     mode: Mode = Mode.ARMED
@@ -138,8 +136,7 @@ class GateState:
     fault: FaultKind | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(Record, frozen=True):
     """The motion to follow and whose it is; ``halted`` means brake now, whatever the motion.
 
     ``limited_by`` says what keeps a live command from being followed as it was given.

@@ -18,12 +18,12 @@ rolls on is excused, for ``rolls_on_s``, until it stands or turns round.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -71,8 +71,7 @@ class Push(NamedTuple):
     play_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class WheelWatchState:
+class WheelWatchState(Record, frozen=True):
     """A push and a count of jumps per wheel."""
 
     pushes: tuple[Push, ...]

@@ -1,6 +1,5 @@
 """Battery: ADC counts behind a divider to volts, charge and urgency."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
@@ -8,6 +7,7 @@ from pydantic import Field, model_validator
 
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 
 
 class BatteryParameters(Parameters):
@@ -46,8 +46,7 @@ class BatteryParameters(Parameters):
         return ((self.empty_v, 0.0), *self.curve_v_percent, (self.full_v, 100.0))
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryState:
+class BatteryState(Record, frozen=True):
     """How urgent the last measurement was, for the hysteresis."""
 
     status: BatteryLevelStatus = BatteryLevelStatus.OK

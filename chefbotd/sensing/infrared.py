@@ -9,7 +9,6 @@ touches the robot, which is ``setback_m`` from the sensor.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from statistics import median
@@ -20,6 +19,7 @@ from pydantic import Field, model_validator
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.sensing.curve import MonotoneCurve
 
 ADC_MAX = 4095
@@ -121,8 +121,7 @@ class Sample(NamedTuple):
     stamp_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class InfraredState:
+class InfraredState(Record, frozen=True):
     """The latest samples, newest last, and whether what is in front may be nearer than the fold: so at the start."""
 
     recent: tuple[Sample, ...] = ()

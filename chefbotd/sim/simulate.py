@@ -7,8 +7,9 @@ import signal
 import sys
 import threading
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
-from dataclasses import asdict
 from pathlib import Path
+
+from msgspec.structs import asdict
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner

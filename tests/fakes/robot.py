@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
 
 from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import replace
 from chefbotd.features.board.methods import TOPICS as BOARD
 from chefbotd.features.board.methods import BoardMethods
 from chefbotd.features.description.feature import description

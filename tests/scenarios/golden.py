@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict, astuple
 
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
+from chefbotd.core.record import Record
 from chefbotd.process.build import build
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -31,8 +33,8 @@ ADDRESS = re.compile(r"127\.0\.0\.1:\d+")
 UNRECORDED = (events.StatsSampled, events.TruthSimulated, events.LineSeen, events.DutyWritten)
 EVENTS = tuple(
     each
-    for _, each in inspect.getmembers(events, dataclasses.is_dataclass)
-    if each.__module__.startswith(events.__name__) and each not in UNRECORDED
+    for _, each in inspect.getmembers(events, inspect.isclass)
+    if issubclass(each, Record) and each not in UNRECORDED
 )
 
 
@@ -112,11 +114,10 @@ async def _apply(step: Step, device: FakeSerialDevice, client: Client) -> None:
 
 def _tell(event: Any, start_s: float) -> str:
     fields = []
-    for field in dataclasses.fields(event):
-        value = getattr(event, field.name)
-        if field.name in ("stamp_s", "board_s"):
+    for name, value in asdict(event).items():
+        if name in ("stamp_s", "board_s"):
             value -= start_s
-        fields.append(f"{field.name}={_text(value)}")
+        fields.append(f"{name}={_text(value)}")
     return f"  {type(event).__name__}({', '.join(fields)})"
 
 
@@ -127,8 +128,8 @@ def _text(value: Any) -> str:
         return _text(value.ravel().tolist())
     if isinstance(value, tuple | list):
         return "(" + ", ".join(map(_text, value)) + ")"
-    if dataclasses.is_dataclass(value):
-        return "(" + ", ".join(_text(getattr(value, field.name)) for field in dataclasses.fields(value)) + ")"
+    if isinstance(value, Record):
+        return _text(astuple(value))
     return ADDRESS.sub("client", str(value) if isinstance(value, str) else repr(value))
 
 

@@ -1,11 +1,11 @@
 """A few minutes of the soak, and that it can fail; `make soak` drives an hour with each robot."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.motion import limits
 from chefbotd.safety import encoder_timeout, gate
 from tests.scenarios.soak import soak

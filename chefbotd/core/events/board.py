@@ -1,19 +1,18 @@
 """What the link and the board have said, in the board's own numbers."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
+from chefbotd.core.record import Record
 
-@dataclass(frozen=True, slots=True)
-class LinkOpened:
+
+class LinkOpened(Record, frozen=True):
     """The serial device is open and being read."""
 
     stamp_s: float
     device: str
 
 
-@dataclass(frozen=True, slots=True)
-class LinkNotOpened:
+class LinkNotOpened(Record, frozen=True):
     """The device cannot be opened; ``reason`` tells people why and what to do. Told again when the reason changes."""
 
     stamp_s: float
@@ -21,8 +20,7 @@ class LinkNotOpened:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class LinkClosed:
+class LinkClosed(Record, frozen=True):
     """The serial device is gone; ``reason`` is for people."""
 
     stamp_s: float
@@ -30,8 +28,7 @@ class LinkClosed:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class LinkHealthChanged:
+class LinkHealthChanged(Record, frozen=True):
     """What the open device sounds like: ``condition`` is its stable name, ``reason`` for people (empty: healthy)."""
 
     stamp_s: float
@@ -41,16 +38,14 @@ class LinkHealthChanged:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class BoardRestarted:
+class BoardRestarted(Record, frozen=True):
     """The board's counters and time began anew; ``cause`` says how it was noticed."""
 
     stamp_s: float
     cause: str
 
 
-@dataclass(frozen=True, slots=True)
-class BoardResetProgressed:
+class BoardResetProgressed(Record, frozen=True):
     """How far a restart that was asked for has come; ``stage`` is its stable name, ``reason`` for people."""
 
     stamp_s: float
@@ -58,8 +53,7 @@ class BoardResetProgressed:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class DutyWritten:
+class DutyWritten(Record, frozen=True):
     """A motor command went to the port; whether the board reads it is told by ``DutyEchoed``."""
 
     stamp_s: float
@@ -73,8 +67,7 @@ class Direction(StrEnum):
     TO_BOARD = "out"
 
 
-@dataclass(frozen=True, slots=True)
-class LineSeen:
+class LineSeen(Record, frozen=True):
     """A line as it stood on the wire, without its end."""
 
     stamp_s: float
@@ -82,8 +75,7 @@ class LineSeen:
     line: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class LineRefused:
+class LineRefused(Record, frozen=True):
     """A line from the board that was no message."""
 
     stamp_s: float
@@ -92,16 +84,14 @@ class LineRefused:
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
-class TextReceived:
+class TextReceived(Record, frozen=True):
     """A line of text from the board: its banner, or whatever else it prints."""
 
     stamp_s: float
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class EncodersCounted:
+class EncodersCounted(Record, frozen=True):
     """Accumulated encoder counts per wheel, as on the wire.
 
     ``rate_counts_s`` is how fast each counts, where the edges' own timing says so; None where only the counts are known.
@@ -113,8 +103,7 @@ class EncodersCounted:
     rate_counts_s: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeBurst:
+class EdgeBurst(Record, frozen=True):
     """Edges of a wheel's quadrature encoder, in their order: ``levels`` after each, A worth 2 and B worth 1.
 
     There are none where the wheel stood. ``times_s`` are the board times of the last edges, one or more; those before
@@ -128,8 +117,7 @@ class EdgeBurst:
     times_s: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EdgesSeen:
+class EdgesSeen(Record, frozen=True):
     """The edges of a cycle that ended at ``board_s``: each wheel's bursts in their order, at least one of each."""
 
     stamp_s: float
@@ -137,16 +125,14 @@ class EdgesSeen:
     bursts: tuple[EdgeBurst, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class UltrasonicEchoed:
+class UltrasonicEchoed(Record, frozen=True):
     """Whole centimetres from the ultrasonic sensor; 0 is no echo."""
 
     stamp_s: float
     distance_cm: int
 
 
-@dataclass(frozen=True, slots=True)
-class AnalogueCounted:
+class AnalogueCounted(Record, frozen=True):
     """The raw 12-bit ADC reading of one analogue input."""
 
     stamp_s: float
@@ -154,16 +140,14 @@ class AnalogueCounted:
     adc: float
 
 
-@dataclass(frozen=True, slots=True)
-class DutyEchoed:
+class DutyEchoed(Record, frozen=True):
     """The motor command that the board says is in force."""
 
     stamp_s: float
     duty: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class OrientationReported:
+class OrientationReported(Record, frozen=True):
     """The IMU's quaternion as on the wire, not normalised."""
 
     stamp_s: float
@@ -173,8 +157,7 @@ class OrientationReported:
     w: float
 
 
-@dataclass(frozen=True, slots=True)
-class InertialCounted:
+class InertialCounted(Record, frozen=True):
     """Raw IMU counts, acceleration and angular rate, each x y z."""
 
     stamp_s: float
@@ -182,8 +165,7 @@ class InertialCounted:
     angular_rate: tuple[int, int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryCounted:
+class BatteryCounted(Record, frozen=True):
     """The raw ADC reading behind the battery's divider."""
 
     stamp_s: float

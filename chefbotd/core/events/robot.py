@@ -1,13 +1,12 @@
 """What that means: wheels, odometry and sensors in SI units, and what the robot is allowed to do."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
+from chefbotd.core.record import Record
 
 
-@dataclass(frozen=True, slots=True)
-class WheelsMeasured:
+class WheelsMeasured(Record, frozen=True):
     """Where the wheels are and how fast they turn, in the order of the configured wheels.
 
     ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
@@ -23,8 +22,7 @@ class WheelsMeasured:
     excluded: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class WheelsDriven:
+class WheelsDriven(Record, frozen=True):
     """A control step: what the wheels did, what they should do, and the duty that was commanded.
 
     ``excluded`` as in ``WheelsMeasured``.
@@ -38,8 +36,7 @@ class WheelsDriven:
     excluded: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryUpdated:
+class OdometryUpdated(Record, frozen=True):
     """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
 
     stamp_s: float
@@ -58,8 +55,7 @@ class RangeStatus(StrEnum):
     AMBIGUOUS = "ambiguous"
 
 
-@dataclass(frozen=True, slots=True)
-class RangeMeasured:
+class RangeMeasured(Record, frozen=True):
     """One beam: ``range_m`` is None unless ``status`` is ``OK``; the field of view is the cone's full angle."""
 
     stamp_s: float
@@ -71,8 +67,7 @@ class RangeMeasured:
     field_of_view_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class ImuMeasured:
+class ImuMeasured(Record, frozen=True):
     """The IMU in SI units: a unit quaternion (x, y, z, w), or rates and accelerations; what it lacks is None."""
 
     stamp_s: float
@@ -90,8 +85,7 @@ class BatteryLevelStatus(StrEnum):
     CRITICAL = "critical"
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryMeasured:
+class BatteryMeasured(Record, frozen=True):
     """The battery in volts, as a percentage of its useful range, and how urgent that is."""
 
     stamp_s: float
@@ -100,8 +94,7 @@ class BatteryMeasured:
     status: BatteryLevelStatus
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyChanged:
+class SafetyChanged(Record, frozen=True):
     """The gate's state: its mode, why, and whose command is in force (None: nobody's).
 
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
@@ -116,16 +109,14 @@ class SafetyChanged:
     limited_by: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ControlChanged:
+class ControlChanged(Record, frozen=True):
     """Who drives: for each source of commands that someone has control of, the client's name."""
 
     stamp_s: float
     holders: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class TruthSimulated:
+class TruthSimulated(Record, frozen=True):
     """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall."""
 
     stamp_s: float

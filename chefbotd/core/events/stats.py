@@ -1,11 +1,11 @@
 """What the daemon has counted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from chefbotd.core.record import Record
 
 
-@dataclass(frozen=True, slots=True)
-class StatsSampled:
+class StatsSampled(Record, frozen=True):
     """Every figure of the registry by its name, sampled once a second."""
 
     stamp_s: float

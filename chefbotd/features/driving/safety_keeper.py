@@ -4,7 +4,6 @@ It moves nothing itself: ``DriveService`` asks it before every duty and carries 
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 
 import structlog
 
@@ -21,6 +20,7 @@ from chefbotd.core.events import (
     SafetyChanged,
 )
 from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.core.record import replace
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.logs import RateLimitedLog

@@ -1,10 +1,9 @@
 """What a step may do while commands that are faster are held back."""
 
-from dataclasses import replace
-
 import pytest
 
 from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.record import replace
 from chefbotd.motion import pid
 from chefbotd.motion.ceiling import under
 from chefbotd.motion.drive_state import DriveState

@@ -1,13 +1,13 @@
 """Wheel speed control: feedforward, feedback, windup, previews and gains that change without a bump."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from chefbotd.core.record import replace
 from chefbotd.motion import pid
 from chefbotd.motion.pid import RESET, PidParameters, PidState
 from tests.budget import examples

@@ -1,9 +1,9 @@
 """Each topic's data, from the events behind it."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from chefbotd.core import events
 from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus

@@ -1,11 +1,11 @@
 """The obstacle guard."""
 
 import math
-from dataclasses import astuple
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import astuple
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, WheelVelocities
