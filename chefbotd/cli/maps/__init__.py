@@ -1,0 +1,1 @@
+"""Maps in the terminal: drawing one, the commands ``map`` and ``places``."""
