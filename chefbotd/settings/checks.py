@@ -1,6 +1,7 @@
 """What the parts of a configuration ask of each other: sections that are right each, and wrong together."""
 
 import math
+import os
 from collections.abc import Iterator
 
 from chefbotd.features.tuning.tuning import ALL_WHEELS
@@ -27,6 +28,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _load(settings)
     yield from _duty(settings)
     yield from _names(settings)
+    yield from _lidars(settings)
     yield from _guard(settings)
     yield from _braking(settings)
 
@@ -107,10 +109,31 @@ def _names(settings: Settings) -> Iterator[str]:
         yield f"infrared sensors need analogue inputs of their own, got channels {channels}"
 
 
+def _lidars(settings: Settings) -> Iterator[str]:
+    """Names and devices are each one's own; no lidar is on the board's device, by whatever name."""
+    names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar)]
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        yield f"lidars need names of their own among the sensors, repeated: {', '.join(repeated)}"
+    holders = {_device(settings.link.device): "link.device"}
+    for lidar in settings.lidar:
+        key = f"lidar {lidar.name}"
+        if (holder := holders.setdefault(_device(lidar.device), key)) != key:
+            yield f"{key} needs a device of its own, {lidar.device!r} is that of {holder}"
+
+
+def _device(name: str) -> str:
+    """A device by its own name: those in /dev/serial/by-id are symlinks."""
+    return name if "://" in name else os.path.realpath(name)
+
+
 def _guard(settings: Settings) -> Iterator[str]:
     guard = settings.safety.guard
-    if guard.enabled and "guard" in settings.safety.model_fields_set and not settings.range_mounts():
-        yield "[safety.guard] has no sensor to guard with: configure [ultrasonic] or [[infrared]], or enabled = false"
+    sensors = [*settings.range_mounts(), *(lidar for lidar in settings.lidar if lidar.guards)]
+    if guard.enabled and "guard" in settings.safety.model_fields_set and not sensors:
+        yield (
+            "[safety.guard] has no sensor to guard with: configure [ultrasonic], [[infrared]] or [[lidar]], "
+            "or enabled = false"
+        )
     for sensor in settings.infrared:
         stop_m = max(guard.stop_distance_m, sensor.min_range_m)
         if guard.enabled and stop_m <= sensor.setback_m:

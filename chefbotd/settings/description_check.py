@@ -94,7 +94,7 @@ def _mount(found: Pose2D, mount: Mount) -> Iterator[str]:
             yield f"{mount.joint}: {axis} is {is_m:g} m, expected {be_m:g} m ({mount.section}.mount_{axis}_m)"
     if _apart(wrap_angle(found.heading_rad - expected.heading_rad), 0.0, ALLOWED_RAD):
         values = f"{found.heading_rad:.4g} rad, expected {expected.heading_rad:.4g} rad"
-        yield f"{mount.joint}: the yaw is {values} ({mount.section}.mount_heading_rad)"
+        yield f"{mount.joint}: the yaw is {values} ({mount.section}.{mount.heading_key})"
 
 
 def _apart(found: float, expected: float, allowed: float = ALLOWED_M) -> bool:

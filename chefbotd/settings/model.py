@@ -28,6 +28,7 @@ from chefbotd.safety.watchdog import WatchdogParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.settings.body import BodyParameters
 from chefbotd.sim_parameters.simulation import SimulationParameters
@@ -82,6 +83,7 @@ class Settings(Parameters):
     watchdog: WatchdogParameters = section()
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()
+    lidar: tuple[LidarParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters
     api: ApiParameters = section()

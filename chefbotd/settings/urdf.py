@@ -30,7 +30,8 @@ here change nothing. To use a URDF of your own, name it in the configuration: [r
 class Mount:
     """A sensor as the configuration has it in ``section``, and its height above the floor.
 
-    ``placed`` is False where only its heading is configured.
+    ``placed`` is False where only its heading is configured, by the key ``heading_key``. What is mounted
+    ``upside_down`` is rolled half a turn about its x axis.
     """
 
     joint: str
@@ -38,13 +39,15 @@ class Mount:
     base_from_sensor: Pose2D
     height_m: float | None
     placed: bool = True
+    heading_key: str = "mount_heading_rad"
+    upside_down: bool = False
 
 
 def mounts(settings: Settings) -> list[Mount]:
     """The sensors whose place is configured.
 
-    Their joints are ``ultrasonic_joint``, ``imu_joint`` and ``infrared_joint``, or, of several infrared sensors,
-    ``infrared_NAME_joint``.
+    Their joints are ``ultrasonic_joint``, ``imu_joint``, ``infrared_joint`` and ``lidar_joint``, or, of several infrared
+    sensors or lidars, ``infrared_NAME_joint`` and ``lidar_NAME_joint``.
     """
     found = []
     if (sonar := settings.ultrasonic) is not None:
@@ -54,6 +57,11 @@ def mounts(settings: Settings) -> list[Mount]:
         joint = f"infrared_{sensor.name}_joint" if several else "infrared_joint"
         section = f"infrared.{sensor.name}"
         found.append(Mount(joint, section, sensor.base_from_sensor, sensor.mount_z_m))
+    for lidar in settings.lidar:
+        joint = f"lidar_{lidar.name}_joint" if len(settings.lidar) > 1 else "lidar_joint"
+        section, place = f"lidar.{lidar.name}", lidar.base_from_lidar
+        key, rolled = "mount_yaw_rad", lidar.upside_down
+        found.append(Mount(joint, section, place, lidar.mount_z_m, heading_key=key, upside_down=rolled))
     if (imu := settings.imu) is not None:
         heading = Pose2D(heading_rad=imu.mount_heading_rad)
         found.append(Mount("imu_joint", "imu", heading, imu.mount_z_m, placed=False))
@@ -85,7 +93,8 @@ def urdf_of(settings: Settings) -> str:
         link, pose = mount.joint.removesuffix("_joint") + "_link", mount.base_from_sensor
         height_m = axle_height_m if mount.height_m is None else mount.height_m
         xyz = (pose.x_m, pose.y_m, height_m - axle_height_m)
-        _fixed_joint(robot, mount.joint, "base_link", link, xyz, yaw_rad=pose.heading_rad)
+        rpy = (math.pi if mount.upside_down else 0.0, 0.0, pose.heading_rad)
+        _fixed_joint(robot, mount.joint, "base_link", link, xyz, rpy=rpy)
         SubElement(robot, "link", name=link)
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
@@ -147,12 +156,12 @@ def _cylinder_inertia(radius_m: float, length_m: float) -> tuple[float, float]:
 
 
 def _fixed_joint(
-    robot: Element, name: str, parent: str, child: str, xyz: Vector, *, yaw_rad: float = 0.0
+    robot: Element, name: str, parent: str, child: str, xyz: Vector, *, rpy: Vector = (0.0, 0.0, 0.0)
 ) -> None:
     joint = SubElement(robot, "joint", name=name, type="fixed")
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
-    turned = {"rpy": _numbers((0.0, 0.0, yaw_rad))} if yaw_rad else {}
+    turned = {"rpy": _numbers(rpy)} if any(rpy) else {}
     SubElement(joint, "origin", {"xyz": _numbers(xyz), **turned})
 
 

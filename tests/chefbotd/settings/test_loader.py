@@ -260,7 +260,7 @@ def test_the_packaged_khan_has_the_published_numbers():
         ),
         (
             {"infrared": [], "safety.guard.silent_is_obstacle": True},
-            r"\[safety.guard\] has no sensor to guard with: configure \[ultrasonic\] or \[\[infrared\]\]",
+            r"\[safety.guard\] has no sensor to guard with: configure \[ultrasonic\], \[\[infrared\]\] or \[\[lidar\]\]",
         ),
         (
             {"infrared.0.setback_m": 0.2},

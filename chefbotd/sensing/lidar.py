@@ -1,0 +1,95 @@
+"""Lidars: which one, where it is plugged in and mounted, and what of its turn is used. Loads no numpy.
+
+Source of the ranges: LDROBOT's LD06 and LD19 data sheets, Slamtec's A1M8 and A2M8 data sheets.
+"""
+
+import math
+from enum import StrEnum
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.parameters import Parameters
+
+
+class LidarModel(StrEnum):
+    """The lidars whose bytes chefbotd reads."""
+
+    LD06 = "ld06"
+    LD19 = "ld19"
+    RPLIDAR_A1 = "rplidar_a1"
+    RPLIDAR_A2 = "rplidar_a2"
+
+    @property
+    def is_ldrobot(self) -> bool:
+        """Whether it sends LDROBOT's packets, one way and unasked; the others speak Slamtec's protocol."""
+        return self in (LidarModel.LD06, LidarModel.LD19)
+
+
+RANGES_M = {
+    LidarModel.LD06: (0.02, 12.0),
+    LidarModel.LD19: (0.02, 12.0),
+    LidarModel.RPLIDAR_A1: (0.15, 12.0),
+    LidarModel.RPLIDAR_A2: (0.15, 12.0),
+}
+"""The nearest and the farthest reading that each model's data sheet promises."""
+
+MAX_SECTOR_RAD = 2 * math.tau
+
+
+class LidarParameters(Parameters):
+    """One lidar, a ``[[lidar]]`` table each.
+
+    ``device`` is a path (better ``/dev/serial/by-id/...``) or ``socket://host:port``, ``baud`` the model's own if left
+    out, and so are ``min_range_m`` and ``max_range_m``. The mount is where the lidar's axis is, seen from the base;
+    ``mount_yaw_rad`` is where its zero mark points, CCW seen from above, ``upside_down`` or not. Only the robot's
+    description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
+
+    ``blind_sectors_rad`` are spans (from, to) of bearings that are not looked at, CCW seen from above, 0 at the zero
+    mark: what stands on the robot beside the lidar. With ``guards`` the obstacle guard slows for what the lidar sees.
+    With ``express`` an RPLIDAR that offers the express scan is asked for it.
+    """
+
+    name: str = Field(default="lidar", min_length=1, max_length=40)
+    model: LidarModel
+    device: str = Field(min_length=1)
+    baud: int | None = Field(default=None, ge=300, le=4_000_000)
+    exclusive: bool = True
+    mount_x_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    mount_z_m: float | None = Field(default=None, ge=0, le=5)
+    mount_yaw_rad: float = Field(default=0.0, ge=-math.tau, le=math.tau)
+    upside_down: bool = False
+    blind_sectors_rad: tuple[tuple[float, float], ...] = ()
+    min_range_m: float | None = Field(default=None, gt=0, le=100)
+    max_range_m: float | None = Field(default=None, gt=0, le=200)
+    guards: bool = True
+    express: bool = True
+
+    @model_validator(mode="after")
+    def _is_a_lidar(self) -> "LidarParameters":
+        if "://" in self.device and not self.device.startswith("socket://"):
+            raise ValueError(
+                f"device: expected a path such as /dev/ttyUSB0 or socket://host:port, got {self.device!r}"
+            )
+        for begin, end in self.blind_sectors_rad:
+            if max(abs(begin), abs(end)) > MAX_SECTOR_RAD or begin == end:
+                raise ValueError(
+                    "blind_sectors_rad are spans (from, to) in radians, CCW, of different values between "
+                    f"-{MAX_SECTOR_RAD:.4g} and {MAX_SECTOR_RAD:.4g}, got ({begin:g}, {end:g})"
+                )
+        nearest_m, farthest_m = self.band_m
+        if nearest_m >= farthest_m:
+            raise ValueError(f"min_range_m must be below max_range_m, got {nearest_m:g} and {farthest_m:g}")
+        return self
+
+    @property
+    def base_from_lidar(self) -> Pose2D:
+        """The lidar's mount; its zero mark is along its own x axis."""
+        return Pose2D(self.mount_x_m, self.mount_y_m, self.mount_yaw_rad)
+
+    @property
+    def band_m(self) -> tuple[float, float]:
+        """The nearest and the farthest reading that is used."""
+        nearest_m, farthest_m = RANGES_M[self.model]
+        return self.min_range_m or nearest_m, self.max_range_m or farthest_m
