@@ -44,13 +44,19 @@ class _Reading(Record, frozen=True):
 
 
 class BoardClock:
-    """Follows the `t` lines of one board. ``now_s`` runs on from where it was, also over restarts."""
+    """Follows the `t` lines of one board. ``board_s`` runs on from where it was, also over restarts.
+
+    ``stamp_s`` is the host time of the last good reading, by the relation of the clocks: it never goes back, and never
+    lies after the line was read. ``late_s`` is how much later that was; 0 while the clock is in doubt.
+    """
 
     def __init__(self) -> None:
         self._last: _Reading | None = None
         self._suspect: _Reading | None = None
         self.relation = ClockRelation()
         self.suspects = 0
+        self.stamp_s = float("-inf")
+        self.late_s = 0.0
 
     def restart(self) -> None:
         """The board is known to have restarted (its banner was seen): take the next reading as it is."""
@@ -58,6 +64,7 @@ class BoardClock:
             self._suspect = None
             self._last = None
             self.relation = ClockRelation()
+            self.late_s = 0.0
 
     @property
     def in_doubt(self) -> bool:
@@ -75,6 +82,7 @@ class BoardClock:
         if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
             return self._reanchor(self._last, micros, host_s)
         self.suspects += 1
+        self.late_s = 0.0
         self._suspect = _Reading(micros, self._last.board_s, host_s)
         return Verdict.SUSPECT
 
@@ -99,6 +107,8 @@ class BoardClock:
     def _accept(self, reading: _Reading) -> None:
         self._last, self._suspect = reading, None
         self.relation.observe(reading.board_s, reading.host_s)
+        self.stamp_s = min(reading.host_s, max(self.stamp_s, self.relation.host_s(reading.board_s)))
+        self.late_s = reading.host_s - self.stamp_s
 
     def _reanchor(self, last: _Reading, micros: int, host_s: float) -> Verdict:
         """Two readings in a row agree with each other and not with the past: believe them.

@@ -9,21 +9,38 @@ from chefbotd.core.events import (
     InertialCounted,
     LineRefused,
     OrientationReported,
-    TextReceived,
     UltrasonicEchoed,
 )
+from chefbotd.core.record import Record
 from firmware_protocol import messages as wire
 
-READINGS: Mapping[type[Any], Callable[[Any, float], object]] = {
-    wire.UltrasonicDistance: lambda frame, now_s: UltrasonicEchoed(now_s, frame.distance_cm),
-    wire.Orientation: lambda frame, now_s: OrientationReported(now_s, frame.x, frame.y, frame.z, frame.w),
-    wire.RawImu: lambda frame, now_s: InertialCounted(now_s, frame.acceleration, frame.angular_rate),
-    wire.BatteryLevel: lambda frame, now_s: BatteryCounted(now_s, frame.adc),
-    wire.AnalogueLevel: lambda frame, now_s: AnalogueCounted(now_s, frame.channel, frame.adc),
-    wire.Text: lambda frame, now_s: TextReceived(now_s, frame.text),
-    wire.ResetDone: lambda _, now_s: TextReceived(now_s, "Reset Done"),
+READINGS: Mapping[type[Any], tuple[type[Record], Callable[[Any, float, float], Record]]] = {
+    wire.UltrasonicDistance: (
+        UltrasonicEchoed,
+        lambda frame, stamp_s, arrival_s: UltrasonicEchoed(stamp_s, arrival_s, frame.distance_cm),
+    ),
+    wire.Orientation: (
+        OrientationReported,
+        lambda frame, stamp_s, arrival_s: OrientationReported(
+            stamp_s, arrival_s, frame.x, frame.y, frame.z, frame.w
+        ),
+    ),
+    wire.RawImu: (
+        InertialCounted,
+        lambda frame, stamp_s, arrival_s: InertialCounted(
+            stamp_s, arrival_s, frame.acceleration, frame.angular_rate
+        ),
+    ),
+    wire.BatteryLevel: (
+        BatteryCounted,
+        lambda frame, stamp_s, arrival_s: BatteryCounted(stamp_s, arrival_s, frame.adc),
+    ),
+    wire.AnalogueLevel: (
+        AnalogueCounted,
+        lambda frame, stamp_s, arrival_s: AnalogueCounted(stamp_s, arrival_s, frame.channel, frame.adc),
+    ),
 }
-"""The event of each frame, stamped with the host time at which it was read."""
+"""The measurement that each frame becomes, and how: from when it was made and when its bytes were read."""
 
 
 def refusal(line: wire.Malformed, now_s: float) -> LineRefused:

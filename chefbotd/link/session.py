@@ -22,6 +22,7 @@ from chefbotd.core.events import (
     LinkOpened,
     TextReceived,
 )
+from chefbotd.core.record import Record
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
 from chefbotd.link.cycle_clock import CycleClock
@@ -37,6 +38,7 @@ from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
+from firmware_protocol.line_codec import RESET_DONE
 
 log = structlog.get_logger(component="link")
 
@@ -88,12 +90,13 @@ class BoardSession(asyncio.Protocol):
         self.is_open = False  # whether a port is connected
         self.opens = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
-            **{frame: self._passing_on(event_of) for frame, event_of in READINGS.items()},
+            **{frame: self._passing_on(*reading) for frame, reading in READINGS.items()},
             wire.BoardTime: self._on_time,
             wire.EncoderCounts: self._on_encoders,
             wire.DutyEcho: self._on_echo,
             wire.QuadratureEdges: self._on_edges,
             wire.QuadratureStill: self._on_edges,
+            wire.Text: self._on_text,
             wire.Banner: self._on_banner,
             wire.ResetDone: self._on_reset_done,
             wire.Malformed: self._on_malformed,
@@ -236,12 +239,13 @@ class BoardSession(asyncio.Protocol):
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is not None and not self.board_clock.in_doubt:
             self._window.cycle(now_s)
-            self._bus.publish(EdgesSeen(now_s, self.board_clock.board_s(now_s), self._edges.empty()))
+            board_s = self.board_clock.board_s(now_s)
+            self._bus.publish(EdgesSeen(self.board_clock.stamp_s, now_s, board_s, self._edges.empty()))
 
     def _on_echo(self, message: wire.DutyEcho, now_s: float) -> None:
         self._window.echoed(message.duty)
         self._restarts.echoed(message.duty, now_s)
-        self._bus.publish(DutyEchoed(now_s, message.duty))
+        self._bus.publish(DutyEchoed(now_s - self.board_clock.late_s, now_s, message.duty))
 
     def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
@@ -253,23 +257,29 @@ class BoardSession(asyncio.Protocol):
         self._window.cycle(now_s)
         if self.board_clock.in_doubt:
             return
-        board_s = self._printed_s(now_s)
+        stamp_s, board_s = self._printed_s(now_s)
         cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
         if cause is not None:
             self._restarted(now_s, cause)
-        self._bus.publish(EncodersCounted(now_s, board_s, message.counts))
+        self._bus.publish(EncodersCounted(stamp_s, now_s, board_s, message.counts))
 
-    def _printed_s(self, now_s: float) -> float:
-        """By the cycle's own time; where that was lost by the host's; by even cycles where the board never tells it."""
+    def _printed_s(self, now_s: float) -> tuple[float, float]:
+        """By the host and by the board: the cycle's own time; the read's where that was lost; else by even cycles."""
         clock_s = self.board_clock.latest_s
         if clock_s is None:
-            return self._cycle_clock.observe(now_s)
+            printed_s = self._cycle_clock.observe(now_s)
+            return min(printed_s, now_s), printed_s
         has_time, self._cycle_has_time = self._cycle_has_time, False
-        return clock_s if has_time else self.board_clock.board_s(now_s)
+        if has_time:
+            return self.board_clock.stamp_s, clock_s
+        return now_s - self.board_clock.late_s, self.board_clock.board_s(now_s)
 
     def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> None:
         self._restarts.reset_done(now_s)
-        self._bus.publish(READINGS[wire.ResetDone](message, now_s))
+        self._bus.publish(TextReceived(now_s, RESET_DONE))
+
+    def _on_text(self, message: wire.Text, now_s: float) -> None:
+        self._bus.publish(TextReceived(now_s, message.text))
 
     def _on_banner(self, message: wire.Banner, now_s: float) -> None:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
@@ -284,9 +294,14 @@ class BoardSession(asyncio.Protocol):
         )
         self._bus.publish(refusal(message, now_s))
 
-    def _passing_on(self, event_of: Callable[[Any, float], object]) -> Callable[[Any, float], None]:
+    def _passing_on(
+        self, topic: type[Record], event_of: Callable[[Any, float, float], Record]
+    ) -> Callable[[Any, float], None]:
+        bus, clock = self._bus, self.board_clock
+
         def pass_on(message: Any, now_s: float) -> None:
-            self._bus.publish(event_of(message, now_s))
+            if bus.wanted(topic):
+                bus.publish(event_of(message, now_s - clock.late_s, now_s))
 
         return pass_on
 

@@ -28,8 +28,8 @@ def judge(
     if not critical:
         return None, None
     if critical_since_s is None:
-        return measured.stamp_s, None
-    if measured.stamp_s - critical_since_s < params.critical_s:
+        return measured.arrival_s, None
+    if measured.arrival_s - critical_since_s < params.critical_s:
         return critical_since_s, None
     reason = f"the battery is critically low ({measured.voltage_v:.1f} V): charge it"
     return None, Fault(FaultKind.BATTERY_CRITICAL, reason)

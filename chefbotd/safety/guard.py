@@ -20,7 +20,7 @@ class GuardParameters(Parameters):
     """How close is close enough, from the sensor, and how the robot brakes before that.
 
     ``deceleration_m_s2`` must not exceed what the motion limits allow: a configuration where it does is refused.
-    ``reaction_s`` passes between a reading and the first braking; a reading's age comes on top. A
+    ``reaction_s`` passes between a reading and the first braking; the time since it was measured comes on top. A
     sensor that is silent for longer than ``max_age_s`` sees nothing, or, where ``silent_is_obstacle``, an obstacle at no
     distance.
     """
@@ -37,7 +37,7 @@ class Beam(NamedTuple):
     """What a sensor last saw: infinity is a free way.
 
     The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
-    each radian that it turns left.
+    each radian that it turns left. Its distance was measured at ``stamp_s`` and read at ``arrival_s``.
     """
 
     sensor: str
@@ -45,6 +45,7 @@ class Beam(NamedTuple):
     per_angular_m: float
     distance_m: float = math.inf
     stamp_s: float = -math.inf
+    arrival_s: float = -math.inf
 
 
 Beams = tuple[Beam, ...]
@@ -65,7 +66,7 @@ def see(beams: Beams, measured: RangeMeasured) -> Beams:
     """The beams with a new reading; a sensor that was not mounted guards nothing."""
     distance_m = _distance_m(measured)
     return tuple(
-        beam._replace(distance_m=distance_m, stamp_s=measured.stamp_s)
+        beam._replace(distance_m=distance_m, stamp_s=measured.stamp_s, arrival_s=measured.arrival_s)
         if beam.sensor == measured.sensor
         else beam
         for beam in beams
@@ -133,12 +134,11 @@ def closing_limit_m_s(params: GuardParameters, distance_m: float, age_s: float) 
 
 
 def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float) -> float:
-    age_s = now_s - beam.stamp_s
-    if age_s > params.max_age_s:
+    if now_s - beam.arrival_s > params.max_age_s:
         return 0.0 if params.silent_is_obstacle else math.inf
     if beam.distance_m == math.inf:
         return math.inf
-    return closing_limit_m_s(params, beam.distance_m, max(age_s, 0.0))
+    return closing_limit_m_s(params, beam.distance_m, max(now_s - beam.stamp_s, 0.0))
 
 
 def _closing_m_s(beam: Beam, twist: Twist2D) -> float:

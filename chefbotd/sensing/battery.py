@@ -5,7 +5,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
+from chefbotd.core.events import BatteryCounted, BatteryLevelStatus, BatteryMeasured
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
 
@@ -56,13 +56,14 @@ START = BatteryState()
 
 
 def measure(
-    params: BatteryParameters, state: BatteryState, stamp_s: float, adc: float
+    params: BatteryParameters, state: BatteryState, counted: BatteryCounted
 ) -> tuple[BatteryState, BatteryMeasured]:
     """The next state and what an ADC reading says."""
-    voltage_v = adc / params.adc_full_scale * params.reference_v * params.divider_ratio
+    voltage_v = counted.adc / params.adc_full_scale * params.reference_v * params.divider_ratio
     status = _status(params, voltage_v, state.status)
     percentage = _percentage(params.discharge_curve, voltage_v)
-    return BatteryState(status), BatteryMeasured(stamp_s, voltage_v, percentage, status)
+    measured = BatteryMeasured(counted.stamp_s, counted.arrival_s, voltage_v, percentage, status)
+    return BatteryState(status), measured
 
 
 def _percentage(curve: tuple[tuple[float, float], ...], voltage_v: float) -> float:

@@ -4,7 +4,7 @@ import math
 
 from pydantic import Field
 
-from chefbotd.core.events import ImuMeasured
+from chefbotd.core.events import ImuMeasured, InertialCounted, OrientationReported
 from chefbotd.core.parameters import Parameters
 
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -23,35 +23,32 @@ class ImuParameters(Parameters):
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
 
 
-def from_quaternion(
-    params: ImuParameters, stamp_s: float, x: float, y: float, z: float, w: float
-) -> ImuMeasured:
+def from_quaternion(params: ImuParameters, reported: OrientationReported) -> ImuMeasured:
     """The robot's orientation as a unit quaternion, and its heading (yaw) in (-pi, pi].
 
     Raises:
         ValueError: all four are zero, which is no rotation at all.
     """
+    x, y, z, w = reported.x, reported.y, reported.z, reported.w
     norm = math.hypot(x, y, z, w)
     if norm == 0:
         raise ValueError("the quaternion is zero")
     x, y, z, w = _unmount(params, x / norm, y / norm, z / norm, w / norm)
     heading_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return ImuMeasured(stamp_s, orientation=(x, y, z, w), heading_rad=heading_rad)
-
-
-def from_counts(
-    params: ImuParameters,
-    stamp_s: float,
-    acceleration: tuple[int, int, int],
-    angular_rate: tuple[int, int, int],
-) -> ImuMeasured:
-    """Acceleration in m/s² (at rest +g upwards) and angular rate in rad/s, in the robot's axes."""
     return ImuMeasured(
-        stamp_s,
-        angular_velocity_rad_s=_to_base(params, angular_rate, math.radians(1 / params.gyro_counts_per_deg_s)),
-        linear_acceleration_m_s2=_to_base(
-            params, acceleration, STANDARD_GRAVITY_M_S2 / params.accel_counts_per_g
-        ),
+        reported.stamp_s, reported.arrival_s, orientation=(x, y, z, w), heading_rad=heading_rad
+    )
+
+
+def from_counts(params: ImuParameters, counted: InertialCounted) -> ImuMeasured:
+    """Acceleration in m/s² (at rest +g upwards) and angular rate in rad/s, in the robot's axes."""
+    rad_s_per_count = math.radians(1 / params.gyro_counts_per_deg_s)
+    m_s2_per_count = STANDARD_GRAVITY_M_S2 / params.accel_counts_per_g
+    return ImuMeasured(
+        counted.stamp_s,
+        counted.arrival_s,
+        angular_velocity_rad_s=_to_base(params, counted.angular_rate, rad_s_per_count),
+        linear_acceleration_m_s2=_to_base(params, counted.acceleration, m_s2_per_count),
     )
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events import AnalogueCounted, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
@@ -115,7 +115,7 @@ class InfraredParameters(Parameters):
 
 
 class Sample(NamedTuple):
-    """A reading in volts, and when it was read."""
+    """A reading in volts, and when it was made."""
 
     volts: float
     stamp_s: float
@@ -132,12 +132,13 @@ START = InfraredState()
 
 
 def interpret(
-    params: InfraredParameters, state: InfraredState, stamp_s: float, adc: float
+    params: InfraredParameters, state: InfraredState, counted: AnalogueCounted
 ) -> tuple[InfraredState, RangeMeasured]:
     """The next state and what a 12-bit reading says; outside the trusted band it is never a distance."""
+    stamp_s = counted.stamp_s
     if state.recent and stamp_s - state.recent[-1].stamp_s > params.longest_gap_s:
         state = START
-    sample = Sample(adc / ADC_MAX * params.reference_v, stamp_s)
+    sample = Sample(counted.adc / ADC_MAX * params.reference_v, stamp_s)
     recent = (*state.recent, sample)[-params.median_window :]
     middle_v = median([each.volts for each in recent])
     is_certain = max(middle_v, sample.volts) < params.certain_below_v
@@ -146,6 +147,7 @@ def interpret(
     status = _status(params, distance_m, maybe_folded)
     measured = RangeMeasured(
         stamp_s=stamp_s,
+        arrival_s=counted.arrival_s,
         sensor=params.name,
         status=status,
         range_m=distance_m if status is RangeStatus.OK else None,

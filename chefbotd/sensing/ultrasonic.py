@@ -5,7 +5,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events import RangeMeasured, RangeStatus, UltrasonicEchoed
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 
@@ -39,11 +39,13 @@ class UltrasonicParameters(Parameters):
         return Pose2D(self.mount_x_m, self.mount_y_m, self.mount_heading_rad)
 
 
-def interpret(params: UltrasonicParameters, stamp_s: float, distance_cm: int) -> RangeMeasured:
+def interpret(params: UltrasonicParameters, echoed: UltrasonicEchoed) -> RangeMeasured:
     """What a reading says; 0 cm is no echo, and a distance outside the band is never passed on as one."""
+    distance_cm = echoed.distance_cm
     status = _status(params, distance_cm)
     return RangeMeasured(
-        stamp_s=stamp_s,
+        stamp_s=echoed.stamp_s,
+        arrival_s=echoed.arrival_s,
         sensor=params.name,
         status=status,
         range_m=distance_cm / 100 if status is RangeStatus.OK else None,

@@ -115,7 +115,7 @@ async def _apply(step: Step, device: FakeSerialDevice, client: Client) -> None:
 def _tell(event: Any, start_s: float) -> str:
     fields = []
     for name, value in asdict(event).items():
-        if name in ("stamp_s", "board_s"):
+        if name in ("stamp_s", "arrival_s", "board_s"):
             value -= start_s
         fields.append(f"{name}={_text(value)}")
     return f"  {type(event).__name__}({', '.join(fields)})"

@@ -219,7 +219,7 @@ def test_a_service_that_raises_stops_the_robot_and_comes_back(robot_name: str):
 
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.2, 0.0, 1.0)
-        robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
+        robot.daemon.bus.publish(BatteryCounted(0.0, 0.0, "full"))
         assert await drive(robot, 0.2, 0.0, 1.0) <= 0.05
         assert "TypeError" in await left_by_arm(robot, "service_failed")
         assert (await robot.client.call("get_state"))["topics"]["battery"]["age_s"] < 0.1
@@ -239,7 +239,7 @@ def test_what_cannot_go_on_ends_with_a_stop(robot_name: str, ending: str):
             assert any(robot.board.duty)
             if ending == "six failures":
                 for _ in range(6):
-                    robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
+                    robot.daemon.bus.publish(BatteryCounted(0.0, 0.0, "full"))
                     await asyncio.sleep(0.1)
             else:
                 name = "drive" if ending == "control" else "link"
@@ -259,7 +259,7 @@ def test_an_error_in_the_control_loop_stops_the_robot_and_the_loop_lives_on(robo
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.2, 0.0, 1.0)
         now_s = asyncio.get_running_loop().time()
-        robot.daemon.bus.publish(EncodersCounted(now_s, now_s, (1, 2, 3, 4, 5)))
+        robot.daemon.bus.publish(EncodersCounted(now_s, now_s, now_s, (1, 2, 3, 4, 5)))
         assert await drive(robot, 0.2, 0.0, 1.0) <= 0.05
         assert "ValueError" in await left_by_arm(robot, "internal_error")
 

@@ -1,7 +1,9 @@
 """What has happened: the events on the bus, each named in the past tense.
 
-``stamp_s`` is the host's monotonic time at which the bytes behind the event were read (or, where there were none, at
-which it happened). ``board_s`` is the board's own time, unwrapped, in seconds; only differences of it mean anything.
+``stamp_s`` is when it happened, on the host's monotonic clock. Of a measurement that is when it was made: the board's
+time, mapped to the host's clock, or the time of reading where the board does not tell its time. ``arrival_s``, beside it
+in every measurement, is when its bytes were read, never before ``stamp_s``: by it the guards tell whether a sensor is
+silent. ``board_s`` is the board's own time, unwrapped, in seconds; only differences of it mean anything.
 """
 
 from chefbotd.core.events.board import (

@@ -98,6 +98,7 @@ class EncodersCounted(Record, frozen=True):
     """
 
     stamp_s: float
+    arrival_s: float
     board_s: float
     counts: tuple[int, ...]
     rate_counts_s: tuple[float, ...] | None = None
@@ -121,6 +122,7 @@ class EdgesSeen(Record, frozen=True):
     """The edges of a cycle that ended at ``board_s``: each wheel's bursts in their order, at least one of each."""
 
     stamp_s: float
+    arrival_s: float
     board_s: float
     bursts: tuple[EdgeBurst, ...]
 
@@ -129,6 +131,7 @@ class UltrasonicEchoed(Record, frozen=True):
     """Whole centimetres from the ultrasonic sensor; 0 is no echo."""
 
     stamp_s: float
+    arrival_s: float
     distance_cm: int
 
 
@@ -136,6 +139,7 @@ class AnalogueCounted(Record, frozen=True):
     """The raw 12-bit ADC reading of one analogue input."""
 
     stamp_s: float
+    arrival_s: float
     channel: int
     adc: float
 
@@ -144,6 +148,7 @@ class DutyEchoed(Record, frozen=True):
     """The motor command that the board says is in force."""
 
     stamp_s: float
+    arrival_s: float
     duty: tuple[float, ...]
 
 
@@ -151,6 +156,7 @@ class OrientationReported(Record, frozen=True):
     """The IMU's quaternion as on the wire, not normalised."""
 
     stamp_s: float
+    arrival_s: float
     x: float
     y: float
     z: float
@@ -161,6 +167,7 @@ class InertialCounted(Record, frozen=True):
     """Raw IMU counts, acceleration and angular rate, each x y z."""
 
     stamp_s: float
+    arrival_s: float
     acceleration: tuple[int, int, int]
     angular_rate: tuple[int, int, int]
 
@@ -169,4 +176,5 @@ class BatteryCounted(Record, frozen=True):
     """The raw ADC reading behind the battery's divider."""
 
     stamp_s: float
+    arrival_s: float
     adc: float

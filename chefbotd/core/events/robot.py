@@ -15,6 +15,7 @@ class WheelsMeasured(Record, frozen=True):
     """
 
     stamp_s: float
+    arrival_s: float
     board_s: float
     position_rad: tuple[float, ...]
     travel_rad: tuple[float, ...]
@@ -40,6 +41,7 @@ class OdometryUpdated(Record, frozen=True):
     """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
 
     stamp_s: float
+    arrival_s: float
     odom_from_base: Pose2D
     twist: Twist2D
     covariance: PoseCovariance
@@ -59,6 +61,7 @@ class RangeMeasured(Record, frozen=True):
     """One beam: ``range_m`` is None unless ``status`` is ``OK``; the field of view is the cone's full angle."""
 
     stamp_s: float
+    arrival_s: float
     sensor: str
     status: RangeStatus
     range_m: float | None
@@ -71,6 +74,7 @@ class ImuMeasured(Record, frozen=True):
     """The IMU in SI units: a unit quaternion (x, y, z, w), or rates and accelerations; what it lacks is None."""
 
     stamp_s: float
+    arrival_s: float
     orientation: tuple[float, float, float, float] | None = None
     heading_rad: float | None = None
     angular_velocity_rad_s: tuple[float, float, float] | None = None
@@ -89,6 +93,7 @@ class BatteryMeasured(Record, frozen=True):
     """The battery in volts, as a percentage of its useful range, and how urgent that is."""
 
     stamp_s: float
+    arrival_s: float
     voltage_v: float
     percentage: float
     status: BatteryLevelStatus

@@ -58,9 +58,9 @@ class MotorWatch:
 
     def hear(self, event: DutyEchoed) -> Fault | None:
         """What the board says is in force; an echo that may have waited on the line says nothing of now."""
-        if event.stamp_s < self._blind_until_s:
+        if event.arrival_s < self._blind_until_s:
             return None
-        self._echo, fault = echo.hear(self._parameters.echo, self._echo, event.stamp_s, event.duty)
+        self._echo, fault = echo.hear(self._parameters.echo, self._echo, event.arrival_s, event.duty)
         return fault
 
     def watch(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:

@@ -73,7 +73,9 @@ class QuadratureService:
             return
         rates = [quadrature.rate_counts_s(self._parameters, state, event.board_s) for state in self._states]
         counts = tuple(state.counts for state in self._states)
-        self._bus.publish(EncodersCounted(event.stamp_s, event.board_s, counts, tuple(rates)))
+        self._bus.publish(
+            EncodersCounted(event.stamp_s, event.arrival_s, event.board_s, counts, tuple(rates))
+        )
 
     def _lies_within(self, until_s: float, burst: EdgeBurst) -> bool:
         """Whether its times are of the cycle that it is told in: damaged ones would be another speed."""

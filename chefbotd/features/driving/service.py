@@ -243,7 +243,13 @@ class DriveService:
         position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
         self._bus.publish(
             WheelsMeasured(
-                stamp_s, event.board_s, position_rad, seen.reading.travel_rad, velocity_rad_s, excluded
+                stamp_s,
+                event.arrival_s,
+                event.board_s,
+                position_rad,
+                seen.reading.travel_rad,
+                velocity_rad_s,
+                excluded,
             )
         )
         targets = self._drive.targets_rad_s(self._state)

@@ -24,7 +24,8 @@ class OdometryService:
     def set_pose(self, odom_from_base: Pose2D) -> None:
         """Declare where the robot is; the covariance starts again from zero."""
         self._state = odometry.set_pose(self._state, odom_from_base)
-        self._publish(self._clock.now_s())
+        now_s = self._clock.now_s()
+        self._publish(now_s, now_s)
 
     async def run(self) -> None:
         """Raise the error of a reading that could not be integrated; readings are integrated as they are published."""
@@ -36,8 +37,10 @@ class OdometryService:
         self._state = odometry.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
-        self._publish(event.stamp_s)
+        self._publish(event.stamp_s, event.arrival_s)
 
-    def _publish(self, stamp_s: float) -> None:
+    def _publish(self, stamp_s: float, arrival_s: float) -> None:
         state = self._state
-        self._bus.publish(OdometryUpdated(stamp_s, state.odom_from_base, state.twist, state.covariance))
+        self._bus.publish(
+            OdometryUpdated(stamp_s, arrival_s, state.odom_from_base, state.twist, state.covariance)
+        )

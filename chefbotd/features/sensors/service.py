@@ -10,7 +10,6 @@ from chefbotd.core.events import (
     BatteryCounted,
     BatteryMeasured,
     BoardRestarted,
-    ImuMeasured,
     InertialCounted,
     LinkClosed,
     OrientationReported,
@@ -40,13 +39,13 @@ class SensorService:
         self._infrared = {sensor.channel: (sensor, infrared.START) for sensor in infrared_parameters}
         self._interpret: dict[type[Any], Callable[[Any], object | None]] = {BatteryCounted: self._charge}
         if ultrasonic_parameters is not None:
-            self._interpret[UltrasonicEchoed] = partial(_echo, ultrasonic_parameters)
+            self._interpret[UltrasonicEchoed] = partial(ultrasonic.interpret, ultrasonic_parameters)
         interruptions = (BoardRestarted, LinkClosed) if infrared_parameters else ()
         if infrared_parameters:
             self._interpret |= {AnalogueCounted: self._glow, **dict.fromkeys(interruptions, self._forget)}
         if imu_parameters is not None:
-            self._interpret[OrientationReported] = partial(_orientation, imu_parameters)
-            self._interpret[InertialCounted] = partial(_inertial, imu_parameters)
+            self._interpret[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
+            self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
         self._failure = HandlerFailure()
         bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
@@ -64,7 +63,7 @@ class SensorService:
         if event.channel not in self._infrared:
             return None
         sensor, state = self._infrared[event.channel]
-        state, measured = infrared.interpret(sensor, state, event.stamp_s, event.adc)
+        state, measured = infrared.interpret(sensor, state, event)
         self._infrared[event.channel] = (sensor, state)
         return measured
 
@@ -75,19 +74,5 @@ class SensorService:
         }
 
     def _charge(self, event: BatteryCounted) -> BatteryMeasured:
-        self._battery_state, measured = battery.measure(
-            self._battery, self._battery_state, event.stamp_s, event.adc
-        )
+        self._battery_state, measured = battery.measure(self._battery, self._battery_state, event)
         return measured
-
-
-def _echo(params: UltrasonicParameters, event: UltrasonicEchoed) -> RangeMeasured:
-    return ultrasonic.interpret(params, event.stamp_s, event.distance_cm)
-
-
-def _orientation(params: ImuParameters, event: OrientationReported) -> ImuMeasured:
-    return imu.from_quaternion(params, event.stamp_s, event.x, event.y, event.z, event.w)
-
-
-def _inertial(params: ImuParameters, event: InertialCounted) -> ImuMeasured:
-    return imu.from_counts(params, event.stamp_s, event.acceleration, event.angular_rate)

@@ -3,8 +3,11 @@
 import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from chefbotd.link.board_clock import BoardClock, ClockRelation, Verdict
+from tests.budget import examples
 
 WRAP = 2**32
 
@@ -240,3 +243,45 @@ def test_another_reading_of_the_counter_has_its_board_time(last_micros: int, ahe
     run(clock, (last_micros - 9 * 20_000) % WRAP, 10)
     micros = (last_micros + round(ahead_s * 1e6)) % WRAP
     assert clock.time_of_s(micros) == pytest.approx(clock.latest_s + ahead_s, abs=1e-6)
+
+
+def test_a_reading_is_stamped_with_the_hosts_time_of_its_measurement():
+    """A board that is 150 ppm slow, its lines 1 to 3 ms on their way: one of 41 ms is stamped 2 ms after its cycle."""
+    clock, rng = BoardClock(), random.Random(4)
+    for number in range(3000):
+        made_s = 100.0 + number * 0.02
+        clock.observe(
+            700_000 + round(number * 20_000 * (1 - 150e-6)), 0.02, made_s + rng.uniform(0.001, 0.003)
+        )
+    made_s = 100.0 + 3000 * 0.02
+    clock.observe(700_000 + round(3000 * 20_000 * (1 - 150e-6)), 0.02, made_s + 0.041)
+    assert clock.stamp_s == pytest.approx(made_s + 0.002, abs=3e-4)
+    assert clock.late_s == pytest.approx(0.039, abs=3e-4)
+
+
+def test_a_reading_in_doubt_is_not_late():
+    """Nobody knows when it was made: what comes with it is stamped as it is read."""
+    clock = BoardClock()
+    host_s = run(clock, 5_000_000, 60)
+    assert clock.observe(5_000_000 + 60 * 20_000, 0.02, host_s + 0.045) is Verdict.GOOD
+    assert clock.late_s == pytest.approx(0.025)
+    assert clock.observe(518, 0.02, host_s + 0.06) is Verdict.SUSPECT
+    assert clock.late_s == 0.0
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 0.3), st.integers(-3, 3)), min_size=2, max_size=60),
+    st.floats(-300e-6, 300e-6),
+)
+@settings(max_examples=examples(200))
+def test_stamps_never_go_back_and_never_lie_after_the_reading(lines: list[tuple[float, int]], skew: float):
+    """However late lines are read, whichever are lost, restart or are damaged, and however the clocks differ."""
+    clock, made_s, read_s, micros, before_s = BoardClock(), 100.0, 0.0, 1_000_000, float("-inf")
+    for late_s, odd in lines:
+        made_s, micros = made_s + 0.02, micros + round(20_000 * (1 + skew))
+        micros = {-3: 300, 3: 91_234_567}.get(odd, micros)
+        read_s = max(read_s, made_s + late_s)
+        clock.observe(micros, 0.02, read_s)
+        assert before_s <= clock.stamp_s <= read_s
+        assert clock.late_s >= 0.0
+        before_s = clock.stamp_s

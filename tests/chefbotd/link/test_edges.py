@@ -39,7 +39,7 @@ def test_edges_wait_for_the_time_that_closes_their_cycle():
         b"t\t1000000\t0.02\n",
         b"q\t2\t7\t8\t1010000\t500\nq\t0\t3\tj\t1012000\nt\t1020000\t0.02\n",
     )
-    assert first == EdgesSeen(100.0, 100.0, ())
+    assert first == EdgesSeen(100.0, 100.0, 100.0, ())
     assert (second.stamp_s, second.board_s) == (100.02, pytest.approx(100.02))
     two, none = second.bursts
     assert (two.wheel, two.total, two.levels) == (2, 7, (2, 3))
@@ -91,7 +91,9 @@ def test_edges_of_a_board_that_then_restarted_are_forgotten():
 
 def test_a_board_that_counts_itself_closes_no_cycles_of_edges():
     """``t`` of KHAN's usual board is a time and nothing else; its analogue line is a raw reading."""
-    assert heard(KHAN, b"t\t1000000\t0.02\n", b"a\t3\t2048.00\n") == [AnalogueCounted(100.02, 3, 2048.0)]
+    assert heard(KHAN, b"t\t1000000\t0.02\n", b"a\t3\t2048.00\n") == [
+        AnalogueCounted(100.02, 100.02, 3, 2048.0)
+    ]
 
 
 def test_edges_that_no_time_follows_are_kept_within_bounds():
@@ -127,4 +129,6 @@ def test_the_gaps_lead_back_from_the_last_edge():
 
 def test_counts_from_a_board_that_sends_edges_are_no_reading():
     """A wheel has one encoder: on this wire ``e`` is text."""
-    assert heard(KHAN_EDGES, b"t\t1000000\t0.02\n", b"e\t1\t2\t3\t4\n") == [EdgesSeen(100.0, 100.0, ())]
+    assert heard(KHAN_EDGES, b"t\t1000000\t0.02\n", b"e\t1\t2\t3\t4\n") == [
+        EdgesSeen(100.0, 100.0, 100.0, ())
+    ]

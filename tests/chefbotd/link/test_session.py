@@ -104,12 +104,12 @@ def test_every_line_of_a_cycle_becomes_its_event():
         )
         now = LoopClock().now_s()
         assert bench.heard() == [
-            events.EncodersCounted(now, now, (5, -6)),
-            events.UltrasonicEchoed(now, 123),
-            events.DutyEchoed(now, (10.0, -10.0)),
-            events.OrientationReported(now, 0.0, 0.0, 0.71, 0.71),
-            events.InertialCounted(now, (1, 2, 3), (4, 5, 6)),
-            events.BatteryCounted(now, 3000.0),
+            events.EncodersCounted(now, now, now, (5, -6)),
+            events.UltrasonicEchoed(now, now, 123),
+            events.DutyEchoed(now, now, (10.0, -10.0)),
+            events.OrientationReported(now, now, 0.0, 0.0, 0.71, 0.71),
+            events.InertialCounted(now, now, (1, 2, 3), (4, 5, 6)),
+            events.BatteryCounted(now, now, 3000.0),
         ]
 
     on_bench(scenario)
@@ -124,7 +124,66 @@ def test_encoders_carry_their_cycles_board_time():
         bench.board.cycle(10, 10, cycle_s=0.02)
         first, second = bench.heard()
         assert second.board_s - first.board_s == pytest.approx(0.02)
-        assert second.stamp_s - first.stamp_s == pytest.approx(0.035)
+        assert second.arrival_s - first.arrival_s == pytest.approx(0.035)
+
+    on_bench(scenario)
+
+
+def cycle(number: int) -> bytes:
+    """The `t`, `e` and `u` lines of a cycle of 20 ms."""
+    return b"t\t%d\t0.02\ne\t%d\t%d\nu\t87\n" % (5_000_000 + number * 20_000, number * 3, number * -2)
+
+
+def test_what_waited_on_the_way_is_stamped_with_when_it_was_measured():
+    """Sixty cycles are read as they come; three then wait until they are read at once, 53 ms after the first of them."""
+
+    async def scenario(bench: Bench) -> None:
+        start_s = LoopClock().now_s()
+        for number in range(60):
+            bench.session.data_received(cycle(number))
+            await asyncio.sleep(0.02)
+        bench.heard()
+        await asyncio.sleep(0.053)
+        bench.session.data_received(cycle(60) + cycle(61) + cycle(62))
+        events_ = bench.heard()
+        counted = [event for event in events_ if isinstance(event, events.EncodersCounted)]
+        echoed = [event for event in events_ if isinstance(event, events.UltrasonicEchoed)]
+        assert [each.stamp_s - start_s for each in counted] == pytest.approx([1.20, 1.22, 1.24])
+        assert [each.stamp_s - start_s for each in echoed] == pytest.approx([1.20, 1.22, 1.24])
+        assert [each.arrival_s - start_s for each in events_] == pytest.approx([1.253] * 6)
+
+    on_bench(scenario)
+
+
+def test_a_cycle_whose_time_was_damaged_is_stamped_as_late_as_the_one_before():
+    """Its counts come 21 ms after a `t` that was on time."""
+
+    async def scenario(bench: Bench) -> None:
+        for number in range(60):
+            bench.session.data_received(cycle(number))
+            await asyncio.sleep(0.02)
+        bench.heard()
+        await asyncio.sleep(0.001)
+        bench.session.data_received(b"t\t62x0000\t0.02\ne\t181\t-121\n")
+        _, counted = bench.heard()
+        assert counted.stamp_s == pytest.approx(counted.arrival_s)
+
+    on_bench(scenario)
+
+
+def test_a_board_without_a_clock_has_its_lines_stamped_by_even_cycles():
+    """Four `e` lines a read, 16 ms apart: none is stamped after the read, the first a cycle or more before it."""
+
+    async def scenario(bench: Bench) -> None:
+        for number in range(0, 400, 4):
+            await asyncio.sleep(0.016)
+            lines = b"".join(b"e\t%d\t%d\n" % (k, -k) for k in range(number, number + 4))
+            bench.session.data_received(lines + b"u\t41\n")
+        *_, first, second, third, last, echoed = bench.heard()
+        assert second.stamp_s - first.stamp_s == pytest.approx(0.004, abs=1e-4)
+        assert first.stamp_s <= first.arrival_s - 0.004
+        assert second.stamp_s <= third.stamp_s <= last.stamp_s <= last.arrival_s
+        assert echoed.stamp_s == echoed.arrival_s == last.arrival_s
 
     on_bench(scenario)
 

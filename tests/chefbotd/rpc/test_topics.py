@@ -16,6 +16,7 @@ TABLE = topics_of(simulated=True)
 
 BEAM = events.RangeMeasured(
     stamp_s=5.0,
+    arrival_s=5.25,
     sensor="front",
     status=RangeStatus.OK,
     range_m=1.25,
@@ -55,7 +56,7 @@ def test_topics_are_those_of_the_contract() -> None:
 def test_odometry() -> None:
     """Pose, twist, and the covariance row by row over x, y, heading."""
     covariance = PoseCovariance(xx=1.0, xy=2.0, xh=3.0, yy=4.0, yh=5.0, hh=6.0)
-    event = events.OdometryUpdated(1.0, Pose2D(1.0, 2.0, 0.5), Twist2D(0.3, -0.1), covariance)
+    event = events.OdometryUpdated(1.0, 1.5, Pose2D(1.0, 2.0, 0.5), Twist2D(0.3, -0.1), covariance)
     assert data_of("odometry", event) == {
         "x_m": 1.0,
         "y_m": 2.0,
@@ -83,9 +84,9 @@ def test_wheels() -> None:
 
 def test_imu_variants() -> None:
     """What a variant does not measure is null."""
-    oriented = events.ImuMeasured(1.0, orientation=(0.0, 0.0, 0.0, 1.0), heading_rad=0.0)
+    oriented = events.ImuMeasured(1.0, 1.5, orientation=(0.0, 0.0, 0.0, 1.0), heading_rad=0.0)
     inertial = events.ImuMeasured(
-        1.0, angular_velocity_rad_s=(0.1, 0.2, 0.3), linear_acceleration_m_s2=(0.0, 0.0, 9.8)
+        1.0, 1.5, angular_velocity_rad_s=(0.1, 0.2, 0.3), linear_acceleration_m_s2=(0.0, 0.0, 9.8)
     )
     assert data_of("imu", oriented) == {
         "orientation": [0.0, 0.0, 0.0, 1.0],
@@ -116,7 +117,7 @@ def test_a_range_out_of_range_is_null_with_its_status(status: RangeStatus) -> No
 
 def test_battery() -> None:
     """Volts, percentage and urgency."""
-    event = events.BatteryMeasured(1.0, 11.9, 20.0, BatteryLevelStatus.LOW)
+    event = events.BatteryMeasured(1.0, 1.5, 11.9, 20.0, BatteryLevelStatus.LOW)
     assert data_of("battery", event) == {"voltage_v": 11.9, "percentage": 20.0, "status": "low"}
 
 

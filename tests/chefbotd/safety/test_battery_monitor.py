@@ -11,7 +11,9 @@ def story(*readings: tuple[float, float, BatteryLevelStatus]) -> list[Fault | No
     """What each reading (seconds, volts, status) comes to."""
     since_s, faults = None, []
     for stamp_s, voltage_v, status in readings:
-        since_s, fault = judge(PARAMETERS, since_s, BatteryMeasured(stamp_s, voltage_v, 0.0, status))
+        since_s, fault = judge(
+            PARAMETERS, since_s, BatteryMeasured(stamp_s - 0.01, stamp_s, voltage_v, 0.0, status)
+        )
         faults.append(fault)
     return faults
 

@@ -18,10 +18,16 @@ FRONT = {"front": Pose2D(0.15)}
 
 
 def reading(
-    sensor: str, range_m: float | None, status: RangeStatus = RangeStatus.OK, stamp_s: float = 10.0
+    sensor: str,
+    range_m: float | None,
+    status: RangeStatus = RangeStatus.OK,
+    stamp_s: float = 10.0,
+    arrival_s: float | None = None,
 ) -> RangeMeasured:
     """A beam's reading."""
-    return RangeMeasured(stamp_s, sensor, status, range_m, 0.02, 4.0, 0.26)
+    return RangeMeasured(
+        stamp_s, stamp_s if arrival_s is None else arrival_s, sensor, status, range_m, 0.02, 4.0, 0.26
+    )
 
 
 def seeing(mounts: dict[str, Pose2D], **ranges_m: float) -> Beams:
@@ -90,6 +96,24 @@ def test_a_silent_sensor_is_an_obstacle_only_when_configured_so(now_s: float, he
     assert restrain(PARAMETERS, beams, AHEAD, now_s) == (AHEAD, None)
     assert restrain(strict, beams, AHEAD, now_s) == ((STANDING, "front") if silent else (AHEAD, None))
     assert restrain(strict, beams, BACK, now_s) == (BACK, None)
+
+
+def test_a_reading_that_was_long_on_its_way_counts_from_when_it_was_measured():
+    """0.24 m seen 0.2 s ago and read now: 0.185 m/s, where a fresh reading would allow 0.254.
+
+    0.5 (sqrt(0.3^2 + 2 0.09 / 0.5) - 0.3) = 0.5 (0.6708204 - 0.3).
+    """
+    beams = see(mount(FRONT), reading("front", 0.24, stamp_s=9.8, arrival_s=10.0))
+    twist, sensor = restrain(PARAMETERS, beams, AHEAD, 10.0)
+    assert (twist.linear_m_s, sensor) == (pytest.approx(0.1854102, abs=1e-6), "front")
+
+
+def test_a_sensor_is_silent_by_when_it_was_last_heard():
+    """One whose readings take 0.6 s to arrive is not silent, however old they are; 0.5 s after the last it is."""
+    strict = PARAMETERS.model_copy(update={"silent_is_obstacle": True})
+    beams = see(mount(FRONT), reading("front", 3.0, stamp_s=9.4, arrival_s=10.0))
+    assert restrain(strict, beams, AHEAD, 10.49) == (AHEAD, None)
+    assert restrain(strict, beams, AHEAD, 10.51) == (STANDING, "front")
 
 
 def test_a_sensor_that_is_not_mounted_guards_nothing():

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
+from chefbotd.core.events import BatteryCounted, BatteryLevelStatus, BatteryMeasured
 from chefbotd.sensing import battery
 from chefbotd.sensing.battery import BatteryParameters, BatteryState, measure
 
@@ -31,12 +31,12 @@ def adc(voltage_v: float) -> float:
 
 def at(voltage_v: float, state: BatteryState = battery.START, **changes: object) -> BatteryMeasured:
     """What is measured at a voltage."""
-    return measure(parameters(**changes), state, 0.0, adc(voltage_v))[1]
+    return measure(parameters(**changes), state, BatteryCounted(0.0, 0.1, adc(voltage_v)))[1]
 
 
 def test_counts_become_volts() -> None:
     """3276 of 4095 counts are 0.8 * 3 V at the pin, 12 V at the battery: half way from 11 to 13 V."""
-    _, measured = measure(parameters(), battery.START, 4.0, 3276.0)
+    _, measured = measure(parameters(), battery.START, BatteryCounted(4.0, 4.5, 3276.0))
     assert measured.stamp_s == 4.0
     assert measured.voltage_v == pytest.approx(12.0)
     assert measured.percentage == pytest.approx(50.0)
@@ -85,7 +85,7 @@ def test_status_worsens_at_once_and_recovers_with_hysteresis(
     before: BatteryLevelStatus, voltage_v: float, after: BatteryLevelStatus
 ) -> None:
     """Low below 12.0 V, critical below 11.7 V, better only 0.125 V above that."""
-    state, measured = measure(parameters(), BatteryState(before), 0.0, adc(voltage_v))
+    state, measured = measure(parameters(), BatteryState(before), BatteryCounted(0.0, 0.1, adc(voltage_v)))
     assert measured.status == state.status == after
 
 
@@ -93,7 +93,9 @@ def test_a_voltage_on_the_threshold_does_not_flicker() -> None:
     """Readings that jump about 12 V by 50 mV change the status once."""
     state, seen = battery.START, []
     for number in range(20):
-        state, measured = measure(parameters(), state, number, adc(12.05 if number % 2 else 11.95))
+        state, measured = measure(
+            parameters(), state, BatteryCounted(number, number, adc(12.05 if number % 2 else 11.95))
+        )
         seen.append(measured.status)
     assert set(seen) == {LOW}
 

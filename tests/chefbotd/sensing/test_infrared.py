@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events import AnalogueCounted, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing.infrared import DATASHEET_CURVE_V_M, START, InfraredParameters, interpret
 from chefbotd.sim.infrared import voltage
@@ -24,6 +24,11 @@ def adc(volts: float) -> float:
     return volts / 3.3 * 4095
 
 
+def counted(stamp_s: float, level: float) -> AnalogueCounted:
+    """A reading, which arrives 4 ms after it was made."""
+    return AnalogueCounted(stamp_s, stamp_s + 0.004, 0, level)
+
+
 FREE_WAY_V = 0.2
 """What is read when nothing is in range."""
 
@@ -32,7 +37,7 @@ def readings(params: InfraredParameters, *volts: float) -> list[RangeMeasured]:
     """What a series of voltages, 20 ms apart, is taken for."""
     state, measured = START, []
     for k, each in enumerate(volts):
-        state, one = interpret(params, state, k * SAMPLE_S, adc(each))
+        state, one = interpret(params, state, counted(k * SAMPLE_S, adc(each)))
         measured.append(one)
     return measured
 
@@ -84,7 +89,7 @@ def test_a_range_is_in_the_band_or_not_there(levels: list[float]) -> None:
     """Whatever the levels and their order: a number exactly when the status is ok, and within 0.20 to 1.50 m."""
     state = START
     for level in levels:
-        state, measured = interpret(UNFILTERED, state, 0.0, level)
+        state, measured = interpret(UNFILTERED, state, counted(0.0, level))
         assert (measured.range_m is not None) == (measured.status is RangeStatus.OK)
         assert measured.range_m is None or 0.20 <= measured.range_m <= 1.50
 
@@ -126,9 +131,9 @@ def test_after_a_pause_what_was_seen_before_does_not_count(gap_s: float, status:
     """0.23 m, then nobody looked, then 0.23 m again: after more than 0.1 s it may have come across the peak."""
     state = START
     for k, volts in enumerate(SLOWLY):
-        state, _ = interpret(UNFILTERED, state, k * SAMPLE_S, adc(volts))
+        state, _ = interpret(UNFILTERED, state, counted(k * SAMPLE_S, adc(volts)))
     last_s = state.recent[-1].stamp_s
-    _, measured = interpret(UNFILTERED, state, last_s + gap_s, adc(2.58))
+    _, measured = interpret(UNFILTERED, state, counted(last_s + gap_s, adc(2.58)))
     assert str(measured.status) == status
 
 
@@ -137,8 +142,8 @@ def test_a_pause_forgets_what_the_median_was_made_of() -> None:
     params = InfraredParameters(setback_m=0.10, median_window=5)
     state = START
     for k in range(5):
-        state, _ = interpret(params, state, k * SAMPLE_S, adc(0.62))
-    _, measured = interpret(params, state, 1.2, adc(1.25))
+        state, _ = interpret(params, state, counted(k * SAMPLE_S, adc(0.62)))
+    _, measured = interpret(params, state, counted(1.2, adc(1.25)))
     assert measured.range_m == pytest.approx(0.5)
 
 
@@ -151,7 +156,7 @@ def test_a_fast_approach_is_doubted_before_the_peak() -> None:
     metres = [0.60 - 0.02 * k for k in range(25)]  # down to 0.12 m, across the peak at 0.15 m
     state, told = START, []
     for k, distance_m in enumerate(metres):
-        state, measured = interpret(params, state, k * SAMPLE_S, adc(voltage(distance_m)))
+        state, measured = interpret(params, state, counted(k * SAMPLE_S, adc(voltage(distance_m))))
         told.append((distance_m, measured))
     assert all(one.status is RangeStatus.OK for distance_m, one in told if distance_m > 0.31)
     assert all(one.range_m is None for distance_m, one in told if distance_m < 0.29)
@@ -165,7 +170,7 @@ def test_no_number_is_told_of_what_is_behind_the_fold(metres_a_sample: float, wi
     for first_m in (1.0, 1.01, 1.02, 1.04, 1.07, 1.11):
         state, distance_m, stamp_s = START, first_m, 0.0
         for _ in range(80):
-            state, measured = interpret(params, state, stamp_s, adc(voltage(distance_m)))
+            state, measured = interpret(params, state, counted(stamp_s, adc(voltage(distance_m))))
             assert measured.range_m is None or distance_m > 0.15
             distance_m, stamp_s = max(0.10, distance_m - metres_a_sample), stamp_s + SAMPLE_S
 
@@ -212,8 +217,8 @@ def test_a_calibrated_curve_replaces_the_data_sheets() -> None:
 def test_a_reading_says_what_sensor_it_is_from() -> None:
     """Name, band and cone are those of the configuration, the time that of the bytes."""
     params = InfraredParameters(name="rear", setback_m=0.1, field_of_view_rad=0.2)
-    _, measured = interpret(params, START, 7.5, adc(1.25))
-    assert measured == RangeMeasured(7.5, "rear", RangeStatus.OK, measured.range_m, 0.2, 1.5, 0.2)
+    _, measured = interpret(params, START, counted(7.5, adc(1.25)))
+    assert measured == RangeMeasured(7.5, 7.504, "rear", RangeStatus.OK, measured.range_m, 0.2, 1.5, 0.2)
 
 
 def test_the_mount_is_a_pose_in_the_base_frame() -> None:

@@ -5,7 +5,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events import RangeMeasured, RangeStatus, UltrasonicEchoed
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing.ultrasonic import UltrasonicParameters, interpret
 
@@ -24,14 +24,16 @@ from chefbotd.sensing.ultrasonic import UltrasonicParameters, interpret
 )
 def test_only_a_trusted_distance_is_one(distance_cm: int, status: RangeStatus, range_m: float | None) -> None:
     """0.02 to 4 m is a range; nearer, farther and nothing at all are told apart."""
-    measured = interpret(UltrasonicParameters(), 5.0, distance_cm)
+    measured = interpret(UltrasonicParameters(), UltrasonicEchoed(5.0, 5.1, distance_cm))
     assert (measured.status, measured.range_m) == (status, range_m)
 
 
 def test_a_reading_says_what_sensor_it_is_from() -> None:
     """Name, band and cone are those of the configuration, the time that of the bytes."""
     params = UltrasonicParameters(name="rear", min_range_m=0.1, max_range_m=2.0, field_of_view_rad=0.5)
-    assert interpret(params, 7.5, 50) == RangeMeasured(7.5, "rear", RangeStatus.OK, 0.5, 0.1, 2.0, 0.5)
+    assert interpret(params, UltrasonicEchoed(7.5, 7.6, 50)) == RangeMeasured(
+        7.5, 7.6, "rear", RangeStatus.OK, 0.5, 0.1, 2.0, 0.5
+    )
 
 
 def test_the_mount_is_a_pose_in_the_base_frame() -> None:

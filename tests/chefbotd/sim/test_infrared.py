@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.core.events import RangeStatus
+from chefbotd.core.events import AnalogueCounted, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing import infrared as sensing
 from chefbotd.sim.infrared import Infrared, InfraredParameters, voltage
@@ -38,7 +38,9 @@ def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> Non
     """
     params = sensing.InfraredParameters(setback_m=0.1, median_window=1)
     state = sensing.InfraredState((sensing.Sample(voltage(distance_m), 0.0),), maybe_folded=False)
-    _, measured = sensing.interpret(params, state, 0.02, voltage(distance_m) / 3.3 * 4095)
+    _, measured = sensing.interpret(
+        params, state, AnalogueCounted(0.02, 0.02, 0, voltage(distance_m) / 3.3 * 4095)
+    )
     assert measured.status is RangeStatus.OK
     assert measured.range_m == pytest.approx(distance_m, rel=0.01 if distance_m > 0.3 else 0.06)
 

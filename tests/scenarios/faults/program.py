@@ -14,7 +14,7 @@ from tests.scenarios.faults.outcomes import ENDS, latched
 async def failing_step(fault_run: FaultRun) -> AsyncIterator[None]:
     """Counts for a wheel that there is not break a control step."""
     now_s = asyncio.get_running_loop().time()
-    fault_run.robot.daemon.bus.publish(EncodersCounted(now_s, now_s, (1, 2, 3, 4, 5)))
+    fault_run.robot.daemon.bus.publish(EncodersCounted(now_s, now_s, now_s, (1, 2, 3, 4, 5)))
     yield
 
 
@@ -22,7 +22,7 @@ async def failing_step(fault_run: FaultRun) -> AsyncIterator[None]:
 async def failing_service(times: int, fault_run: FaultRun) -> AsyncIterator[None]:
     """A reading that breaks the sensors' service."""
     for _ in range(times):
-        fault_run.robot.daemon.bus.publish(BatteryCounted(0.0, "full"))
+        fault_run.robot.daemon.bus.publish(BatteryCounted(0.0, 0.0, "full"))
         await asyncio.sleep(0.005)  # the supervisor starts the service again
     yield
 
@@ -30,7 +30,7 @@ async def failing_service(times: int, fault_run: FaultRun) -> AsyncIterator[None
 @asynccontextmanager
 async def failing_decoder(fault_run: FaultRun) -> AsyncIterator[None]:
     """An edge that is none breaks a part that cannot be missed."""
-    fault_run.robot.daemon.bus.publish(EdgesSeen(0.0, 0.0, ("edge",)))
+    fault_run.robot.daemon.bus.publish(EdgesSeen(0.0, 0.0, 0.0, ("edge",)))
     yield
 
 

@@ -25,10 +25,10 @@ class Rig:
         self.watch.loop_runs(now_s)
         self.cycles += 1
         counts = (self.cycles * STEP_COUNTS, self.cycles * STEP_COUNTS)
-        event = EncodersCounted(now_s, self.cycles * CYCLE_S, counts)
+        event = EncodersCounted(now_s, now_s, self.cycles * CYCLE_S, counts)
         seen = self.reader.read(event, setpoint_m_s)
         faults = [fault.kind for fault in self.watch.watch(now_s, setpoint_m_s, seen)]
-        echoed = self.watch.hear(DutyEchoed(now_s, (120.0, 90.0)))
+        echoed = self.watch.hear(DutyEchoed(now_s - 0.004, now_s, (120.0, 90.0)))
         self.watch.tell(now_s, duty)
         return faults if echoed is None else [*faults, echoed.kind]
 

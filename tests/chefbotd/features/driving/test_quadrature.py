@@ -54,7 +54,7 @@ def burst(wheel: int, total: int, *edges: tuple[float, int]) -> EdgeBurst:
 
 def cycle(board_s: float, *bursts: EdgeBurst) -> EdgesSeen:
     """A cycle that ended at ``board_s``, read half a second later."""
-    return EdgesSeen(board_s + 0.5, board_s, bursts)
+    return EdgesSeen(board_s + 0.5, board_s + 0.6, board_s, bursts)
 
 
 BEGUN = cycle(1.00, burst(0, 1, (0.98, 0b00)), burst(1, 1, (0.99, 0b00)))
@@ -66,7 +66,7 @@ def test_a_cycle_of_edges_is_a_reading_of_counts_and_rates():
     ahead, back = burst(0, 3, (1.005, 0b10), (1.015, 0b11)), burst(1, 2, (1.01, 0b01))
     outcome = counted(BEGUN, cycle(1.02, ahead, back))
     first, second = outcome.readings
-    assert first == EncodersCounted(1.5, 1.0, (0, 0), (0.0, 0.0))
+    assert first == EncodersCounted(1.5, 1.6, 1.0, (0, 0), (0.0, 0.0))
     assert (second.stamp_s, second.board_s, second.counts) == (1.52, 1.02, (2, -1))
     assert second.rate_counts_s == pytest.approx((100.0, 0.0))
     assert (outcome.illegal, outcome.repeated, outcome.lost, outcome.warnings) == (0, 0, 0, [])

@@ -108,7 +108,7 @@ class Rig:
         """Encoder frames every 10 ms, always the same counts."""
         for _ in range(round(seconds / 0.01)):
             await asyncio.sleep(0.01)
-            self.bus.publish(EncodersCounted(self.clock.now_s(), self.clock.now_s(), counts))
+            self.bus.publish(EncodersCounted(*[self.clock.now_s()] * 3, counts))
             await asyncio.sleep(0)
 
     async def drive_for(self, seconds: float) -> None:
@@ -157,7 +157,9 @@ def test_an_encoder_frame_is_answered_before_publishing_it_returns():
     async def scenario(rig: Rig) -> None:
         await rig.frames(0.02)
         before = len(rig.written)
-        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s() + 0.01, (0, 0)))
+        rig.bus.publish(
+            EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), rig.clock.now_s() + 0.01, (0, 0))
+        )
         assert [duty for _, duty in rig.written[before:]] == [(0, 0)]
 
     on_rig(scenario)
@@ -390,7 +392,7 @@ def test_a_flood_of_frames_does_not_push_a_fault_out(fault: object, named: str):
         await rig.drive_for(0.3)
         now_s, frames = rig.clock.now_s(), 100_000
         for number in range(frames):
-            rig.bus.publish(EncodersCounted(now_s, now_s + number / frames, (0, 0)))
+            rig.bus.publish(EncodersCounted(now_s, now_s, now_s + number / frames, (0, 0)))
             if number == 10:
                 rig.bus.publish(fault)
         await rig.frames(0.01)
@@ -506,8 +508,8 @@ def test_wheels_are_measured_in_radians_and_board_time():
     """500 of 1000 counts in 0.5 s of board time are pi rad travelled; half of a wheel's turn."""
 
     async def scenario(rig: Rig) -> None:
-        rig.bus.publish(EncodersCounted(rig.clock.now_s(), 10.0, (0, 0)))
-        rig.bus.publish(EncodersCounted(rig.clock.now_s(), 10.5, (500, -500)))
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), 10.0, (0, 0)))
+        rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), 10.5, (500, -500)))
         await asyncio.sleep(0)
         measured = [
             e for e in (rig.wheels.take() for _ in range(len(rig.wheels))) if isinstance(e, WheelsMeasured)
@@ -571,7 +573,7 @@ def test_a_control_step_that_fails_disarms_and_the_loop_lives_on():
     async def scenario(rig: Rig) -> None:
         await rig.drive_for(0.3)
         for _ in range(3):
-            rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), (1, 2, 3)))
+            rig.bus.publish(EncodersCounted(*[rig.clock.now_s()] * 3, (1, 2, 3)))
         await asyncio.sleep(0)
         assert rig.duty == (0, 0)
         assert rig.service.internal_errors == 3

@@ -26,7 +26,9 @@ CHASSIS = ChassisParameters.model_validate(
 
 def turned(left_rad: float, right_rad: float, stamp_s: float = 1.0) -> WheelsMeasured:
     """Both wheels travelled so far, at so many rad/s."""
-    return WheelsMeasured(stamp_s, stamp_s, (0.0, 0.0), (left_rad, right_rad), (left_rad, right_rad))
+    return WheelsMeasured(
+        stamp_s, stamp_s + 0.003, stamp_s, (0.0, 0.0), (left_rad, right_rad), (left_rad, right_rad)
+    )
 
 
 def poses(*story: WheelsMeasured | Pose2D) -> list[OdometryUpdated]:
@@ -54,6 +56,7 @@ def poses(*story: WheelsMeasured | Pose2D) -> list[OdometryUpdated]:
 def test_a_quarter_turn_about_the_standing_left_wheel():
     """Track 1 m, left still, right rolls pi/2 m (pi rad at 0.5 m): the pose is (0.5, 0.5, 90 degrees)."""
     (update,) = poses(turned(0.0, math.pi))
+    assert (update.stamp_s, update.arrival_s) == (1.0, 1.003)
     assert (update.odom_from_base.x_m, update.odom_from_base.y_m) == pytest.approx((0.5, 0.5))
     assert update.odom_from_base.heading_rad == pytest.approx(math.pi / 2)
     assert (update.twist.linear_m_s, update.twist.angular_rad_s) == pytest.approx((math.pi / 4, math.pi / 2))
@@ -80,7 +83,7 @@ def test_wheels_left_out_do_not_move_the_robot():
         service = OdometryService(bus, LoopClock(), chassis, OdometryParameters())
         task = asyncio.create_task(service.run())
         turned = (1.0, 7.0, 0.0, 1.0)
-        bus.publish(WheelsMeasured(1.0, 1.0, turned, turned, turned, excluded=(1, 2)))
+        bus.publish(WheelsMeasured(1.0, 1.0, 1.0, turned, turned, turned, excluded=(1, 2)))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         task.cancel()
