@@ -25,6 +25,9 @@ class RefusalKind(StrEnum):
     LINK_DOWN = "link_down"
     UNKNOWN_SOURCE = "unknown_source"
     UNKNOWN_WHEEL = "unknown_wheel"
+    WORKER_UNAVAILABLE = "worker_unavailable"
+    NOT_MAPPING = "not_mapping"
+    ALREADY_MAPPING = "already_mapping"
     OUT_OF_RANGE = "out_of_range"
     NOTHING_TO_UNDO = "nothing_to_undo"
 

@@ -113,6 +113,11 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
     RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
     RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),
+    RefusalKind.WORKER_UNAVAILABLE: ErrorClass(
+        -32050, "the process that maps and plans is not there; the topic worker says why"
+    ),
+    RefusalKind.NOT_MAPPING: ErrorClass(-32051, "no map is being made; send start_mapping"),
+    RefusalKind.ALREADY_MAPPING: ErrorClass(-32052, "another map is being made; finish or discard it first"),
     RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside of what this robot takes"),
     RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "no change of gains is left to take back"),
 }

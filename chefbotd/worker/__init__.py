@@ -1,1 +1,1 @@
-"""The child process that maps, localizes and plans, and the link to it."""
+"""The worker: the one child process, for what takes longer than a control step (SLAM, localization, navigation)."""

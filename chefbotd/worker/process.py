@@ -1,0 +1,327 @@
+"""The daemon's side of the worker: start it, watch it, start it again, and speak with its skills.
+
+``send`` never waits: what the worker does not read in time gives way. ``request`` waits for an answer, within a
+deadline. Whatever the worker does or fails to do, nothing here raises into the control loop or holds it up.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Final
+
+import msgspec
+import structlog
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.worker import messages
+from chefbotd.worker.channel import CLOSED, Channel
+from chefbotd.worker.messages import FromWorker, OdometrySeen, ScanSeen, packed
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.spawn import Child, Spawn, spawn
+from chefbotd.worker.watch import (
+    NEXT,
+    Happened,
+    Vitals,
+    WorkerState,
+    backoff_s,
+    checked,
+    excused,
+    why_to_kill,
+)
+
+log = structlog.get_logger(component="worker")
+
+CHECK_S: Final = 0.25
+REPORT_S: Final = 1.0
+HEALTHY_S: Final = 30.0
+"""After so long the next failure is a first one again."""
+
+LEAVE_S: Final = 1.5
+"""How long the worker may take to save and leave when the daemon ends."""
+
+OnProgress = Callable[[float, float, str], None]
+
+
+class RequestCancelled(Exception):
+    """A request was given up before it had an effect."""
+
+
+class WorkerLost(Refused):
+    """The worker is not there, or ended before it answered."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(RefusalKind.WORKER_UNAVAILABLE, message)
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerStatus:
+    """How the worker stands; ``cpu`` is its share of one core in the last second."""
+
+    state: WorkerState = WorkerState.STOPPED
+    pid: int | None = None
+    restarts: int = 0
+    rss_mb: float | None = None
+    cpu: float | None = None
+    reason: str = ""
+
+
+@dataclass(slots=True)
+class _Pending:
+    future: "asyncio.Future[bytes]"
+    on_progress: OnProgress | None
+    deadline_s: float
+    due_s: float
+
+
+class Worker:
+    """One worker process; ``skills`` are the parameters of those it loads, by name, as JSON.
+
+    ``on_status`` is called with each new status.
+    """
+
+    def __init__(
+        self,
+        parameters: WorkerParameters,
+        clock: Clock,
+        skills: Mapping[str, bytes],
+        on_status: Callable[[WorkerStatus], None],
+        start: Spawn = spawn,
+    ) -> None:
+        self._parameters, self._clock, self._skills = parameters, clock, dict(skills)
+        self._on_status, self._start = on_status, start
+        self.status = WorkerStatus()
+        self._vitals = Vitals(0.0, 0.0, 0.0)
+        self._channel: Channel | None = None
+        self._ended: asyncio.Future[str] | None = None
+        self._ids = count(1)
+        self._pending: dict[int, _Pending] = {}
+        self._listeners: dict[str, Callable[[bytes], None]] = {}
+        self._on_ready: list[Callable[[], None]] = []
+        self._dropped = self._failures = 0
+
+    @property
+    def dropped(self) -> int:
+        """Scans and odometry that gave way to newer ones."""
+        return self._dropped + (self._channel.dropped if self._channel is not None else 0)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it takes requests."""
+        return self.status.state is WorkerState.READY
+
+    def add_listener(self, skill: str, listener: Callable[[bytes], None]) -> None:
+        """Call ``listener`` with what this skill tells without having been asked."""
+        self._listeners[skill] = listener
+
+    def add_on_ready(self, handler: Callable[[], None]) -> None:
+        """Call ``handler`` each time a worker has become ready: what the one before it knew has to be told again."""
+        self._on_ready.append(handler)
+
+    def send(self, message: ScanSeen | OdometrySeen) -> None:
+        """Send what was measured, if the worker is there; never waits."""
+        if self._channel is not None and self.is_ready:
+            self._channel.send(message)
+
+    async def request(
+        self, skill: str, body: msgspec.Struct, *, deadline_s: float, on_progress: OnProgress | None = None
+    ) -> bytes:
+        """Have a skill do something, and return what it answers.
+
+        A worker that neither answers nor reports progress within ``deadline_s`` is killed. Whoever cancels this waits
+        until the worker has given up, or has done it nevertheless, which is then the result.
+
+        Raises:
+            Refused: it was not done, and why; ``WorkerLost`` where nobody can say whether it was.
+        """
+        if self._channel is None or not self.is_ready:
+            raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
+        number = next(self._ids)
+        future: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        due_s = self._clock.now_s() + deadline_s
+        self._pending[number] = _Pending(future, on_progress, deadline_s, due_s)
+        self._channel.send(messages.Request(number, skill, deadline_s, packed(body)))
+        try:
+            return await asyncio.shield(future)
+        except asyncio.CancelledError:
+            if future.done() or self._channel is None:
+                raise
+            self._channel.send(messages.Cancel(number))
+            try:
+                return await future
+            except RequestCancelled:
+                raise asyncio.CancelledError from None
+        finally:
+            self._pending.pop(number, None)
+
+    async def run(self) -> None:
+        """Keep a worker alive until cancelled."""
+        try:
+            while True:
+                begun_s = self._clock.now_s()
+                reason = await self._one_life()
+                if self.status.state is WorkerState.UNAVAILABLE:  # starting it again would not help
+                    self._report(replace(self.status, pid=None, rss_mb=None, cpu=None))
+                    break
+                self._failures = 1 if self._clock.now_s() - begun_s > HEALTHY_S else self._failures + 1
+                wait_s = backoff_s(self._parameters, self._failures)
+                log.warning("the worker has ended", reason=reason, again_in_s=wait_s)
+                self._set(Happened.ENDED, pid=None, rss_mb=None, cpu=None, reason=reason)
+                await asyncio.sleep(wait_s)
+                self.status = replace(self.status, restarts=self.status.restarts + 1)
+            await asyncio.Event().wait()
+        finally:
+            self._set(Happened.STOPPED, pid=None, rss_mb=None, cpu=None)
+
+    async def _one_life(self) -> str:
+        """Start a worker, and watch it until its end; the reason."""
+        ours, theirs = socket.socketpair()
+        try:
+            child = await self._start(theirs, self._parameters)
+        except BaseException as error:
+            ours.close()
+            if isinstance(error, OSError):
+                return f"it cannot be started: {error}"
+            raise
+        finally:
+            theirs.close()
+        now_s = self._clock.now_s()
+        self._vitals = Vitals(spawned_s=now_s, heard_s=now_s, checked_s=now_s)
+        self._ended = asyncio.get_running_loop().create_future()
+        self._channel = Channel(ours, 1024 * self._parameters.queue_kb, self._take_message, self._end)
+        self._channel.send(messages.Configure(self._skills))
+        self._set(Happened.SPAWNED, pid=child.pid)
+        waiting = asyncio.create_task(child.wait(), name="worker's end")
+        try:
+            return await self._watched(child, waiting, self._ended)
+        except asyncio.CancelledError:
+            self._channel.close()
+            await asyncio.wait({waiting}, timeout=LEAVE_S)
+            raise
+        finally:
+            self._bury(child)
+            await waiting
+
+    async def _watched(self, child: Child, waiting: "asyncio.Task[str]", ended: "asyncio.Future[str]") -> str:
+        """Check it four times a second until it ends, says nonsense, or breaks a bound."""
+        reported_s, cpu_s = self._clock.now_s(), child.cpu_s()
+        while True:
+            await asyncio.wait({waiting, ended}, timeout=CHECK_S, return_when=asyncio.FIRST_COMPLETED)
+            if ended.done() and ended.result() != CLOSED:
+                return ended.result()
+            if ended.done():
+                await asyncio.wait({waiting}, timeout=CHECK_S)  # its exit code tells more than its socket
+            if waiting.done() or ended.done():
+                return waiting.result() if waiting.done() else ended.result()
+            now_s, rss_mb = self._clock.now_s(), child.rss_mb()
+            self._excuse(now_s)
+            if reason := self._why_to_kill(now_s, rss_mb):
+                return reason
+            self._vitals = checked(self._vitals, now_s)
+            if now_s - reported_s >= REPORT_S:
+                used_s = child.cpu_s()
+                share = None if None in (used_s, cpu_s) else (used_s - cpu_s) / (now_s - reported_s)  # type: ignore[operator]
+                reported_s, cpu_s = now_s, used_s
+                self._report(replace(self.status, rss_mb=rss_mb, cpu=share))
+
+    def _excuse(self, now_s: float) -> None:
+        """What the daemon slept through was no delay of the worker."""
+        before_s, self._vitals = self._vitals.heard_s, excused(self._vitals, now_s, CHECK_S)
+        for pending in self._pending.values():
+            pending.due_s += self._vitals.heard_s - before_s
+
+    def _why_to_kill(self, now_s: float, rss_mb: float | None) -> str | None:
+        allowed_s = max([self._parameters.step_s, *(p.deadline_s for p in self._pending.values())])
+        reason = why_to_kill(
+            self._parameters, self.status.state, self._vitals, now_s, rss_mb=rss_mb, allowed_s=allowed_s
+        )
+        late = next((p for p in self._pending.values() if now_s > p.due_s), None)
+        if reason is None and late is not None:
+            reason = f"it did not answer a request within {late.deadline_s:g} s"
+        return reason
+
+    def _bury(self, child: Child) -> None:
+        """Nothing more comes from this worker: whoever waits for it hears so."""
+        child.kill()
+        if self._channel is not None:
+            self._channel.close()
+            self._dropped += self._channel.dropped
+            self._channel = None
+        pending, self._pending = self._pending, {}
+        for each in pending.values():
+            if not each.future.done():
+                each.future.set_exception(WorkerLost("the worker ended before it was done"))
+                each.future.exception()  # whoever asked may be gone
+
+    def _end(self, reason: str) -> None:
+        if self._ended is not None and not self._ended.done():
+            self._ended.set_result(reason)
+
+    def _take_message(self, message: FromWorker) -> None:
+        now_s = self._clock.now_s()
+        self._vitals = replace(self._vitals, heard_s=now_s, messages=self._vitals.messages + 1)
+        match message:
+            case messages.Alive():
+                self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
+            case messages.Told():
+                self._hand_on(message)
+            case messages.Answer() | messages.Failed() | messages.Progress():
+                self._take_of_request(message, now_s)
+            case messages.Warming():
+                self._set(Happened.WARMING, reason=f"loading {message.skill}")
+            case messages.Ready():
+                if self._set(Happened.READY, reason=""):
+                    for handler in self._on_ready:
+                        handler()
+            case messages.Unavailable():
+                log.warning("the worker cannot work here", reason=message.reason)
+                self._set(Happened.UNAVAILABLE, reason=message.reason)
+                self._end(message.reason)
+
+    def _hand_on(self, message: messages.Told) -> None:
+        listener = self._listeners.get(message.skill)
+        if listener is None:
+            self._end(f"it tells of a skill that it does not have: {message.skill!r}")
+            return
+        try:
+            listener(message.body)
+        except (msgspec.DecodeError, ValueError) as error:
+            self._end(f"its skill {message.skill} sent what is no message: {error}")
+
+    def _take_of_request(
+        self, message: messages.Answer | messages.Failed | messages.Progress, now_s: float
+    ) -> None:
+        pending = self._pending.get(message.id)
+        if pending is None:
+            return
+        if isinstance(message, messages.Progress):
+            pending.due_s = now_s + pending.deadline_s
+            if pending.on_progress is not None:
+                pending.on_progress(message.done, message.total, message.text)
+        elif pending.future.done():
+            return
+        elif isinstance(message, messages.Answer):
+            pending.future.set_result(message.body)
+        elif message.kind is None:
+            pending.future.set_exception(RequestCancelled(message.message))
+        else:
+            pending.future.set_exception(Refused(message.kind, message.message))
+
+    def _set(self, happened: Happened, **fields: object) -> bool:
+        """Go on to the next state; a worker that tells what cannot be is not believed."""
+        state = NEXT.get((self.status.state, happened))
+        if state is None:
+            self._end(f"it says that it is {happened} while it is {self.status.state}")
+            return False
+        self._report(replace(self.status, state=state, **fields))  # type: ignore[arg-type]
+        return True
+
+    def _report(self, status: WorkerStatus) -> None:
+        self.status = status
+        self._on_status(status)
+
+
+def _because(reason: str) -> str:
+    return f": {reason}" if reason else ""

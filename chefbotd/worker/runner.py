@@ -1,0 +1,141 @@
+"""The worker's one thread of work, without a socket: messages in, messages out."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.worker import messages
+from chefbotd.worker.messages import FromWorker, ToWorker, packed
+from chefbotd.worker.skills.registry import CannotLoad, loaded
+from chefbotd.worker.skills.skill import Job, Skill
+
+STEP_S: Final = 0.05
+"""How often the skills have a turn of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    request: messages.Request
+    job: Job
+
+
+class Runner:
+    """The skills, and the jobs that they are at; ``doing`` says what it is busy with, and since when."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._skills: dict[str, Skill] = {}
+        self._jobs: list[_Running] = []
+        self._stepped_s = float("-inf")
+        self.doing: tuple[str, float] | None = None
+
+    @property
+    def wait_s(self) -> float:
+        """How long it may wait for messages before its next turn."""
+        return 0.0 if self._jobs else STEP_S
+
+    def take_message(self, message: ToWorker) -> Iterator[FromWorker]:
+        """Do what the daemon asks; yields what is to be sent, as it comes."""
+        match message:
+            case messages.ScanSeen():
+                for name, skill in self._skills.items():
+                    yield from self._telling(name, "a scan", skill.take_scan(message))
+            case messages.OdometrySeen():
+                for name, skill in self._skills.items():
+                    yield from self._telling(name, "odometry", skill.take_odometry(message))
+            case messages.Request():
+                yield from self._begin(message)
+            case messages.Cancel():
+                yield from self._cancel(message.id)
+            case messages.Configure():
+                yield from self._load(message)
+
+    def take_turn(self) -> Iterator[FromWorker]:
+        """Bring each job a step further, and let the skills do what has its own time."""
+        for running in list(self._jobs):
+            yield from self._advance(running)
+        now_s = self._clock.now_s()
+        if now_s - self._stepped_s >= STEP_S / 2:
+            self._stepped_s = now_s
+            for name, skill in self._skills.items():
+                yield from self._telling(name, "its own time", skill.step(now_s))
+
+    def close(self) -> None:
+        """The daemon is gone, or ends."""
+        for running in self._jobs:
+            running.job.close()
+        for skill in self._skills.values():
+            skill.close()
+
+    def _load(self, message: messages.Configure) -> Iterator[FromWorker]:
+        for name, parameters in message.skills.items():
+            yield messages.Warming(name)
+            self._begin_work(f"loading {name}")
+            try:
+                self._skills[name] = skill = loaded(name, parameters)
+                skill.warm()
+            except CannotLoad as problem:
+                yield messages.Unavailable(str(problem))
+                return
+            finally:
+                self.doing = None
+        yield messages.Ready()
+
+    def _begin(self, request: messages.Request) -> Iterator[FromWorker]:
+        skill = self._skills.get(request.skill)
+        if skill is None:
+            told = f"the worker has no skill {request.skill!r}"
+            yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, told)
+            return
+        self._begin_work(f"{request.skill}: a request")
+        try:
+            result = skill.handle(request.body)
+        except Refused as refusal:
+            yield messages.Failed(request.id, refusal.kind, str(refusal))
+            return
+        finally:
+            self.doing = None
+        if isinstance(result, msgspec.Struct):
+            yield messages.Answer(request.id, packed(result))
+        else:
+            self._jobs.append(_Running(request, result))
+
+    def _advance(self, running: _Running) -> Iterator[FromWorker]:
+        request = running.request
+        self._begin_work(f"{request.skill}: a job")
+        try:
+            done = next(running.job)
+        except StopIteration as end:
+            self._jobs.remove(running)
+            yield messages.Answer(request.id, packed(end.value))
+        except Refused as refusal:
+            self._jobs.remove(running)
+            yield messages.Failed(request.id, refusal.kind, str(refusal))
+        else:
+            yield messages.Progress(request.id, done.done, done.total, done.text)
+        finally:
+            self.doing = None
+
+    def _cancel(self, number: int) -> Iterator[FromWorker]:
+        for running in self._jobs:
+            if running.request.id == number:
+                running.job.close()
+                self._jobs.remove(running)
+                yield messages.Failed(number, None, "it was cancelled")
+                return
+
+    def _telling(self, name: str, what: str, told: Iterable[msgspec.Struct]) -> Iterator[FromWorker]:
+        """Hand on what a skill tells; being busy is the skill's time, not that of whoever takes it."""
+        self._begin_work(f"{name}: {what}")
+        try:
+            for each in told:
+                yield messages.Told(name, packed(each))
+        finally:
+            self.doing = None
+
+    def _begin_work(self, what: str) -> None:
+        self.doing = (what, self._clock.now_s())

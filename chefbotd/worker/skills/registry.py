@@ -1,0 +1,35 @@
+"""The skills by their names; a skill's module is imported when it is asked for."""
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Final
+
+from chefbotd.worker.skills.skill import Skill
+
+SKILLS: Final[Mapping[str, str]] = {"mapping": "chefbotd.worker.skills.mapping:MappingSkill"}
+"""Name -> module and class, which is made with its parameters as JSON."""
+
+EXTRA: Final = "navigation"
+NEEDS: Final = ("numba", "scipy", "llvmlite")
+
+
+class CannotLoad(Exception):
+    """A skill that cannot work in this installation, and what to do; ready to be shown."""
+
+
+def loaded(name: str, parameters: bytes) -> Skill:
+    """The skill of this name.
+
+    Raises:
+        CannotLoad: what it needs is not installed.
+    """
+    module, _, kind = SKILLS[name].partition(":")
+    try:
+        make: Callable[[bytes], Skill] = getattr(import_module(module), kind)
+    except ModuleNotFoundError as missing:
+        if missing.name not in NEEDS:
+            raise
+        raise CannotLoad(
+            f"{name} needs {missing.name}, which is not installed: pip install 'chefbotd[{EXTRA}]'"
+        ) from missing
+    return make(parameters)

@@ -1,0 +1,60 @@
+"""What a skill is to the worker."""
+
+from collections.abc import Generator, Iterable
+from typing import NamedTuple, Protocol, TypeAlias
+
+import msgspec
+
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+
+Struct: TypeAlias = msgspec.Struct
+
+
+class Done(NamedTuple):
+    """How far a job is: ``done`` of ``total``, in its own unit."""
+
+    done: float
+    total: float
+    text: str
+
+
+Job: TypeAlias = Generator[Done, None, Struct]
+"""A request that takes its time, in steps well under a second, between which scans are taken and a cancel is heard.
+
+It returns the answer. Where it is given up it is closed at a step, and must then leave the skill as it was.
+"""
+
+
+class Skill(Protocol):
+    """One thread calls all of these, one at a time; what they return or yield is told to the daemon.
+
+    They may take long. What raises anything but ``Refused`` (of ``core.commands``) ends the worker, which is restarted.
+    """
+
+    def warm(self) -> None:
+        """Compile, or load from the cache, what will be needed."""
+        ...
+
+    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+        """A lidar's turn, in the order of their stamps for each lidar."""
+        ...
+
+    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+        """Where odometry says the robot is; usually a little later than a scan of the same time."""
+        ...
+
+    def handle(self, body: bytes) -> Struct | Job:
+        """A request of the daemon; the answer, or a job that ends with it.
+
+        Raises:
+            Refused: it is not carried out.
+        """
+        ...
+
+    def step(self, now_s: float) -> Iterable[Struct]:
+        """Called twenty times a second, and after whatever else was done: for what has its own time."""
+        ...
+
+    def close(self) -> None:
+        """The daemon ends: save what is not saved, within a second."""
+        ...

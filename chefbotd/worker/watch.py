@@ -1,0 +1,115 @@
+"""The worker's states, and when it has to be killed: values in, values out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Final
+
+from chefbotd.worker.parameters import WorkerParameters
+
+
+class WorkerState(StrEnum):
+    """How it stands. ``restarting``: it ended, and will be started again; ``unavailable``: it cannot work here."""
+
+    STOPPED = "stopped"
+    STARTING = "starting"
+    WARMING = "warming"
+    READY = "ready"
+    RESTARTING = "restarting"
+    UNAVAILABLE = "unavailable"
+
+
+class Happened(StrEnum):
+    """What changes the state."""
+
+    SPAWNED = "spawned"
+    WARMING = "warming"
+    READY = "ready"
+    ENDED = "ended"
+    UNAVAILABLE = "unavailable"
+    STOPPED = "stopped"
+
+
+_LIVING: Final = (WorkerState.STARTING, WorkerState.WARMING, WorkerState.READY)
+
+NEXT: Final[Mapping[tuple[WorkerState, Happened], WorkerState]] = {
+    (WorkerState.STOPPED, Happened.SPAWNED): WorkerState.STARTING,
+    (WorkerState.RESTARTING, Happened.SPAWNED): WorkerState.STARTING,
+    (WorkerState.STARTING, Happened.WARMING): WorkerState.WARMING,
+    (WorkerState.WARMING, Happened.WARMING): WorkerState.WARMING,
+    (WorkerState.STARTING, Happened.READY): WorkerState.READY,
+    (WorkerState.WARMING, Happened.READY): WorkerState.READY,
+    (WorkerState.STARTING, Happened.UNAVAILABLE): WorkerState.UNAVAILABLE,
+    (WorkerState.WARMING, Happened.UNAVAILABLE): WorkerState.UNAVAILABLE,
+    (WorkerState.STOPPED, Happened.ENDED): WorkerState.RESTARTING,
+    (WorkerState.RESTARTING, Happened.ENDED): WorkerState.RESTARTING,
+    **{(state, Happened.ENDED): WorkerState.RESTARTING for state in _LIVING},
+    **{(state, Happened.STOPPED): WorkerState.STOPPED for state in WorkerState},
+}
+"""What is not here cannot happen with a worker of ours: one that says so is not believed, and is killed."""
+
+MOST_MESSAGES_A_SECOND: Final = 1000
+"""Ours sends some 50. A flood would take time from the control loop."""
+
+FIRST_WORD_S: Final = 20.0
+"""Python's own start, on a small board that is just booting."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vitals:
+    """What is known of a living worker; all times are the daemon's.
+
+    ``busy_s`` is how long it had been at its present work when it last told, ``allowed_s`` how long it may be.
+    ``messages`` counts those since the last check.
+    """
+
+    spawned_s: float
+    heard_s: float
+    checked_s: float
+    busy_s: float = 0.0
+    doing: str = ""
+    messages: int = 0
+
+
+def checked(vitals: Vitals, now_s: float) -> Vitals:
+    """The vitals after a check."""
+    return replace(vitals, checked_s=now_s, messages=0)
+
+
+def excused(vitals: Vitals, now_s: float, period_s: float) -> Vitals:
+    """The vitals where this check comes late: what the daemon slept through is not the worker's silence."""
+    late_s = now_s - vitals.checked_s - period_s
+    if late_s <= period_s:
+        return vitals
+    return replace(vitals, spawned_s=vitals.spawned_s + late_s, heard_s=vitals.heard_s + late_s)
+
+
+def why_to_kill(
+    parameters: WorkerParameters,
+    state: WorkerState,
+    vitals: Vitals,
+    now_s: float,
+    *,
+    rss_mb: float | None,
+    allowed_s: float,
+) -> str | None:
+    """Which bound the worker breaks, in words, or None; ``allowed_s`` is what its present work may take."""
+    starting = state in (WorkerState.STARTING, WorkerState.WARMING)
+    if rss_mb is not None and rss_mb > parameters.most_memory_mb:
+        return f"it took {rss_mb:.0f} MB of memory; worker.most_memory_mb is {parameters.most_memory_mb:g}"
+    if starting and now_s - vitals.spawned_s > parameters.start_s:
+        return f"it was not ready within {parameters.start_s:g} s (worker.start_s)"
+    silent_s, most_s = now_s - vitals.heard_s, parameters.silent_s
+    if silent_s > (max(FIRST_WORD_S, most_s) if state is WorkerState.STARTING else most_s):
+        return f"it was silent for {silent_s:.1f} s (worker.silent_s is {most_s:g})"
+    if not starting and vitals.busy_s > allowed_s:
+        return f"it was busy with {vitals.doing or 'something'} for {vitals.busy_s:.1f} s, {allowed_s:g} s are allowed"
+    passed_s = max(now_s - vitals.checked_s, 1e-3)
+    if vitals.messages > MOST_MESSAGES_A_SECOND * max(passed_s, 1.0):
+        return f"it sent {vitals.messages} messages within {passed_s:.1f} s"
+    return None
+
+
+def backoff_s(parameters: WorkerParameters, failures: int) -> float:
+    """How long to wait after so many failures in a row (1: the first)."""
+    return float(min(parameters.restart_after_s * 2 ** (min(failures, 32) - 1), parameters.restart_at_most_s))

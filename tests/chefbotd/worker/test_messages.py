@@ -1,0 +1,99 @@
+"""Messages on the wire: the same whatever the chunks, and nothing else is taken for one."""
+
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.worker.messages import (
+    FROM_WORKER,
+    MOST_BYTES,
+    TO_WORKER,
+    Alive,
+    Answer,
+    Cancel,
+    Configure,
+    Failed,
+    FrameReader,
+    NotAMessage,
+    OdometrySeen,
+    Progress,
+    Ready,
+    Request,
+    ScanSeen,
+    Told,
+    Unavailable,
+    Warming,
+    decoded,
+    framed,
+)
+
+TO = [
+    Configure({"mapping": b"{}"}),
+    ScanSeen(12.5, "top", (0.1, -0.02, 3.1), b"\x00" * 40, b"\x01" * 40, b"\x02" * 40),
+    OdometrySeen(12.51, 1.0, -2.0, 0.3, 0.2, -0.1),
+    Request(7, "mapping", 30.0, b"\x90"),
+    Cancel(7),
+]
+FROM = [
+    Warming("mapping"),
+    Ready(),
+    Unavailable("no numba"),
+    Alive("mapping: a scan", 0.01),
+    Answer(7, b"\x90"),
+    Progress(7, 3.0, 10.0, "matching"),
+    Failed(7, RefusalKind.NOT_MAPPING, "no map is being made"),
+    Failed(8, None, "it was cancelled"),
+    Told("mapping", b"\x91\x01"),
+]
+
+
+def test_every_message_comes_out_as_it_went_in() -> None:
+    """Each message of both directions survives its way over the wire."""
+    reader = FrameReader()
+    sent = b"".join(map(framed, TO))
+    assert [TO_WORKER.decode(frame) for frame in reader.feed(sent)] == TO
+    sent = b"".join(map(framed, FROM))
+    assert [decoded(FROM_WORKER, frame) for frame in reader.feed(sent)] == FROM
+
+
+@given(st.lists(st.integers(1, 60), max_size=40))
+def test_chunks_do_not_matter(sizes: list[int]) -> None:
+    """Whatever pieces the bytes come in, the same messages come out, in the same order."""
+    sent, reader, found, begin = b"".join(map(framed, FROM)), FrameReader(), [], 0
+    for size in [*sizes, len(sent)]:
+        found += [decoded(FROM_WORKER, frame) for frame in reader.feed(sent[begin : begin + size])]
+        begin += size
+    assert found == FROM
+
+
+@pytest.mark.parametrize("length", [0, MOST_BYTES + 1, 0xFFFFFFFF])
+def test_a_length_that_no_message_has_is_refused_at_once(length: int) -> None:
+    """A reader does not wait for 4 GB that garbage promises, and the message says the length."""
+    with pytest.raises(NotAMessage, match=str(length)):
+        list(FrameReader().feed(length.to_bytes(4, "little")))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"\xc1", b"\x91\xa5ready\x00", b"\x92\xa5alive\x01", b"\x91\xa4nope", b"\x81\x01\x02", b"\xff" * 9],
+)
+def test_what_is_no_message_of_the_worker_is_refused(body: bytes) -> None:
+    """Bytes that are not MessagePack, or not one of the worker's messages, are told apart."""
+    with pytest.raises(NotAMessage):
+        decoded(FROM_WORKER, body)
+
+
+@given(st.binary(max_size=200))
+def test_no_bytes_raise_anything_else(body: bytes) -> None:
+    """Any bytes are a message or are refused as none."""
+    with contextlib.suppress(NotAMessage):
+        decoded(FROM_WORKER, body)
+
+
+def test_a_message_that_is_too_long_is_not_sent() -> None:
+    """The sender hears of it, with both sizes, instead of the receiver."""
+    with pytest.raises(ValueError, match=str(MOST_BYTES)):
+        framed(Told("mapping", bytes(MOST_BYTES)))

@@ -1,0 +1,475 @@
+"""The daemon's side of the worker, in front of a fake one on the virtual clock: the daemon lives on in every case."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.worker.messages import (
+    Alive,
+    Answer,
+    Cancel,
+    Configure,
+    Failed,
+    Message,
+    OdometrySeen,
+    Progress,
+    Ready,
+    Request,
+    ScanSeen,
+    Told,
+    ToWorker,
+    Unavailable,
+    Warming,
+)
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.process import Worker, WorkerLost
+from chefbotd.worker.watch import WorkerState
+from tests.chefbotd.worker.fakes import FakeChild, Nursery, healthy, live
+
+SCAN = ScanSeen(1.0, "top", (0.1, 0.0, 0.3), bytes(1200), bytes(1200), bytes(1200))
+
+
+class Count(Message, frozen=True, tag="count"):
+    """A request of the test's own skill."""
+
+    to: int
+
+
+@contextlib.asynccontextmanager
+async def running(
+    raise_child: Callable[[FakeChild], None] = healthy, parameters: WorkerParameters | None = None
+) -> AsyncIterator[tuple[Worker, Nursery]]:
+    """A worker that has had a moment to start."""
+    nursery = Nursery(raise_child)
+    worker = nursery.worker(parameters)
+    task = asyncio.create_task(worker.run())
+    try:
+        await asyncio.sleep(0.1)
+        yield worker, nursery
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+def test_it_is_configured_and_becomes_ready() -> None:
+    """The first message says which skills to load; the states tell how far it is, and that it loads."""
+
+    def slow(child: FakeChild) -> None:
+        live(child)
+        asyncio.get_running_loop().call_later(1.0, child.say, Warming("counting"))
+        asyncio.get_running_loop().call_later(2.0, child.say, Ready())
+
+    async def scene() -> None:
+        async with running(slow) as (worker, nursery):
+            assert nursery.last.received == [Configure({"counting": b"{}"})]
+            await asyncio.sleep(1.2)
+            assert worker.status.reason == "loading counting"
+            await asyncio.sleep(1.0)
+            assert worker.is_ready
+            states = list(dict.fromkeys(status.state for status in nursery.statuses))
+            assert states == [WorkerState.STARTING, WorkerState.WARMING, WorkerState.READY]
+
+    run_virtual(scene())
+
+
+def test_a_dead_worker_is_started_again() -> None:
+    """It is back after half a second, the restart is counted, and whoever has to tell it something is called again."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            readied: list[int] = []
+            worker.add_on_ready(lambda: readied.append(worker.status.pid or 0))
+            nursery.last.die("it was killed by SIGKILL")
+            await asyncio.sleep(0.3)
+            assert worker.status.state is WorkerState.RESTARTING
+            assert worker.status.reason == "it was killed by SIGKILL"
+            assert worker.status.pid is None
+            await asyncio.sleep(0.6)
+            assert (worker.is_ready, worker.status.restarts, readied) == (True, 1, [4001])
+
+    run_virtual(scene())
+
+
+def test_one_that_dies_again_and_again_is_given_time() -> None:
+    """Half a second, 1, 2, 4 ... between the starts; after 30 s of health the count begins anew."""
+
+    def stillborn(child: FakeChild) -> None:
+        asyncio.get_running_loop().call_soon(child.die, "it ended with exit code 1")
+
+    async def scene() -> None:
+        async with running(stillborn) as (_, nursery):
+            await asyncio.sleep(7.4 - 0.1)
+            assert len(nursery.children) == 4, "at 0, 0.5, 1.5 and 3.5 s"
+            nursery._raise = healthy
+            await asyncio.sleep(31 + 1.0)
+            nursery.last.die("again")
+            await asyncio.sleep(0.6)
+            assert len(nursery.children) == 6
+
+    run_virtual(scene())
+
+
+def test_a_worker_that_cannot_be_started_is_tried_again() -> None:
+    """No process for lack of memory is no end of the daemon: it says why, and tries again."""
+
+    async def scene() -> None:
+        nursery = Nursery(healthy)
+        nursery.refuses = True
+        worker = nursery.worker()
+        task = asyncio.create_task(worker.run())
+        await asyncio.sleep(0.2)
+        assert worker.status.reason == "it cannot be started: no more processes"
+        nursery.refuses = False
+        await asyncio.sleep(0.5)
+        assert worker.is_ready
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+    run_virtual(scene())
+
+
+def test_a_hung_worker_is_killed() -> None:
+    """One that says nothing for 3 s is killed and replaced within 4."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            first = nursery.last
+            first.say = lambda message: None  # type: ignore[method-assign]
+            await asyncio.sleep(2.9)
+            assert not first.killed
+            await asyncio.sleep(1.4)
+            assert first.killed
+            assert worker.is_ready
+            assert worker.status.restarts == 1
+
+    run_virtual(scene())
+
+
+def test_a_worker_that_is_busy_for_ever_is_killed() -> None:
+    """Its other thread still says that it lives; but at one scan for over 20 s it is no use."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            nursery.last.say(Alive("counting: a scan", 20.5))
+            await asyncio.sleep(0.3)
+            assert worker.status.reason == "it was busy with counting: a scan for 20.5 s, 20 s are allowed"
+
+    run_virtual(scene())
+
+
+def test_a_worker_that_takes_too_much_memory_is_killed() -> None:
+    """Within a quarter of a second of the reading, with the figure."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            nursery.last.memory_mb = 900.0
+            await asyncio.sleep(0.3)
+            assert nursery.last.killed
+            assert "900 MB" in worker.status.reason
+
+    run_virtual(scene())
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\xff" * 200,
+        b"\x01\x00\x00\x00\xc1",
+        b"\x00\x00\x00\x00",
+        b"\x07\x00\x00\x00\x91\xa5ready",  # ready, though it is ready already
+    ],
+)
+def test_garbage_ends_the_worker_and_nothing_else(data: bytes) -> None:
+    """What is no message, or one at the wrong time, has the worker killed; the next one works."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            first = nursery.last
+            first.say_bytes(data)
+            await asyncio.sleep(0.4)
+            assert worker.status.state is WorkerState.RESTARTING
+            assert worker.status.reason.startswith(("it sent what is no message", "it says that it is ready"))
+            await asyncio.sleep(0.6)
+            assert worker.is_ready
+            assert nursery.last is not first
+
+    run_virtual(scene())
+
+
+def test_a_flood_ends_it() -> None:
+    """A worker that sends two thousand messages at once is killed; the loop has had its turns meanwhile."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            first = nursery.last
+            for _ in range(20):
+                for _ in range(100):
+                    first.say(Alive("", 0.0))
+                await asyncio.sleep(0)
+            await asyncio.sleep(0.3)
+            assert first.killed
+            assert worker.status.reason.startswith("it sent 2")
+
+    run_virtual(scene())
+
+
+def test_what_a_skill_tells_reaches_its_listener() -> None:
+    """A skill's own message goes to who listens to that skill; one of no skill ends the worker."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            heard: list[bytes] = []
+            worker.add_listener("counting", heard.append)
+            nursery.last.say(Told("counting", b"\x01"))
+            await asyncio.sleep(0.01)
+            assert heard == [b"\x01"]
+            nursery.last.say(Told("other", b"\x01"))
+            await asyncio.sleep(0.3)
+            assert "does not have: 'other'" in worker.status.reason
+
+    run_virtual(scene())
+
+
+def test_a_missing_extra_is_said_once_and_for_all() -> None:
+    """A worker that cannot work here is not started again, and requests are refused with its reason."""
+
+    def without_numba(child: FakeChild) -> None:
+        def answer(message: ToWorker) -> None:
+            child.say(
+                Unavailable("mapping needs numba, which is not installed: pip install 'chefbotd[navigation]'")
+            )
+
+        child.answer = answer
+
+    async def scene() -> None:
+        async with running(without_numba) as (worker, nursery):
+            await asyncio.sleep(100)
+            assert len(nursery.children) == 1
+            assert worker.status.state is WorkerState.UNAVAILABLE
+            assert worker.status.pid is None
+            with pytest.raises(WorkerLost, match=r"unavailable: mapping needs numba.*chefbotd\[navigation\]"):
+                await worker.request("counting", Count(3), deadline_s=1.0)
+
+    run_virtual(scene())
+
+
+def counting(child: FakeChild) -> None:
+    """Answers a request with 10 steps of progress, a tenth of a second each, unless it is cancelled."""
+    healthy(child)
+    become_ready, loop = child.answer, asyncio.get_running_loop()
+    cancelled: set[int] = set()
+
+    def advance(number: int, done: int) -> None:
+        if number in cancelled:
+            child.say(Failed(number, None, "it was cancelled"))
+        elif done == 10:
+            child.say(Answer(number, b"\xa4done"))
+        else:
+            child.say(Progress(number, done, 10, "counting"))
+            loop.call_later(0.1, advance, number, done + 1)
+
+    def answer(message: ToWorker) -> None:
+        become_ready(message)
+        if isinstance(message, Request):
+            advance(message.id, 0)
+        elif isinstance(message, Cancel):
+            cancelled.add(message.id)
+
+    child.answer = answer
+
+
+def test_a_request_is_answered_with_progress_on_the_way() -> None:
+    """Who asks hears how far it is, and then the answer."""
+
+    async def scene() -> None:
+        async with running(counting) as (worker, _):
+            told: list[tuple[float, float, str]] = []
+            answer = await worker.request(
+                "counting", Count(3), deadline_s=0.5, on_progress=lambda *progress: told.append(progress)
+            )
+            assert answer == b"\xa4done", (
+                "though it took longer than the deadline: each progress begins it anew"
+            )
+            assert told == [(float(done), 10.0, "counting") for done in range(10)]
+
+    run_virtual(scene())
+
+
+def test_a_request_can_be_given_up() -> None:
+    """Cancelling tells the worker, and waits until it has given up."""
+
+    async def scene() -> None:
+        async with running(counting) as (worker, nursery):
+            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0))
+            await asyncio.sleep(0.35)
+            task.cancel()
+            await asyncio.wait({task}, timeout=0.2)
+            assert task.cancelled()
+            assert nursery.last.received_of(Cancel)
+
+    run_virtual(scene())
+
+
+def test_a_request_that_was_done_before_it_could_be_given_up_is_told_as_done() -> None:
+    """Nobody hears 'cancelled' of a map that was saved."""
+
+    def stubborn(child: FakeChild) -> None:
+        healthy(child)
+        become_ready = child.answer
+
+        def answer(message: ToWorker) -> None:
+            become_ready(message)
+            if isinstance(message, Cancel):
+                child.say(Answer(message.id, b"\xa5saved"))
+
+        child.answer = answer
+
+    async def scene() -> None:
+        async with running(stubborn) as (worker, _):
+            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0))
+            await asyncio.sleep(0.1)
+            task.cancel()
+            await asyncio.wait({task}, timeout=0.2)
+            assert task.result() == b"\xa5saved"
+
+    run_virtual(scene())
+
+
+def test_a_refusal_comes_with_its_kind() -> None:
+    """What the skill refuses is refused to the caller, in the same words."""
+
+    def refusing(child: FakeChild) -> None:
+        healthy(child)
+        become_ready = child.answer
+
+        def answer(message: ToWorker) -> None:
+            become_ready(message)
+            if isinstance(message, Request):
+                child.say(Failed(message.id, RefusalKind.NOT_MAPPING, "no map is being made"))
+
+        child.answer = answer
+
+    async def scene() -> None:
+        async with running(refusing) as (worker, _):
+            with pytest.raises(Refused, match="no map is being made") as refused:
+                await worker.request("counting", Count(3), deadline_s=5.0)
+            assert refused.value.kind is RefusalKind.NOT_MAPPING
+
+    run_virtual(scene())
+
+
+def test_a_request_that_is_not_answered_in_time_ends_the_worker() -> None:
+    """The caller hears that the worker is gone, and the reason names the deadline."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            with pytest.raises(WorkerLost, match="ended before it was done"):
+                await worker.request("counting", Count(3), deadline_s=2.0)
+            assert nursery.children[0].killed
+            await asyncio.sleep(0.1)
+            assert worker.status.reason == "it did not answer a request within 2 s"
+
+    run_virtual(scene())
+
+
+def test_who_waits_for_a_worker_that_dies_hears_so() -> None:
+    """A request to a worker that is killed fails at once, and no later answer confuses the next one."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=60.0))
+            await asyncio.sleep(0.1)
+            nursery.last.die("it was killed by SIGKILL")
+            with pytest.raises(WorkerLost):
+                await task
+            with pytest.raises(WorkerLost, match="restarting: it was killed by SIGKILL"):
+                await worker.request("counting", Count(3), deadline_s=60.0)
+
+    run_virtual(scene())
+
+
+def test_a_worker_that_does_not_read_holds_up_nothing() -> None:
+    """Old scans give way and are counted, what was asked does not, and it all arrives in order once it reads."""
+
+    async def scene() -> None:
+        async with running(parameters=WorkerParameters(queue_kb=16)) as (worker, nursery):
+            child = nursery.last
+            child.stop_reading()
+            for k in range(500):
+                worker.send(ScanSeen(float(k), *(getattr(SCAN, name) for name in SCAN.__struct_fields__[1:])))
+                worker.send(OdometrySeen(float(k), 0.0, 0.0, 0.0, 0.0, 0.0))
+            asked = asyncio.create_task(worker.request("counting", Count(3), deadline_s=60.0))
+            await asyncio.sleep(0.1)
+            child.read_on()
+            await asyncio.sleep(0.1)
+            scans = [scan.stamp_s for scan in child.received_of(ScanSeen)]
+            assert 0 < len(scans) < 60
+            assert scans == sorted(scans)
+            assert scans[-1] == 499.0, "the newest is there"
+            assert worker.dropped >= 1000 - 2 * 60
+            assert len(child.received_of(Request)) == 1
+            asked.cancel()
+            child.say(Failed(1, None, "it was cancelled"))
+            await asyncio.wait({asked})
+
+    run_virtual(scene())
+
+
+def test_nothing_is_sent_to_a_worker_that_is_not_ready() -> None:
+    """Scans are for a worker that has loaded its skills; before, they are let go."""
+
+    async def scene() -> None:
+        async with running(live) as (worker, nursery):
+            worker.send(SCAN)
+            await asyncio.sleep(0.1)
+            assert nursery.last.received == [Configure({"counting": b"{}"})]
+
+    run_virtual(scene())
+
+
+def test_the_status_tells_memory_and_processor_once_a_second() -> None:
+    """Used processor time becomes a share of one core."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            before = len(nursery.statuses)
+            nursery.last.memory_mb = 151.0
+            for _ in range(30):
+                nursery.last.used_s += 0.008
+                await asyncio.sleep(0.1)
+            assert worker.status.rss_mb == 151.0
+            assert worker.status.cpu == pytest.approx(0.08, rel=0.05)
+            assert 2 <= len(nursery.statuses) - before <= 4
+
+    run_virtual(scene())
+
+
+def test_it_ends_with_the_daemon() -> None:
+    """The socket is closed, which lets the worker save and leave; nobody has to be killed."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+            pass
+        assert not nursery.last.killed
+        assert worker.status.state is WorkerState.STOPPED
+
+    run_virtual(scene())
+
+
+def test_one_that_does_not_leave_is_killed() -> None:
+    """The daemon's end waits for no worker longer than 1.5 s."""
+
+    async def scene() -> None:
+        async with running() as (_, nursery):
+            nursery.last.stop_reading()
+            begun_s = asyncio.get_running_loop().time()
+        assert nursery.last.killed
+        assert asyncio.get_running_loop().time() - begun_s == pytest.approx(1.5, abs=0.1)
+
+    run_virtual(scene())

@@ -1,0 +1,176 @@
+"""The real worker process: started, killed, stopped, orphaned. Without skills, so that it starts at once."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+import uvloop
+
+from chefbotd.clock import SystemClock
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.process import Worker, WorkerStatus
+from chefbotd.worker.spawn import environment
+from chefbotd.worker.watch import WorkerState
+
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc"),
+]
+PATIENCE_S = 20.0
+
+
+@contextlib.asynccontextmanager
+async def running(
+    parameters: WorkerParameters | None = None,
+) -> AsyncIterator[tuple[Worker, list[WorkerStatus]]]:
+    """A real worker that is ready."""
+    statuses: list[WorkerStatus] = []
+    worker = Worker(parameters or WorkerParameters(silent_s=1.5), SystemClock(), {}, statuses.append)
+    task = asyncio.create_task(worker.run())
+    try:
+        await until(lambda: worker.is_ready)
+        yield worker, statuses
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait for it, with patience for a machine that is busy."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - a condition of another process
+            await asyncio.sleep(0.02)
+
+
+def run(scene: Callable[[], object]) -> None:
+    """On the loop that the daemon runs on."""
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(scene())  # type: ignore[arg-type]
+
+
+def out_of_memory_score(pid: int) -> int:
+    """How gladly the kernel ends it when memory is out; the daemon's is 0."""
+    return int(Path(f"/proc/{pid}/oom_score_adj").read_text())
+
+
+def lives(pid: int) -> bool:
+    """Whether there is such a process, and it is no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_it_runs_behind_the_daemon_and_leaves_with_it() -> None:
+    """It has a lower priority, is the kernel's first choice when memory is out, and is gone when the daemon ends."""
+    pids: list[int] = []
+
+    async def scene() -> None:
+        async with running() as (worker, _):
+            pid = worker.status.pid or 0
+            pids.append(pid)
+            mine = os.getpriority(os.PRIO_PROCESS, 0)
+            assert os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 10, 19)
+            assert out_of_memory_score(pid) == 800
+            await until(lambda: worker.status.rss_mb is not None)
+            assert 5 < (worker.status.rss_mb or 0) < 100, "without skills it has loaded no arrays"
+
+    run(scene)
+    assert not lives(pids[0])
+
+
+def test_killed_it_is_back_within_seconds() -> None:
+    """Kill -9: the reason names the signal, and another one is ready."""
+
+    async def scene() -> None:
+        async with running() as (worker, statuses):
+            first = worker.status.pid or 0
+            os.kill(first, signal.SIGKILL)
+            await until(lambda: worker.status.restarts == 1 and worker.is_ready)
+            assert worker.status.pid != first
+            assert "it was killed by SIGKILL" in [status.reason for status in statuses]
+
+    run(scene)
+
+
+def test_stopped_it_is_taken_for_hung() -> None:
+    """SIGSTOP: silence is noticed, the stopped process is ended, and another one is ready."""
+
+    async def scene() -> None:
+        async with running() as (worker, statuses):
+            first = worker.status.pid or 0
+            os.kill(first, signal.SIGSTOP)
+            await until(lambda: worker.status.restarts == 1 and worker.is_ready)
+            assert not lives(first)
+            assert any("silent" in status.reason for status in statuses)
+
+    run(scene)
+
+
+def test_a_bound_of_memory_is_held() -> None:
+    """What takes more than it may is ended, with both figures."""
+    tight = WorkerParameters().model_copy(update={"most_memory_mb": 10.0})
+
+    async def scene() -> None:
+        statuses: list[WorkerStatus] = []
+        worker = Worker(tight, SystemClock(), {}, statuses.append)
+        task = asyncio.create_task(worker.run())
+        await until(lambda: worker.status.state is WorkerState.RESTARTING)
+        assert "MB of memory; worker.most_memory_mb is 10" in worker.status.reason
+        task.cancel()
+        await asyncio.wait({task})
+
+    run(scene)
+
+
+DAEMON = """
+import asyncio, sys
+from chefbotd.clock import SystemClock
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.process import Worker
+told = set()
+def tell(status):
+    if status.pid and status.pid not in told:
+        told.add(status.pid)
+        print(status.pid, flush=True)
+asyncio.run(Worker(WorkerParameters(), SystemClock(), {}, tell).run())
+"""
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_it_dies_with_a_daemon_that_is_killed(stopped: bool) -> None:
+    """Kill -9 of the daemon leaves no worker behind, not even a stopped one."""
+    with subprocess.Popen([sys.executable, "-c", DAEMON], stdout=subprocess.PIPE, text=True) as daemon:
+        assert daemon.stdout is not None
+        pid = int(daemon.stdout.readline())
+        time.sleep(1.0)
+        if stopped:
+            os.kill(pid, signal.SIGSTOP)
+        daemon.kill()
+    ends_s = time.monotonic() + PATIENCE_S
+    while lives(pid) and time.monotonic() < ends_s:
+        time.sleep(0.02)
+    assert not lives(pid)
+
+
+def test_compiled_code_goes_where_the_service_may_write() -> None:
+    """[worker] cache_folder, else NUMBA_CACHE_DIR, else systemd's CacheDirectory=; nothing of systemd's own goes on."""
+    unit = {
+        "CACHE_DIRECTORY": "/var/cache/chefbotd:/var/cache/other",
+        "NOTIFY_SOCKET": "/run/x",
+        "PATH": "/bin",
+    }
+    assert environment(unit, None)["NUMBA_CACHE_DIR"] == "/var/cache/chefbotd/numba"
+    assert environment(unit, Path("/srv/numba"))["NUMBA_CACHE_DIR"] == "/srv/numba"
+    assert environment({"NUMBA_CACHE_DIR": "/n", **unit}, None)["NUMBA_CACHE_DIR"] == "/n"
+    assert "NUMBA_CACHE_DIR" not in environment({}, None)
+    assert "NOTIFY_SOCKET" not in environment(unit, None)
+    assert environment(unit, None)["OPENBLAS_NUM_THREADS"] == "1"
