@@ -55,6 +55,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     """
     path = path or packaged()
     values = _from_file(path)
+    _name_world(values)
     dotted_keys = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     environment = {
         keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted_keys
@@ -71,6 +72,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
             origins[place(values, keys, value)] = ""
     except UnknownKey as error:
         raise SettingsError(f"{origins[keys]}{error}") from error
+    _name_world(values)
     _locate_description(values, path.parent)
     try:
         settings = _validate(values, texts)
@@ -91,6 +93,13 @@ def _from_file(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: not valid TOML: {error}") from error
+
+
+def _name_world(values: dict[str, Any]) -> None:
+    """``[sim] world`` may be a name or a path alone."""
+    sim = values.get("sim")
+    if isinstance(sim, dict) and isinstance(named := sim.get("world"), str):
+        sim["world"] = {"map_path": named}
 
 
 def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:

@@ -1,6 +1,9 @@
 """The simulated LaunchPad: the board's side of the wire, without I/O; time is an argument."""
 
+import numpy as np
+
 from chefbotd.core.events import TruthSimulated
+from chefbotd.sim.arrays import Vector
 from chefbotd.sim.sketch import Sketch
 from chefbotd.sim.uart import Uart
 from chefbotd.sim.wiring import Wiring
@@ -58,6 +61,12 @@ class Launchpad:
         self._run(at_s)
         self._robot.advance(at_s)
         return self._robot.truth(stamp_s)
+
+    def trail(self, at_s: float) -> Vector:
+        """Where the robot was in the last half second up to ``at_s``: rows of time, x, y, heading, a step apart."""
+        self._run(at_s)
+        self._robot.advance(at_s)
+        return np.array(self._robot.trail)
 
     def _run(self, to_s: float) -> None:
         while self._resume_s <= to_s:

@@ -5,6 +5,7 @@ two of them acts from the second. So when and how often the robot is looked at n
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.battery import Battery
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.plant import Plant, WheelState
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim.world import World
@@ -21,6 +23,7 @@ Watcher = Callable[[float, float, Vector, Vector], None]
 """Told of every step: from and to which time, and the wheels' angles before and after."""
 
 STRAIGHT_RAD = 1e-9
+TRAIL_S = 0.5
 TOUCH_M = 1e-6
 
 
@@ -40,18 +43,28 @@ class RobotState:
     free_m: float
     forward_m_s2: float = 0.0
     skid: float = 0.0
+    touches_disc: bool = False
 
     @property
     def in_contact(self) -> bool:
-        """Whether the robot touches a wall."""
-        return self.free_m < TOUCH_M
+        """Whether the robot touches a wall, a thing or a person."""
+        return self.free_m < TOUCH_M or self.touches_disc
 
 
 class Robot:
-    """A disc on wheels between walls."""
+    """A disc on wheels between walls, and among people.
+
+    ``trail`` has the last poses (time, x, y, heading), a step apart, the newest last.
+    """
 
     def __init__(
-        self, plant: Plant, body: BodyParameters, world: World, battery: Battery, start: Pose2D
+        self,
+        plant: Plant,
+        body: BodyParameters,
+        world: World,
+        battery: Battery,
+        start: Pose2D,
+        crowd: Crowd | None = None,
     ) -> None:
         """Raises ``ValueError`` when the start pose is closer to a wall than the robot's radius."""
         clearance_m = world.clearance_m((start.x_m, start.y_m))
@@ -59,7 +72,9 @@ class Robot:
             raise ValueError(
                 f"start pose {start} is {clearance_m:.3f} m from a wall, robot radius {body.radius_m} m"
             )
-        self._plant, self._body, self._world = plant, body, world
+        self._plant, self._body, self._world, self._crowd = plant, body, world, crowd
+        if crowd is not None:
+            world.discs = crowd.discs
         self._pulse_width: Vector | None = None
         idle_v, _ = plant.load(plant.standing, None, battery.supply)
         self._now = self._before = RobotState(
@@ -68,6 +83,12 @@ class Robot:
         self._steps = 0
         self._read_s = 0.0
         self._watchers: list[Watcher] = []
+        steps = math.ceil(TRAIL_S / plant.step_s) + 1
+        self.trail: deque[tuple[float, float, float, float]] = deque(maxlen=steps)
+        self._leave_trail(start)
+
+    def _leave_trail(self, pose: Pose2D) -> None:
+        self.trail.append((self._steps * self._plant.step_s, pose.x_m, pose.y_m, pose.heading_rad))
 
     def drive(self, shares: Sequence[float]) -> None:
         """Put these PWM shares (-1 to 1) into force; 0 brakes. Raises ``ValueError`` unless there is one per wheel."""
@@ -85,8 +106,12 @@ class Robot:
         """Bring the robot to this time, at which the readings below are taken; never back."""
         self._read_s = max(to_s, self._read_s)
         while self._steps * self._plant.step_s < self._read_s:
+            if self._crowd is not None:
+                self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
+                self._world.discs = self._crowd.discs
             self._before, self._now = self._now, self._step(self._now)
             self._steps += 1
+            self._leave_trail(self._now.world_from_base)
             for watcher in self._watchers:
                 to_step_s = self._steps * self._plant.step_s
                 angles = self._before.wheels.angle_rad, self._now.wheels.angle_rad
@@ -134,13 +159,16 @@ class Robot:
         twist = self._plant.twist((wheels.angle_rad - state.wheels.angle_rad) / step_s)
         wanted = before.compose(arc(twist, step_s))
         pose, free_m = self._let_through(state, wanted)
+        touches_disc = False
+        if len(self._world.discs):
+            pose, free_m, touches_disc = self._among_discs(state, pose, free_m)
         skid = 0.0
         if pose is not wanted:
-            skid = max(1 - _distance_m(before, pose) / _distance_m(before, wanted), 0.0)
+            skid = max(1 - _distance_m(before, pose) / max(_distance_m(before, wanted), TOUCH_M), 0.0)
             forward_m = before.inverse().compose(pose).x_m
             twist = Twist2D(forward_m / step_s, twist.angular_rad_s)
         forward_m_s2 = (twist.linear_m_s - state.twist.linear_m_s) / step_s
-        return RobotState(pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid)
+        return RobotState(pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid, touches_disc)
 
     def _let_through(self, state: RobotState, wanted: Pose2D) -> tuple[Pose2D, float]:
         """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.
@@ -157,6 +185,16 @@ class Robot:
         if place == (wanted.x_m, wanted.y_m):
             return wanted, free_m
         return Pose2D(*place, wanted.heading_rad), free_m
+
+    def _among_discs(self, state: RobotState, wanted: Pose2D, free_m: float) -> tuple[Pose2D, float, bool]:
+        """Where people and things let the robot go, how far it may go from there, and whether it touches one."""
+        radius_m, before = self._body.radius_m, state.world_from_base
+        here, there = (before.x_m, before.y_m), (wanted.x_m, wanted.y_m)
+        place, touches = self._world.keep_off(here, there, radius_m)
+        if place == there:
+            return wanted, free_m, touches
+        free_m = self._world.clearance_m(place) - radius_m
+        return Pose2D(*place, wanted.heading_rad), free_m, touches
 
 
 def _distance_m(a: Pose2D, b: Pose2D) -> float:

@@ -1,6 +1,7 @@
-"""Where the walls come from: a furnished room, or a map in the format of ROS's map_server."""
+"""Where the walls come from: a furnished room, a building of `worlds`, or a map in map_server's format."""
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,45 @@ import numpy.typing as npt
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.map_server import parse_description, parse_image
 from chefbotd.mapping.occupancy_grid import OCCUPIED
+from chefbotd.sim import scene
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.scene import Scene
 from chefbotd.sim.world import World
+from chefbotd.sim.worlds.building import Building
+from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.sim.worlds.office import OFFICE
+
+BUILDINGS: dict[str, Building] = {building.name: building for building in (FLAT, OFFICE)}
+
+
+def scene_of(named: Path | None, closed_doors: Collection[str] = ()) -> Scene:
+    """What is meant by ``[sim] world``: a building by its name, a map by its YAML file's path, or the furnished room.
+
+    Raises:
+        OSError: a file cannot be read.
+        ValueError: it is not a map, or nothing in it is occupied, or it has no such door.
+    """
+    building = None if named is None else BUILDINGS.get(str(named))
+    doors = {} if building is None else {door.name: door for door in building.doors}
+    if unknown := [name for name in closed_doors if name not in doors]:
+        told = (
+            f"there are: {', '.join(doors)}"
+            if doors
+            else "only a building that comes with chefbotd has doors"
+        )
+        raise ValueError(f"sim.world.closed_doors: there is no door {unknown[0]!r}; {told}")
+    if building is not None:
+        solids = (*building.solids, *[doors[name] for name in closed_doors])
+        return scene.of_solids(solids, building.start)
+    return scene.of_walls(_furnished_room() if named is None else _map_walls(named))
 
 
 def default_room() -> World:
+    """The furnished room."""
+    return World(_furnished_room())
+
+
+def _furnished_room() -> Vector:
     """A 4.2 m square room with furniture along its walls.
 
     The square from (0, 0) to (2, 2) is at least 0.6 m from everything, and what lies ahead when driving along
@@ -29,7 +64,7 @@ def default_room() -> World:
         for wall in _box(x, y, x + 0.05, y + 0.05)
     ]
     stove = _box(-1.1, 2.65, -0.65, 3.1)
-    return World([*room, *cupboard, *sofa, *shelf, *table_legs, *stove])
+    return np.array([*room, *cupboard, *sofa, *shelf, *table_legs, *stove])
 
 
 def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float, float, float]]:
@@ -44,12 +79,16 @@ def load_map(path: Path) -> World:
         OSError: a file cannot be read.
         ValueError: the YAML or the image is not a map, or nothing in it is occupied.
     """
+    return World(_map_walls(path))
+
+
+def _map_walls(path: Path) -> Vector:
     description = parse_description(path.read_text(encoding="utf-8"), str(path))
     grid = parse_image((path.parent / description.image).read_bytes(), description)
     occupied = grid.percent == OCCUPIED
     if not occupied.any():
         raise ValueError(f"{path}: no pixel is darker than occupied_thresh {description.occupied_thresh}")
-    return World(_placed(_outlines(occupied) * grid.resolution_m, grid.map_from_grid))
+    return _placed(_outlines(occupied) * grid.resolution_m, grid.map_from_grid)
 
 
 def _outlines(occupied: npt.NDArray[np.bool_]) -> Vector:

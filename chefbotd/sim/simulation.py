@@ -6,15 +6,16 @@ from dataclasses import dataclass, field
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.battery import Battery, Divider
 from chefbotd.sim.chassis import PUBLISHED, Chassis
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.opening import FirstLineCut
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
-from chefbotd.sim.rooms import default_room, load_map
+from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Ultrasonic, UltrasonicMount
 from chefbotd.sim.wiring import Wiring
-from chefbotd.sim_parameters.simulation import SimulationParameters
+from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from firmware_protocol.codec import CLASSIC, Variant
 
@@ -69,14 +70,17 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         ValueError: the map is none, or the start pose is too close to a wall.
     """
     parameters = simulation.parameters
-    start, body = parameters.world, parameters.body
-    world = default_room() if start.map_path is None else load_map(start.map_path)
+    seed = parameters.seed if seed is None else seed
+    body = parameters.body
+    scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
+    world = scene.below(body.height_m)
     robot = Robot(
         Plant(parameters.motor, body, parameters.step_s, simulation.chassis),
         body,
         world,
         Battery.fresh(parameters.battery),
-        Pose2D(start.start_x_m, start.start_y_m, start.start_heading_rad),
+        start_pose(parameters.world, scene.start),
+        Crowd(parameters.people, parameters.things, seed) if parameters.people or parameters.things else None,
     )
     mount = simulation.ultrasonic
     wiring = Wiring(
@@ -88,5 +92,14 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         simulation.variant,
         tuple(Infrared(each, world) for each in simulation.infrared),
     )
-    seed = parameters.seed if seed is None else seed
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
+
+
+def start_pose(configured: WorldParameters, default: Pose2D) -> Pose2D:
+    """Where the robot starts: as configured, and as the building says where nothing is."""
+    x_m, y_m, heading_rad = configured.start_x_m, configured.start_y_m, configured.start_heading_rad
+    return Pose2D(
+        default.x_m if x_m is None else x_m,
+        default.y_m if y_m is None else y_m,
+        default.heading_rad if heading_rad is None else heading_rad,
+    )

@@ -1,19 +1,25 @@
-"""Walls in the plane: what a round robot bumps into, and what a beam hits."""
+"""Walls and discs in the plane: what a round robot bumps into, and what a beam hits."""
 
+import math
 from collections.abc import Iterable
 from typing import TypeAlias
 
 import numpy as np
 
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.rays import to_discs_m
 
 Point: TypeAlias = tuple[float, float]
 PUSHES = 6
 TOUCH_TOLERANCE_M = 1e-9
+NO_DISCS: Vector = np.zeros((0, 3))
 
 
 class World:
-    """A set of wall segments in the world frame, S x 4: each row is x1, y1, x2, y2 in metres."""
+    """A set of wall segments in the world frame, S x 4: each row is x1, y1, x2, y2 in metres.
+
+    ``discs`` (D x 3: x, y, radius) is where people and things are now; whoever moves them sets it.
+    """
 
     def __init__(self, walls: Vector | Iterable[tuple[float, float, float, float]]) -> None:
         """Raises ``ValueError`` unless there is at least one wall, each with a length."""
@@ -24,6 +30,7 @@ class World:
         self._length_squared = (self._along**2).sum(axis=1)
         if not self._length_squared.all():
             raise ValueError("a wall has no length")
+        self.discs = NO_DISCS
 
     def clearance_m(self, point: Point) -> float:
         """Distance from the point to the nearest wall."""
@@ -53,8 +60,31 @@ class World:
             place = spot + (place - spot) * (radius_m / distance)
         return before
 
+    def keep_off(self, before: Point, wanted: Point, radius_m: float) -> tuple[Point, bool]:
+        """The same among discs: where it comes to lie beside them, and whether it touches one.
+
+        A disc that has moved into it pushes it nowhere. It may leave a disc, and comes no closer to it.
+        """
+        place = wanted
+        gaps = self._gaps_m(place, radius_m)
+        for number in np.flatnonzero(gaps < TOUCH_TOLERANCE_M):
+            x, y, disc_m = self.discs[number]
+            apart_m, before_m = math.dist(place, (x, y)), math.dist(before, (x, y))
+            kept_m = min(before_m, radius_m + disc_m)
+            if 0 < apart_m < kept_m:
+                share = kept_m / apart_m
+                place = (float(x + (place[0] - x) * share), float(y + (place[1] - y) * share))
+        if place != wanted and self.settle(before, place, radius_m) != place:
+            place = before
+        return place, bool((gaps < TOUCH_TOLERANCE_M).any())
+
+    def _gaps_m(self, place: Point, radius_m: float) -> Vector:
+        discs = self.discs
+        gaps: Vector = np.hypot(discs[:, 0] - place[0], discs[:, 1] - place[1]) - discs[:, 2] - radius_m
+        return gaps
+
     def first_hits_m(self, origin: Point, bearings_rad: Vector) -> Vector:
-        """How far a beam runs to a wall, per bearing (world frame, CCW from +x); inf where it meets none."""
+        """How far a beam runs, per bearing (world frame, CCW from +x), to a wall or disc; inf where it meets none."""
         rays = np.stack((np.cos(bearings_rad), np.sin(bearings_rad)), axis=1)
         to_start = self._start - np.asarray(origin)
         turn = _cross(rays[:, None, :], self._along[None, :, :])
@@ -64,6 +94,8 @@ class World:
         share = _cross(to_start[None, :, :], rays[:, None, :]) / turn
         missed = parallel | (reach < 0) | (share < 0) | (share > 1)
         nearest: Vector = np.where(missed, np.inf, reach).min(axis=1)
+        if len(self.discs):
+            nearest = np.minimum(nearest, to_discs_m(np.asarray(origin)[None], bearings_rad, self.discs))
         return nearest
 
 

@@ -81,10 +81,12 @@ class BodyParameters(Parameters):
     A robot whose wheels are spread over a ``wheelbase_m`` turns by dragging them sideways (skid steer), against their
     grip: the tighter it turns, the harder. The multipliers make a side's real wheels differ from what the configuration
     takes them for; a side's slip is the share of its rim travel that does not become motion over the ground.
+    What hangs higher than ``height_m`` (assumed), such as a table's top, is passed under.
     """
 
     wheelbase_m: float = Field(0.0, ge=0, le=5)
     radius_m: float = Field(0.18, gt=0, le=2)
+    height_m: float = Field(0.35, gt=0, le=3)
     mass_kg: float = Field(6.0, ge=0, le=500)
     yaw_inertia_kg_m2: float = Field(0.1, ge=0, le=100)
     rolling_resistance: float = Field(0.03, ge=0, le=1)

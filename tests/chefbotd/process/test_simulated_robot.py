@@ -72,6 +72,11 @@ def test_the_simulated_line_is_as_fast_as_the_configured_one(more: dict[str, flo
         ({"sim.world.start_x_m": 2.65, "sim.world.start_y_m": 0.8}, "from a wall"),
         ({"sim.body.wheelbase_m": 0.2}, "wheelbase_m 0.2 needs a side with two wheels"),
         ({"sim.world.map_path": "/no/such/map.yaml"}, "/no/such/map.yaml"),
+        ({"sim.world": "/no/such/map.yaml"}, "/no/such/map.yaml"),
+        (
+            {"sim.world": {"map_path": "flat", "closed_doors": ["cellar"]}},
+            "there is no door 'cellar'; there are: living room",
+        ),
     ],
 )
 def test_what_cannot_be_simulated_is_told_in_one_line(overrides: dict[str, object], told: str) -> None:
@@ -85,3 +90,17 @@ def test_what_cannot_be_simulated_is_told_in_one_line(overrides: dict[str, objec
 def test_the_packaged_robots_can_be_simulated(robot_name: str) -> None:
     """Both that come with chefbotd."""
     assert checked_simulation(load(packaged(robot_name))).variant.wheels in (2, 4)
+
+
+@pytest.mark.parametrize(
+    ("world", "start"),
+    [
+        ("flat", Pose2D(2.5, 2.4, 1.8)),
+        ({"map_path": "flat", "start_x_m": 8.3, "start_y_m": 6.2}, Pose2D(8.3, 6.2, 1.8)),
+        ("office", Pose2D(1.5, 4.5, 0.1)),
+    ],
+)
+def test_a_building_is_named_and_has_a_start_of_its_own(world: object, start: Pose2D) -> None:
+    """``world = "flat"`` is enough; where the robot starts may be said in part."""
+    board = build_launchpad(simulation_of(load(overrides={"sim.world": world})))
+    assert board.truth(0.0, 0.0).world_from_base == start

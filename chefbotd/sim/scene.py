@@ -1,0 +1,72 @@
+"""A building in space: upright faces and level slabs, from which each sensor takes what it can meet."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.world import World
+from chefbotd.sim.worlds.solids import CEILING_M, Material, Solid
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slab:
+    """A level face: a convex polygon (N x 2, counter-clockwise) at a height."""
+
+    corners: Vector
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Upright faces, one row each: ``edges`` (S x 4: x1, y1, x2, y2), between two heights, of a material; and slabs.
+
+    ``start`` is where a robot starts if nothing else is configured.
+    """
+
+    edges: Vector
+    bottom_m: Vector
+    top_m: Vector
+    material: npt.NDArray[np.int8]
+    slabs: tuple[Slab, ...] = ()
+    start: Pose2D = ORIGIN
+
+    def below(self, height_m: float) -> World:
+        """The walls that something of this height can bump into.
+
+        Raises:
+            ValueError: there are none.
+        """
+        return World(self.edges[self.bottom_m < height_m])
+
+    def slice(self, height_m: float) -> tuple[Vector, npt.NDArray[np.int8]]:
+        """What a level beam at this height can meet: edges, and the material of each."""
+        met = (self.bottom_m <= height_m) & (height_m < self.top_m)
+        return self.edges[met], self.material[met]
+
+
+def of_walls(edges: Vector, start: Pose2D = ORIGIN) -> Scene:
+    """A scene of plain walls from floor to ceiling."""
+    count = len(edges)
+    heights = np.zeros(count), np.full(count, CEILING_M)
+    return Scene(edges, *heights, np.full(count, Material.PLAIN, np.int8), start=start)
+
+
+def of_solids(solids: Iterable[Solid], start: Pose2D = ORIGIN) -> Scene:
+    """A scene of prisms; a slab is their top, or the underside of one that hangs above the floor."""
+    edges, bottoms, tops, materials, slabs = [], [], [], [], []
+    for solid in solids:
+        corners = solid.corners
+        edges.append(np.hstack((corners, np.roll(corners, -1, axis=0))))
+        bottoms += [solid.bottom_m] * len(corners)
+        tops += [solid.top_m] * len(corners)
+        materials += [solid.material] * len(corners)
+        if solid.top_m < CEILING_M:
+            slabs.append(Slab(corners, solid.top_m))
+        if solid.bottom_m > 0:
+            slabs.append(Slab(corners, solid.bottom_m))
+    materials_of = np.array(materials, np.int8)
+    return Scene(np.concatenate(edges), np.array(bottoms), np.array(tops), materials_of, tuple(slabs), start)

@@ -1,0 +1,38 @@
+"""Who walks about in the simulated rooms, and what was put in the way."""
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.parameters import Parameters
+
+
+class PersonParameters(Parameters):
+    """Somebody who walks along a path of points (x, y), to and fro or round and round, with a pause at each end.
+
+    ``waits``: stops rather than come closer to the robot than ``keeps_m``; otherwise walks on as if it were not there.
+    Speeds and pauses differ by a tenth each time, as the seed has it.
+    """
+
+    path_m: tuple[tuple[float, float], ...] = Field(min_length=1)
+    speed_m_s: float = Field(0.8, gt=0, le=3)
+    radius_m: float = Field(0.25, gt=0, le=1)
+    start_m: float = Field(0.0, ge=0)
+    pause_s: float = Field(1.0, ge=0, le=3600)
+    waits: bool = True
+    keeps_m: float = Field(0.3, ge=0, le=5)
+    goes_round: bool = False
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Self:
+        if self.goes_round and len(self.path_m) < 3:
+            raise ValueError(f"going round needs three points at least, got {len(self.path_m)}")
+        return self
+
+
+class ThingParameters(Parameters):
+    """A chair, a bag: something round on the floor that is on no map."""
+
+    x_m: float
+    y_m: float
+    radius_m: float = Field(0.25, gt=0, le=2)

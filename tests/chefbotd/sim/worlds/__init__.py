@@ -1,0 +1,1 @@
+"""Tests of the buildings that come with the simulator."""
