@@ -1,0 +1,173 @@
+"""What it costs to drive through each cell: from the map, its zones, and what was seen since.
+
+The distance to the nearest obstacle decides. Nearer than the robot's inner radius a cell is blocked; with no more than
+``comfort_m`` beyond it, it costs up to ``1 + wall_weight``, falling with the square of the room; with more it costs 1.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from chefbotd.core.compiled import kernel
+from chefbotd.core.parameters import Parameters
+from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.navigation.distance import Singles, distances_m
+from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.search import BLOCKED
+from chefbotd.navigation.zones import NO_ZONES, Zones, keep_out_cells, speed_limits_m_s
+
+Cells = NDArray[np.int64]
+
+
+class UnknownSpace(StrEnum):
+    """What cells are worth that the map knows nothing of: no way, a way at a high price, or one like any other."""
+
+    BLOCKED = "blocked"
+    AVOIDED = "avoided"
+    FREE = "free"
+
+
+class CostParameters(Parameters):
+    """How far from obstacles the robot likes to drive, and what that is worth."""
+
+    occupied_percent: int = Field(default=65, ge=1, le=100)
+    """Cells from here on are obstacles, as for map_server."""
+    unknown_space: UnknownSpace = UnknownSpace.BLOCKED
+    unknown_weight: float = Field(default=5.0, ge=0, le=50)
+    """What an unknown cell costs more, where it is avoided."""
+    comfort_m: float = Field(default=0.30, gt=0, le=5)
+    """Room beside the outline from which on more room is worth nothing."""
+    wall_weight: float = Field(default=4.0, ge=0, le=50)
+    """A cell just as wide as the robot costs so much more than a free one."""
+    rounding_cells: float = Field(default=0.25, ge=0, le=1)
+    """So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
+    door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inflation:
+    """The parameters, in metres from an obstacle, for one robot."""
+
+    blocked_below_m: float
+    inner_m: float
+    comfort_m: float
+    weight: float
+
+    @property
+    def reach_m(self) -> float:
+        """An obstacle changes the costs no farther than this."""
+        return self.inner_m + self.comfort_m
+
+
+@dataclass(frozen=True, slots=True)
+class Costmap:
+    """Arrays (rows, columns): distance to the nearest obstacle, cost (infinite: blocked), a zone's speed limit.
+
+    ``surcharges`` is what a cell costs by itself, apart from obstacles: 1, more in slow zones and unknown space,
+    infinite where it is blocked whatever is near. ``fixed_m`` are the distances without what was seen since.
+    """
+
+    frame: GridFrame
+    inflation: Inflation
+    distance_m: Singles
+    costs: Singles
+    surcharges: Singles
+    fixed_m: Singles
+    speed_limit_m_s: Floats
+
+
+def costmap(
+    params: CostParameters,
+    outline: OutlineParameters,
+    grid: OccupancyGrid,
+    max_speed_m_s: float,
+    zones: Zones = NO_ZONES,
+) -> Costmap:
+    """The costs of a map and its zones.
+
+    A slow zone costs the time that it takes: ``max_speed_m_s`` is the speed elsewhere.
+    """
+    frame = GridFrame.of(grid)
+    obstacles = (grid.percent >= params.occupied_percent) | keep_out_cells(zones, frame)
+    distance_m = distances_m(obstacles, grid.resolution_m)
+    limits = speed_limits_m_s(zones, frame)
+    surcharges = np.maximum(1.0, max_speed_m_s / limits).astype(np.float32)
+    unknown = grid.percent == UNKNOWN
+    if params.unknown_space is UnknownSpace.BLOCKED:
+        surcharges[unknown] = BLOCKED
+    elif params.unknown_space is UnknownSpace.AVOIDED:
+        surcharges[unknown] += np.float32(params.unknown_weight)
+    inner_m = outline.inner_radius_m
+    blocked_below_m = inner_m - params.rounding_cells * grid.resolution_m
+    inflation = Inflation(blocked_below_m, inner_m, params.comfort_m, params.wall_weight)
+    costs = np.empty_like(distance_m)
+    _fill(distance_m, surcharges, _numbers(inflation), costs)
+    return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, limits)
+
+
+def with_obstacles(ground: Costmap, cells: Cells) -> Costmap:
+    """The costmap with more obstacles: cells (n, 2: row, column)."""
+    if not len(cells):
+        return ground
+    distance_m, costs = ground.distance_m.copy(), ground.costs.copy()
+    _stamp(cells, ground.frame.resolution_m, _numbers(ground.inflation), ground.surcharges, distance_m, costs)
+    return replace(ground, distance_m=distance_m, costs=costs)
+
+
+def _numbers(inflation: Inflation) -> Floats:
+    return np.array([inflation.blocked_below_m, inflation.inner_m, inflation.comfort_m, inflation.weight])
+
+
+@kernel
+def _cost(distance_m: float, inflation: Floats) -> float:
+    if distance_m < inflation[0]:
+        return math.inf
+    lacking = 1.0 - max(distance_m - inflation[1], 0.0) / inflation[2]
+    return 1.0 + inflation[3] * lacking * lacking if lacking > 0 else 1.0
+
+
+@kernel
+def _fill(distance_m: Singles, surcharges: Singles, inflation: Floats, costs: Singles) -> None:
+    for row in range(costs.shape[0]):
+        for column in range(costs.shape[1]):
+            costs[row, column] = _cost(distance_m[row, column], inflation) * surcharges[row, column]
+
+
+@kernel
+def _stamp(
+    cells: Cells,
+    resolution_m: float,
+    inflation: Floats,
+    surcharges: Singles,
+    distance_m: Singles,
+    costs: Singles,
+) -> None:
+    rows, columns = costs.shape
+    reach = int((inflation[1] + inflation[2]) / resolution_m) + 1
+    for i in range(cells.shape[0]):
+        for row in range(max(cells[i, 0] - reach, 0), min(cells[i, 0] + reach + 1, rows)):
+            for column in range(max(cells[i, 1] - reach, 0), min(cells[i, 1] + reach + 1, columns)):
+                apart_m = math.hypot(row - cells[i, 0], column - cells[i, 1]) * resolution_m
+                if apart_m < distance_m[row, column]:
+                    distance_m[row, column] = apart_m
+                    costs[row, column] = _cost(apart_m, inflation) * surcharges[row, column]
+
+
+@kernel
+def between_cells(values: Singles, resolution_m: float, x_m: float, y_m: float) -> float:
+    """A value between the middles of cells, bilinear; beyond the outermost ones that of the nearest."""
+    rows, columns = values.shape
+    across = min(max(x_m / resolution_m - 0.5, 0.0), columns - 1.0)
+    down = min(max(y_m / resolution_m - 0.5, 0.0), rows - 1.0)
+    column, row = min(int(across), columns - 2), min(int(down), rows - 2)
+    if column < 0 or row < 0:
+        return float(values[max(row, 0), max(column, 0)])
+    u, v = across - column, down - row
+    lower = (1 - u) * values[row, column] + u * values[row, column + 1]
+    upper = (1 - u) * values[row + 1, column] + u * values[row + 1, column + 1]
+    return float((1 - v) * lower + v * upper)
