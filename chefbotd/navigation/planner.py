@@ -1,0 +1,244 @@
+"""From where the robot is to where it is to be: a path that is checked, or a reason why there is none."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+from scipy import ndimage
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.parameters import Parameters
+from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.distance import Flags, Singles
+from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.search import BLOCKED, search
+from chefbotd.navigation.smooth import first_touch, headings, resampled, rounded, straightened, touches
+
+
+class PlannerParameters(Parameters):
+    """How paths are made; times are estimated with the follower's speeds."""
+
+    spacing_m: float = Field(default=0.05, gt=0, le=1)
+    wide_m: float = Field(default=0.25, ge=0, le=5)
+    """Beside the outline: where there is less room, smoothing keeps to the middle."""
+    escape_m: float = Field(default=0.4, ge=0, le=2)
+    """A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
+    attempts: int = Field(default=8, ge=1, le=100)
+    """Where an outline that is no circle does not fit along a path, this place is closed and another way looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A pose in the map; without a heading any will do.
+
+    ``tolerance_m`` allows the nearest free pose instead, if it is no farther away.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    tolerance_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Points (n, 2) in the grid's frame and the headings at them; where it ends, and whether that is what was asked."""
+
+    frame: GridFrame
+    points_m: Floats
+    heading_rad: Floats
+    goal: Goal
+    is_substitute: bool = False
+
+    @property
+    def length_m(self) -> float:
+        """How long it is."""
+        return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
+
+    def in_map(self) -> Floats:
+        """Its points in the map."""
+        return self.frame.to_map(self.points_m)
+
+
+@dataclass(frozen=True, slots=True)
+class NoPath:
+    """Why there is no path, as a sentence; the free pose nearest to the goal, if there is one that can be reached."""
+
+    reason: str
+    nearest: Pose2D | None = None
+    only_for_now: bool = False
+    """Without what was seen since the map was made there would be a path."""
+
+
+def plan(
+    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, start: Pose2D, goal: Goal
+) -> Path | NoPath:
+    """The best path by the costs; start and goal are poses in the map.
+
+    A goal where the robot cannot be is refused, with the nearest pose that it can reach.
+    """
+    here = costs.frame.pose_to_grid(start)
+    begin = costs.frame.cell(here.x_m, here.y_m)
+    if begin is None:
+        return NoPath(f"the robot is outside of the map, at ({start.x_m:.2f}, {start.y_m:.2f})")
+    there = _in_grid(costs.frame, goal)
+    problem = _problem(outline, costs, there)
+    if problem is None:
+        return _between(params, outline, costs, here, there, goal)
+    told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
+    nearest = nearest_free(outline, costs, here, there)
+    if nearest is None:
+        return NoPath(f"{told}, and there is no free place near it that can be reached")
+    away_m = math.hypot(nearest.x_m - there.x_m, nearest.y_m - there.y_m)
+    offered = costs.frame.pose_to_map(nearest)
+    if away_m <= goal.tolerance_m:
+        heading_rad = None if goal.heading_rad is None else offered.heading_rad
+        other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m)
+        return _between(params, outline, costs, here, nearest, other, is_substitute=True)
+    near = f"the nearest free place is ({offered.x_m:.2f}, {offered.y_m:.2f}), {away_m:.2f} m from it"
+    return NoPath(f"{told}; {near}", offered)
+
+
+def _in_grid(frame: GridFrame, goal: Goal) -> Pose2D:
+    return frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad or 0.0))
+
+
+def _problem(outline: OutlineParameters, costs: Costmap, there: Pose2D) -> str | None:
+    """Why the robot cannot be at a pose of the grid's frame; None when it can."""
+    cell = costs.frame.cell(there.x_m, there.y_m)
+    if cell is None:
+        return "is outside of the map"
+    if costs.distance_m[cell] == 0:
+        return "is inside an obstacle"
+    if math.isinf(costs.surcharges[cell]):
+        return "is in unknown space"
+    needed_m, has_m = outline.inner_radius_m, costs.distance_m[cell]
+    if math.isinf(costs.costs[cell]) or _touches(outline, costs, there):
+        return f"is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m"
+    return None
+
+
+def _touches(outline: OutlineParameters, costs: Costmap, pose: Pose2D) -> bool:
+    if outline.radius_m is not None:
+        return False  # a circle fits wherever its middle is not blocked
+    hull, pad_m, outer_m = outline.hull, outline.pad_m, outline.outer_radius_m
+    cell_m = costs.frame.resolution_m
+    return touches(pose.x_m, pose.y_m, pose.heading_rad, hull, pad_m, outer_m, costs.distance_m, cell_m)
+
+
+def nearest_free(outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D) -> Pose2D | None:
+    """The pose nearest to ``there``, with its heading, that the robot can be at and get to; in the grid's frame."""
+    begin = costs.frame.cell(here.x_m, here.y_m)
+    free = np.isfinite(costs.costs)
+    if begin is None or not free.any():
+        return None
+    rows, columns = np.nonzero(_joined(free, begin))
+    cell_m = costs.frame.resolution_m
+    away = np.hypot((columns + 0.5) * cell_m - there.x_m, (rows + 0.5) * cell_m - there.y_m)
+    for k in np.argsort(away, kind="stable")[:5000]:
+        x_m, y_m = costs.frame.center(int(rows[k]), int(columns[k]))
+        pose = Pose2D(x_m, y_m, there.heading_rad)
+        if not _touches(outline, costs, pose):
+            return pose
+    return None
+
+
+def _joined(free: Flags, begin: tuple[int, int]) -> Flags:
+    """Which free cells can be reached from the one nearest to ``begin``."""
+    parts, _ = ndimage.label(free)
+    if parts[begin] == 0:
+        rows, columns = np.nonzero(free)
+        k = int(np.argmin((rows - begin[0]) ** 2 + (columns - begin[1]) ** 2))
+        begin = int(rows[k]), int(columns[k])
+    return np.asarray(parts == parts[begin])
+
+
+def _between(
+    params: PlannerParameters,
+    outline: OutlineParameters,
+    costs: Costmap,
+    here: Pose2D,
+    there: Pose2D,
+    goal: Goal,
+    *,
+    is_substitute: bool = False,
+) -> Path | NoPath:
+    for _ in range(params.attempts):
+        points = _points(params, outline, costs, here, there)
+        if points is None:
+            break
+        heading_rad = headings(points)
+        touched = -1
+        if outline.radius_m is None:
+            fixed = _after_escape(params, points)
+            hull, pad_m, cell_m = outline.hull, outline.pad_m, costs.frame.resolution_m
+            touched = first_touch(points[fixed:], heading_rad[fixed:], hull, pad_m, costs.distance_m, cell_m)
+        if touched < 0:
+            return Path(costs.frame, points, heading_rad, goal, is_substitute)
+        costs = _closed(costs, points[_after_escape(params, points) + touched])
+    return NoPath(f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot")
+
+
+def _after_escape(params: PlannerParameters, points: Floats) -> int:
+    """The first point that is not about where the robot stands: there it fits, since it is there."""
+    away = np.hypot(points[:, 0] - points[0, 0], points[:, 1] - points[0, 1])
+    beyond = np.flatnonzero(away > params.escape_m)
+    return int(beyond[0]) if len(beyond) else len(points)
+
+
+def _closed(costs: Costmap, point: Floats) -> Costmap:
+    cell = costs.frame.cell(float(point[0]), float(point[1]))
+    blocked = costs.costs.copy()
+    if cell is not None:
+        row, column = cell
+        blocked[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2] = BLOCKED
+    return replace(costs, costs=blocked)
+
+
+def _points(
+    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D
+) -> Floats | None:
+    """A smoothed path between two poses of the grid's frame, which begins and ends exactly at them."""
+    frame = costs.frame
+    begin, end = frame.cell(here.x_m, here.y_m), frame.cell(there.x_m, there.y_m)
+    if begin is None or end is None:
+        return None
+    passable = _with_escape(params, costs, begin)
+    found = search(passable, begin, end)
+    if found is None:
+        return None
+    corners = straightened(found.cells, passable, frame.resolution_m)
+    if len(corners) == 1:
+        corners = np.repeat(corners, 2, axis=0)
+    corners[0], corners[-1] = (here.x_m, here.y_m), (there.x_m, there.y_m)
+    points = resampled(corners, params.spacing_m)
+    wide_m = outline.inner_radius_m + params.wide_m
+    smoothed = rounded(points, passable, costs.distance_m, frame.resolution_m, wide_m)
+    return resampled(smoothed, params.spacing_m)
+
+
+def _with_escape(params: PlannerParameters, costs: Costmap, begin: tuple[int, int]) -> Singles:
+    """The costs; where the robot itself stands too near to an obstacle, with the cells about it open at a price."""
+    if np.isfinite(costs.costs[begin]):
+        return costs.costs
+    opened = costs.costs.copy()
+    reach = math.ceil(params.escape_m / costs.frame.resolution_m)
+    row, column = begin
+    box = (
+        slice(max(row - reach, 0), row + reach + 1),
+        slice(max(column - reach, 0), column + reach + 1),
+    )
+    lacking = 1.0 - np.minimum(costs.distance_m[box] / costs.inflation.inner_m, 1.0)
+    closed = np.isinf(opened[box]) & (costs.distance_m[box] > 0)
+    opened[box] = np.where(closed, 10.0 + 20.0 * lacking, opened[box])
+    opened[begin] = 10.0
+    return opened
+
+
+def turn_rad(start: Pose2D, path: Path) -> float:
+    """How far the robot turns before it can go: from its heading to the path's first."""
+    here = path.frame.pose_to_grid(start)
+    ahead = path.heading_rad[min(4, len(path.heading_rad) - 1)]
+    return abs(wrap_angle(float(ahead) - here.heading_rad))
