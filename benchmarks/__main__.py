@@ -39,7 +39,14 @@ def _slam(**options: Any) -> Outcome:
     return slam.run(**options)
 
 
-TAKES = {"optiodom": ("folder",), "slam": ("folder", "out")}
+def _planner(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import planner
+
+    return planner.run(**options)
+
+
+TAKES = {"optiodom": ("folder",), "slam": ("folder", "out"), "planner": ("folder",)}
 """The benchmarks that take recordings, and those that write trajectories."""
 
 Benchmark = Callable[..., Outcome]
@@ -55,6 +62,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "optiodom": optiodom.run,
     "ratios": ratios.run,
     "slam": _slam,
+    "planner": _planner,
     "calls": calls.run,
 }
 
@@ -88,7 +96,12 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--json", type=Path, default=RESULTS, metavar="FILE", help="where the figures are written"
     )
-    parser.add_argument("--data", type=Path, metavar="FOLDER", help="the recordings for optiodom, or slam")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help="the recordings for optiodom or slam, or the maps for planner",
+    )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where slam writes its trajectories")
     options = parser.parse_args()
     if unknown := sorted(set(options.names) - set(BENCHMARKS)):

@@ -1,0 +1,123 @@
+"""The global planner: optimal on Moving AI's maps, and how long a plan takes in a room and in a hotel.
+
+Times are processor time of this process; compiling is done before. A plan is all of it: search, smoothing, check.
+"""
+
+import importlib
+import math
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from benchmarks.figures import Figure, Outcome, percentile
+from benchmarks.movingai import Scenario, scenarios
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.map_server import parse_description, parse_image
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.costmap import Costmap, CostParameters, costmap
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.planner import Goal, NoPath, PlannerParameters, plan
+from chefbotd.navigation.search import search
+from tests.chefbotd.mapping.slam.flat import furnished_flat
+from tests.chefbotd.navigation.grids import rasterised
+
+FOLDER = Path(__file__).parents[2] / "shared" / "data" / "movingai"
+ROOM_MS, HOTEL_MS, SIX_DIGITS = 2.0, 5.0, 6e-6
+CLASSIC = {"room": "NavFn 1.4 to 2.2, pyastar2d 0.13", "hotel1": "pyastar2d 0.45"}
+PLANS, QUICK_PLANS, QUICK_PROBLEMS, ROUNDS = 200, 30, 10, 3
+OUTLINE = OutlineParameters(radius_m=0.18)
+
+
+def run(*, quick: bool = False, folder: Path = FOLDER) -> Outcome:
+    """A flat's plans, those on maps in the folder beside (``maps``), and every scenario of the folder."""
+    plans = QUICK_PLANS if quick else PLANS
+    figures = list(_plans("room", rasterised(furnished_flat(), 10.4, 8.1), plans, ROOM_MS))
+    remarks, faults = list[str](), list[str]()
+    for path in sorted((folder.parent / "maps").glob("*.yaml")):
+        figures += _plans(path.stem, _map(path), plans, HOTEL_MS if path.stem == "hotel1" else None)
+    found = list(scenarios(folder)) if folder.is_dir() else []
+    reference, told = _reference()
+    remarks.append(told)
+    for scenario in found:
+        figures += _scenario(scenario, reference, faults, quick=quick)
+    if not found:
+        remarks.append(f"skipped Moving AI's maps: none in {folder}")
+    return Outcome(tuple(figures), tuple(remarks), tuple(faults))
+
+
+def _map(path: Path) -> OccupancyGrid:
+    description = parse_description(path.read_text(encoding="utf-8"), path.name)
+    return parse_image((path.parent / description.image).read_bytes(), description)
+
+
+def _plans(name: str, grid: OccupancyGrid, count: int, target_ms: float | None) -> Iterable[Figure]:
+    """Plans between random cells of the largest part of a map."""
+    costs = costmap(CostParameters(), OUTLINE, grid, 0.3)
+    parts, _ = ndimage.label(np.isfinite(costs.costs))
+    cells = np.argwhere(parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1)
+    chance, seconds, missed = np.random.default_rng(1), list[float](), 0
+    for _ in range(count):
+        first, last = (_center(costs, cell) for cell in cells[chance.integers(len(cells), size=2)])
+        goal = Goal(last.x_m, last.y_m)
+        spent_s, found = _timed(lambda a=first, b=goal: plan(PlannerParameters(), OUTLINE, costs, a, b))
+        seconds.append(spent_s)
+        missed += isinstance(found, NoPath)
+    unit, classic = "ms", CLASSIC.get(name, "")
+    yield Figure(f"{name}, a plan, median", 1e3 * percentile(seconds, 50), unit, target_ms, classic)
+    yield Figure(f"{name}, a plan, p95", 1e3 * percentile(seconds, 95), unit)
+    yield Figure(f"{name}, not solved of {count}", missed, "", 0)
+
+
+def _center(costs: Costmap, cell: Any) -> Pose2D:
+    return costs.frame.pose_to_map(Pose2D(*costs.frame.center(int(cell[0]), int(cell[1]))))
+
+
+Reference = Callable[[Any, tuple[int, int], tuple[int, int]], Any]
+
+
+def _reference() -> tuple[Reference | None, str]:
+    """What is compared with, where it is installed; it is no dependency."""
+    try:
+        library = importlib.import_module("pyastar2d")
+    except ImportError:
+        return None, "no ratio to pyastar2d: it is not installed"
+    return (
+        lambda weights, start, goal: library.astar_path(weights, start, goal, allow_diagonal=True),
+        "pyastar2d cuts corners, which our rules forbid: it expands somewhat fewer cells",
+    )
+
+
+def _scenario(
+    scenario: Scenario, reference: Reference | None, faults: list[str], *, quick: bool
+) -> Iterable[Figure]:
+    """Every problem of a map: solved, and as long as it is published to be."""
+    costs = np.where(scenario.free, 1, np.inf).astype(np.float32)
+    problems = scenario.problems[:: max(len(scenario.problems) // QUICK_PROBLEMS, 1) if quick else 1]
+    ours, theirs = list[float](), list[float]()
+    for problem in problems:
+        spent_s, found = _timed(lambda p=problem: search(costs, p.start, p.goal))
+        ours.append(spent_s)
+        expected = problem.length if problem.length > 0 or problem.start == problem.goal else math.inf
+        length = math.inf if found is None else found.cost
+        if length != expected and not abs(length - expected) <= SIX_DIGITS * max(expected, 1.0):
+            faults.append(f"{scenario.name}: {problem.start} to {problem.goal} is {length}, not {expected}")
+        if reference is not None:
+            theirs.append(_timed(lambda p=problem: reference(costs, p.start, p.goal))[0])
+    name = f"{scenario.name}, {len(problems)} optimal paths"
+    yield Figure(f"{name}, median", 1e3 * percentile(ours, 50), "ms")
+    if theirs:
+        yield Figure(f"{scenario.name}, time to pyastar2d's, all", sum(ours) / sum(theirs), "x")
+
+
+def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
+    """The least processor time of a few rounds, and the result."""
+    best, result = math.inf, action()
+    for _ in range(ROUNDS):
+        began_s = time.process_time()
+        result = action()
+        best = min(best, time.process_time() - began_s)
+    return best, result
