@@ -12,8 +12,8 @@ SOAK_MINUTES ?= 60
 CLOCK ?= both
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
-# Tests that need the real clock share a worker. JOBS=0 runs all of them in one process.
-JOBS ?= logical
+# Tests that need the real clock share a worker, which mostly waits: so one more than there are cores. JOBS=0: one process.
+JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
 .PHONY: run test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help

@@ -15,12 +15,14 @@ SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_it(): pass\n"
 
 @pytest.mark.parametrize(
     ("text", "options", "code"),
-    [
-        ("def test_it(): pass\n", [], 0),
-        (SKIPPED, [], 5),
-        ("def test_it(): pass\n", ["-m", "slow"], 5),
-        (SKIPPED, ["-n", "1"], 5),
-    ],
+    sample(
+        [
+            (SKIPPED, ["-n", "1"], 5),
+            ("def test_it(): pass\n", [], 0),
+            (SKIPPED, [], 5),
+            ("def test_it(): pass\n", ["-m", "slow"], 5),
+        ]
+    ),
 )
 def test_a_run_that_carried_out_no_test_fails(
     tmp_path: Path, text: str, options: list[str], code: int

@@ -8,6 +8,7 @@ import pytest
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 from tests.scenarios.wires import damage, rewire
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
@@ -48,16 +49,19 @@ async def odometry_is_off_by_m(robot: SimulatedRobot) -> float:
 
 @pytest.mark.parametrize(
     ("counts_per_turn", "linear_m_s", "seconds"),
-    [
-        (80, 0.05, 2.0),
-        (80, -0.2, 2.0),
-        (80, 0.6, 2.0),
-        (898, 0.02, 3.0),
-        (898, 0.05, 2.0),
-        (898, -0.2, 2.0),
-        (898, 0.6, 2.0),
-        (898, 1.0, 1.5),
-    ],
+    sample(
+        [
+            (898, -0.2, 2.0),
+            (80, 0.05, 2.0),
+            (80, -0.2, 2.0),
+            (80, 0.6, 2.0),
+            (898, 0.02, 3.0),
+            (898, 0.05, 2.0),
+            (898, 0.6, 2.0),
+            (898, 1.0, 1.5),
+        ],
+        fast=2,
+    ),
 )
 def test_edges_alone_drive_as_well_as_counts(counts_per_turn: float, linear_m_s: float, seconds: float):
     """With slotted discs and with KHAN's own encoders: the true speed is the one asked for within 2 % and 2 mm/s.

@@ -190,7 +190,7 @@ def test_no_duty_follows_the_reset_of_a_driving_robots_board():
     on_robot(load(), scenario)
 
 
-@pytest.mark.parametrize("wheel", range(4))
+@pytest.mark.parametrize("wheel", sample([1, 0, 2, 3]))
 @pytest.mark.parametrize("broken", [frozen, slipping])
 def test_a_wheel_that_disagrees_does_not_bend_the_odometry(broken: Callable[[int], Rewrite], wheel: int):
     """KHAN drives on for a second and a half: the wheel is named, and odometry stays within 2 cm and 3 degrees."""

@@ -81,7 +81,7 @@ class RobotScreen(App[None]):
     def say(self, text: str) -> None:
         """Show a text on the message line."""
         if self.is_running:
-            self.query_one("#message", Static).update(text)
+            self.query_one("#message", Static).update(text, layout=False)
 
     def draw_at(self, rate_hz: float, draw: Callable[[], None]) -> None:
         """Draw ``rate_hz`` times a second while the screen runs: its widgets are removed one by one at the end."""

@@ -50,7 +50,7 @@ class Teleop(RobotScreen):
     CSS: ClassVar[str] = (
         RobotScreen.BASE_CSS
         + """
-    #facts { width: 1fr; padding: 1 0 1 1; }
+    #facts { width: 1fr; height: 1fr; padding: 1 0 1 1; }
     #help { width: 30; padding: 1 0; color: $text-muted; border-left: solid $primary; height: 1fr; }
     """
     )
@@ -129,7 +129,7 @@ class Teleop(RobotScreen):
         table = Table.grid(padding=(0, 2))
         for fact in self._facts():
             table.add_row(Text(fact.label, style=Style.FAINT), Text(fact.text, style=fact.style))
-        self.query_one("#facts", Static).update(table)
+        self.query_one("#facts", Static).update(table, layout=False)
 
     def _facts(self) -> list[Fact]:
         keys, asked = self._pilot.keys, self._pilot.asked

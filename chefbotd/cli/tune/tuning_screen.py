@@ -53,6 +53,7 @@ class Tune(RobotScreen):
         RobotScreen.BASE_CSS
         + """
     #plots { width: 1fr; }
+    #gains { height: 1fr; }
     #side { width: 28; padding: 0 0 0 1; border-left: solid $primary; height: 1fr; }
     #help { color: $text-muted; dock: bottom; height: 5; }
     """
@@ -193,7 +194,7 @@ class Tune(RobotScreen):
         for plot in self.query(WheelPlot):
             if plot.is_mounted:
                 plot.show(traces)
-        self.query_one("#gains", Static).update(self._side())
+        self.query_one("#gains", Static).update(self._side(), layout=False)
 
     def _side(self) -> Table:
         """Gains, and the error of each wheel (its root mean square in rad/s) in the wheel's colour."""

@@ -12,6 +12,7 @@ import uvloop
 from structlog.testing import capture_logs
 
 from chefbotd.clock import run_virtual
+from tests.budget import sample
 from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
 
@@ -26,9 +27,9 @@ WHEELS = (
 )
 ESTOP = b'{"jsonrpc":"2.0","id":2,"method":"estop","params":{"reason":"smoke"}}\n'
 STOP = b'{"jsonrpc":"2.0","id":2,"method":"stop"}\n'
-MOVES = pytest.mark.parametrize("command", [ARM, DRIVE, WHEELS])
+MOVES = pytest.mark.parametrize("command", sample([DRIVE, ARM, WHEELS]))
 Scenario = Callable[[Served], Awaitable[None]]
-LOOPS = pytest.mark.parametrize("run", [asyncio.run, uvloop.run])
+LOOPS = pytest.mark.parametrize("run", sample([uvloop.run, asyncio.run]))
 
 
 def serve(run: Callable[..., None], scenario: Scenario, **limits: object) -> None:

@@ -15,6 +15,7 @@ from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.teleop import Teleop
 from chefbotd.client import Client, ConnectionLost
+from tests.budget import sample
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
@@ -68,7 +69,7 @@ def test_keys_drive_and_stop(daemon: FakeDaemon) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "method"), [("exclamation_mark", "estop"), ("backspace", "estop"), ("a", "arm")]
+    ("key", "method"), sample([("exclamation_mark", "estop"), ("backspace", "estop"), ("a", "arm")])
 )
 def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
     """``!`` and backspace are the emergency stop, ``a`` arms; neither moves the robot."""
