@@ -30,6 +30,14 @@ class RefusalKind(StrEnum):
     ALREADY_MAPPING = "already_mapping"
     OUT_OF_RANGE = "out_of_range"
     NOTHING_TO_UNDO = "nothing_to_undo"
+    BAD_NAME = "bad_name"
+    UNKNOWN_MAP = "unknown_map"
+    MAP_EXISTS = "map_exists"
+    MAP_UNREADABLE = "map_unreadable"
+    NO_MAP_LOADED = "no_map_loaded"
+    UNKNOWN_PLACE = "unknown_place"
+    POSE_UNKNOWN = "pose_unknown"
+    STORAGE_FAILED = "storage_failed"
 
 
 class Refused(Exception):

@@ -120,6 +120,14 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.ALREADY_MAPPING: ErrorClass(-32052, "another map is being made; finish or discard it first"),
     RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside of what this robot takes"),
     RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "no change of gains is left to take back"),
+    RefusalKind.BAD_NAME: ErrorClass(-32040, "a map or a place cannot have this name"),
+    RefusalKind.UNKNOWN_MAP: ErrorClass(-32041, "no map of this name is stored"),
+    RefusalKind.MAP_EXISTS: ErrorClass(-32042, "another map has this name"),
+    RefusalKind.MAP_UNREADABLE: ErrorClass(-32043, "a file is missing or damaged, or is no map"),
+    RefusalKind.NO_MAP_LOADED: ErrorClass(-32044, "no map is in use; send load_map"),
+    RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
+    RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "it is not known where in the map the robot is"),
+    RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk refused; what was stored before is as it was"),
 }
 
 

@@ -73,7 +73,8 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     except UnknownKey as error:
         raise SettingsError(f"{origins[keys]}{error}") from error
     _name_world(values)
-    _locate_description(values, path.parent)
+    _locate(values, path.parent, "robot", "description")
+    _locate(values, path.parent, "maps", "folder")
     try:
         settings = _validate(values, texts)
     except ValidationError as error:
@@ -126,10 +127,11 @@ def _as_json(value: object) -> object:
     return str(value) if isinstance(value, Path) else {"date": str(value)}
 
 
-def _locate_description(values: dict[str, Any], folder: Path) -> None:
-    robot = values.get("robot")
-    if isinstance(robot, dict) and isinstance(named := robot.get("description"), str):
-        robot["description"] = str(folder / named)
+def _locate(values: dict[str, Any], folder: Path, section: str, key: str) -> None:
+    """A path that is relative begins at the configuration's folder."""
+    inner = values.get(section)
+    if isinstance(inner, dict) and isinstance(named := inner.get(key), str):
+        inner[key] = str(folder / named)
 
 
 def _check_description(settings: Settings) -> None:

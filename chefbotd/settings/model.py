@@ -13,6 +13,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.driving.service import ControlParameters
 from chefbotd.link.port import LinkParameters
+from chefbotd.maps.parameters import MapsParameters
 from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.encoder import EncoderParameters
@@ -86,6 +87,7 @@ class Settings(Parameters):
     lidar: tuple[LidarParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters
+    maps: MapsParameters | None = None
     api: ApiParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()

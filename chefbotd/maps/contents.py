@@ -1,0 +1,127 @@
+"""A grid and SLAM's state as the files of a version, and back. Not for the daemon's own process: it loads numpy."""
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.mapping.map_server import MapFileError, parse_description, parse_image, to_description, to_image
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.maps.disk import Content
+from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
+from chefbotd.maps.store import MapStore
+
+Arrays = Mapping[str, NDArray[Any]]
+SLAM = "made by SLAM"
+LARGEST_FILE_BYTES = 1 << 30
+
+
+def extent_of(grid: OccupancyGrid) -> Extent:
+    """What the manifest says of a grid."""
+    origin, (rows, columns) = grid.map_from_grid, grid.percent.shape
+    return Extent(
+        resolution_m=grid.resolution_m,
+        columns=columns,
+        rows=rows,
+        x_m=origin.x_m,
+        y_m=origin.y_m,
+        heading_rad=origin.heading_rad,
+    )
+
+
+def contents_of(grid: OccupancyGrid, slam: Arrays | None = None) -> dict[str, Content]:
+    """The files of a version; ``slam`` is what ``mapping.saved`` makes of a state."""
+    contents: dict[str, Content] = {
+        DESCRIPTION: to_description(grid, IMAGE).encode(),
+        IMAGE: to_image(grid),
+        CELLS: zlib.compress(np.ascontiguousarray(grid.percent).tobytes(), 6),
+    }
+    if slam is not None:
+        arrays: Any = dict(slam)
+
+        def write(file: BinaryIO) -> None:
+            np.savez(file, **arrays)
+
+        contents[GRAPH] = write
+    return contents
+
+
+def save(
+    store: MapStore, name: str, grid: OccupancyGrid, slam: Arrays | None = None, source: str = SLAM
+) -> int:
+    """Save a map; the number of its version. Raises ``MapStoreError``; what was saved before is as it was then."""
+    return store.save(name, contents_of(grid, slam), extent_of(grid), source).manifest.version
+
+
+def autosave(store: MapStore, grid: OccupancyGrid, slam: Arrays) -> None:
+    """Save a map that is being made, in its own slot."""
+    store.autosave(contents_of(grid, slam), extent_of(grid), SLAM)
+
+
+def read_grid(store: MapStore, name: str) -> OccupancyGrid:
+    """The cells of a map; raises ``MapStoreError``."""
+    manifest, cells = store.read_file(name, CELLS)
+    return grid_of(cells, manifest.extent)
+
+
+def grid_of(cells: bytes, extent: Extent) -> OccupancyGrid:
+    """A grid of compressed cells.
+
+    Raises:
+        MapStoreError: they are not what the extent says.
+    """
+    expected = extent.rows * extent.columns
+    try:
+        unpacker = zlib.decompressobj()
+        data = unpacker.decompress(cells, expected + 1)
+        if len(data) != expected:
+            raise ValueError(f"{extent.rows} rows of {extent.columns} cells are expected")
+        percent = np.frombuffer(data, np.int8).reshape(extent.rows, extent.columns)
+        return OccupancyGrid(extent.resolution_m, extent.map_from_grid, percent)
+    except (zlib.error, ValueError) as error:
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the cells cannot be read: {error}") from error
+
+
+def read_slam(store: MapStore, name: str) -> dict[str, NDArray[Any]] | None:
+    """SLAM's state as it was saved with a map; None where the map was not made by SLAM. Raises ``MapStoreError``."""
+    version, _ = store.read(name)
+    return read_arrays(version.folder / GRAPH) if version.manifest.can_go_on else None
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a file; raises ``MapStoreError``."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zlib.error) as error:
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path}: cannot be read: {error}") from error
+
+
+def read_map_server(path: Path) -> OccupancyGrid:
+    """The map of a YAML file of map_server's and of the image that it names.
+
+    Raises:
+        MapStoreError: one of them cannot be read, or is not what it should be.
+    """
+    try:
+        if path.stat().st_size > 1 << 20:
+            raise MapFileError(f"{path.name}: too large for a map's YAML")
+        description = parse_description(path.read_text(encoding="utf-8-sig"), path.name)
+        image = path.parent / description.image
+        if image.stat().st_size > LARGEST_FILE_BYTES:
+            raise MapFileError(f"{description.image}: too large for a map's image")
+        return parse_image(image.read_bytes(), description)
+    except OSError as error:
+        where = error.filename or path
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE, f"{where}: cannot be read: {error.strerror}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: is not text") from error
+    except MapFileError as error:
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, str(error)) from error

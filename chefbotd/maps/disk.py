@@ -1,0 +1,105 @@
+"""The operations on files of which saving is made; tests make each of them fail."""
+
+import fcntl
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.maps.errors import MapStoreError
+
+Content: TypeAlias = bytes | Callable[[BinaryIO], object]
+"""A file's bytes, or what writes them."""
+
+TEMPORARY = ".tmp-"
+"""How the names of files and folders begin that nobody needs once their writer is gone."""
+
+LOCK_PATIENCE_S, LOCK_PERIOD_S = 30.0, 0.02
+
+
+class Disk:
+    """The real file system."""
+
+    def make_folder(self, path: Path) -> None:
+        """Make a folder and those above it; one that exists is fine."""
+        path.mkdir(parents=True, exist_ok=True)
+
+    def write(self, path: Path, content: Content) -> None:
+        """Write a new file, or a new content, and wait until it is on the disk."""
+        with path.open("wb") as file:
+            if isinstance(content, bytes):
+                file.write(content)
+            else:
+                content(file)
+            file.flush()
+            os.fsync(file.fileno())
+
+    def rename(self, path: Path, target: Path) -> None:
+        """Give a file or a folder another name; a file of that name is replaced in the same moment."""
+        path.rename(target)
+
+    def remove(self, path: Path) -> None:
+        """Remove a file, if there is one."""
+        path.unlink(missing_ok=True)
+
+    def remove_folder(self, path: Path) -> None:
+        """Remove a folder with all that is in it."""
+        shutil.rmtree(path)
+
+    def sync_folder(self, path: Path) -> None:
+        """Wait until the names in a folder are on the disk."""
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def replace(disk: Disk, path: Path, content: Content) -> None:
+    """Write a file so that there is the old one or the new one at any moment, also after a power cut."""
+    new = path.with_name(f"{TEMPORARY}{path.name}")
+    try:
+        disk.write(new, content)
+        disk.rename(new, path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+    disk.sync_folder(path.parent)
+
+
+def sha256(path: Path) -> str:
+    """The checksum of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep every other process and thread from changing this folder's maps. The kernel ends it with the process.
+
+    Raises:
+        MapStoreError: another one has it for too long.
+        OSError: the folder cannot be written.
+    """
+    descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        ends_s = time.monotonic() + LOCK_PATIENCE_S
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > ends_s:
+                    raise MapStoreError(
+                        RefusalKind.STORAGE_FAILED,
+                        f"another program has been saving in {folder} for too long",
+                    ) from None
+                time.sleep(LOCK_PERIOD_S)
+        yield
+    finally:
+        os.close(descriptor)

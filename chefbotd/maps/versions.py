@@ -1,0 +1,149 @@
+"""The versions of one map: each a folder that appears, whole, by one rename; the newest that is whole counts."""
+
+import re
+import secrets
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.maps.disk import TEMPORARY, Content, Disk, sha256
+from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.manifest import (
+    MANIFEST,
+    MAX_BYTES,
+    Extent,
+    FileEntry,
+    Manifest,
+    NotAManifest,
+    parse_manifest,
+)
+
+NAME = re.compile(r"v(\d{6,})")
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """A version that is whole: its folder, and what it says of itself."""
+
+    folder: Path
+    manifest: Manifest
+
+
+def versions(folder: Path) -> list[tuple[int, Path]]:
+    """Every version's number and folder, the newest first, whole or not."""
+    if not folder.is_dir():
+        return []
+    found = ((NAME.fullmatch(path.name), path) for path in folder.iterdir())
+    return sorted(((int(match[1]), path) for match, path in found if match), reverse=True)
+
+
+def check(number: int, folder: Path, *, thorough: bool = False) -> Version:
+    """The version in this folder, if it is whole: every file there and as long as it says; ``thorough``: as it was.
+
+    Raises:
+        NotAManifest: it is not; the text says why.
+        OSError: a file cannot be read.
+    """
+    with (folder / MANIFEST).open("rb") as file:
+        manifest = parse_manifest(file.read(MAX_BYTES + 1))
+    if manifest.version != number:
+        raise NotAManifest(f"the manifest is version {manifest.version}'s")
+    for name, entry in manifest.files.items():
+        path = folder / name
+        size = path.stat().st_size
+        if size != entry.bytes:
+            raise NotAManifest(f"{name} has {size} bytes instead of {entry.bytes}")
+        if thorough and sha256(path) != entry.sha256:
+            raise NotAManifest(f"{name} is damaged: its checksum differs")
+    return Version(folder, manifest)
+
+
+def latest(folder: Path, *, thorough: bool = False) -> tuple[Version | None, dict[int, str]]:
+    """The newest version that is whole, and what is wrong with the newer ones, by their numbers."""
+    damage: dict[int, str] = {}
+    for number, path in versions(folder):
+        try:
+            return check(number, path, thorough=thorough), damage
+        except FileNotFoundError as error:
+            damage[number] = f"{Path(str(error.filename)).name} is missing"
+        except (OSError, NotAManifest) as error:
+            damage[number] = str(error)
+    return None, damage
+
+
+def add(disk: Disk, folder: Path, contents: Mapping[str, Content], extent: Extent, source: str) -> Version:
+    """Write a new version beside the others; until its last step nobody sees anything of it.
+
+    Raises:
+        OSError: it could not be written; nothing is left of it.
+    """
+    disk.make_folder(folder)
+    number = max((number for number, _ in versions(folder)), default=0) + 1
+    temporary = folder / f"{TEMPORARY}{secrets.token_hex(4)}"
+    try:
+        disk.make_folder(temporary)
+        for name, content in contents.items():
+            disk.write(temporary / name, content)
+        files = {name: entry_of(temporary / name) for name in contents}
+        manifest = Manifest(version=number, saved_at_s=time.time(), source=source, extent=extent, files=files)
+        disk.write(temporary / MANIFEST, manifest.to_json())
+        disk.sync_folder(temporary)
+        target = folder / f"v{number:06d}"
+        disk.rename(temporary, target)
+    except OSError:
+        clean(disk, folder)
+        raise
+    disk.sync_folder(folder)
+    return Version(target, manifest)
+
+
+def entry_of(path: Path) -> FileEntry:
+    """A file's size and checksum."""
+    return FileEntry(bytes=path.stat().st_size, sha256=sha256(path))
+
+
+def prune(disk: Disk, folder: Path, kept: int) -> None:
+    """Remove all but the newest ``kept`` versions that are whole; damaged newer ones stay, to be looked at."""
+    whole = 0
+    for number, path in versions(folder):
+        if whole >= kept:
+            discard(disk, path)
+            continue
+        try:
+            check(number, path)
+            whole += 1
+        except (OSError, NotAManifest):
+            continue
+
+
+def discard(disk: Disk, path: Path) -> None:
+    """Remove a folder with all that is in it: out of sight in one step, then its files."""
+    gone = path.with_name(f"{TEMPORARY}{secrets.token_hex(4)}")
+    disk.rename(path, gone)
+    disk.remove_folder(gone)
+
+
+def clean(disk: Disk, folder: Path) -> None:
+    """Remove what a save or a removal that was cut off has left; what cannot be removed stays."""
+    if not folder.is_dir():
+        return
+    for path in folder.iterdir():
+        if path.name.startswith(TEMPORARY):
+            with suppress(OSError):
+                disk.remove_folder(path) if path.is_dir() else disk.remove(path)
+
+
+def require(folder: Path, name: str) -> tuple[Version, dict[int, str]]:
+    """The newest version that is whole to the last byte.
+
+    Raises:
+        MapStoreError: there is none; it says what is wrong with each.
+    """
+    found, damage = latest(folder, thorough=True)
+    if found is None:
+        told = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or "it has no version"
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"no version of the map {name!a} is whole: {told}")
+    return found, damage
