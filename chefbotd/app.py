@@ -31,7 +31,7 @@ from chefbotd.features.statistics.service import StatsService
 from chefbotd.features.tuning.feature import tuning
 from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.link.port import open_port
-from chefbotd.link.reconnect import BoardLink, Opener
+from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.metrics import Metrics
@@ -103,7 +103,7 @@ class Daemon:
             board_buffer_bytes=settings.link.board_buffer_bytes,
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
-        self._link = BoardLink(settings.link, self.session, opener, clock, rng or random.Random())
+        self._link = PortLink(settings.link, self.session, opener, clock, rng or random.Random())
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         let_go_s = settings.safety.held_until_silent_s

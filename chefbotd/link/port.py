@@ -145,6 +145,13 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
             log.debug("the device was gone before the shutdown stop")
         self.abort()
 
+    def set_dtr(self, state: bool) -> None:
+        """Set or clear DTR, where the port has that line; a lost device has none."""
+        try:
+            self.serial.dtr = state
+        except (AttributeError, OSError, termios.error):
+            log.debug("the device has no DTR, or was gone before")
+
     def flush(self) -> None:
         """Drop what is unsent here."""
         self._overtaken = False

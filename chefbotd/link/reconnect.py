@@ -3,12 +3,12 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable, Iterator
+from typing import Protocol, cast
 
 import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.session import BoardSession
 
 log = structlog.get_logger(component="link")
 
@@ -32,13 +32,47 @@ def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
         wait_s = min(2 * wait_s, parameters.reconnect_longest_s)
 
 
-class BoardLink:
-    """Owns the port: opens it, waits until it is lost, opens it again."""
+class Session(Protocol):
+    """One end of a wire, an ``asyncio.Protocol`` that lives across reconnections: the board's, or a lidar's."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a port is connected."""
+        ...
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether the right device has been heard since the port was opened."""
+        ...
+
+    def expect_connection(self) -> None:
+        """A port is about to be opened: ``wait_closed`` is to wait for its end."""
+        ...
+
+    async def wait_closed(self) -> None:
+        """Wait until the expected connection has come and gone."""
+        ...
+
+    def judge_health(self) -> None:
+        """Look at what has come in lately."""
+        ...
+
+    def report_not_opened(self, reason: str) -> None:
+        """The port cannot be opened."""
+        ...
+
+    def close(self) -> None:
+        """Say the last words, and give the port up."""
+        ...
+
+
+class PortLink:
+    """Owns a port: opens it, waits until it is lost, opens it again."""
 
     def __init__(
         self,
         parameters: LinkParameters,
-        session: BoardSession,
+        session: Session,
         opener: Opener,
         clock: Clock,
         rng: random.Random,
@@ -48,7 +82,7 @@ class BoardLink:
         self._waits_s = waits_s(parameters, rng)
 
     async def run(self) -> None:
-        """Keep the link open until cancelled; then stop the motors and close it."""
+        """Keep the link open until cancelled; then say the last words (the board's are a stop) and close it."""
         try:
             while True:
                 await self._open()
@@ -62,7 +96,7 @@ class BoardLink:
                 await self._session.wait_closed()
 
     async def _watch(self) -> None:
-        """Until the link is lost: hear whether it is the board that talks."""
+        """Until the link is lost: hear whether it is the right device that talks."""
         closed = asyncio.ensure_future(self._session.wait_closed())
         try:
             while not (await asyncio.wait([closed], timeout=LISTEN_EVERY_S))[0]:
@@ -71,8 +105,8 @@ class BoardLink:
             closed.cancel()
 
     async def _back_off(self) -> None:
-        """Only a board that has spoken is opened again soon: a server may accept and close all day."""
-        if self._session.hearing.proven:
+        """Only a device that has spoken is opened again soon: a server may accept and close all day."""
+        if self._session.is_proven:
             self._waits_s = waits_s(self._parameters, self._rng)
         await asyncio.sleep(next(self._waits_s))
 
@@ -95,7 +129,9 @@ class BoardLink:
 
     async def _open_port(self) -> None:
         """Open, and be cancelled only when it is known whether the port is open: it may lead to a robot that moves."""
-        opening = asyncio.ensure_future(self._opener(self._parameters, self._session))
+        opening = asyncio.ensure_future(
+            self._opener(self._parameters, cast(asyncio.BaseProtocol, self._session))
+        )
         try:
             await asyncio.shield(opening)
         except asyncio.CancelledError:

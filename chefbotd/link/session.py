@@ -147,6 +147,11 @@ class BoardSession(asyncio.Protocol):
             self._bus.deliver()
         self._setpoints.heard()
 
+    @property
+    def is_proven(self) -> bool:
+        """Whether a frame has come in since the port was opened."""
+        return self.hearing.proven
+
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()

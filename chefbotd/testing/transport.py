@@ -1,9 +1,10 @@
 """A serial device in memory: an asyncio transport without a pty, for tests on a virtual clock."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from chefbotd.link.port import LinkParameters
+from chefbotd.link.reconnect import Opener
 
 
 class FakeSerialTransport(asyncio.Transport):
@@ -19,6 +20,7 @@ class FakeSerialTransport(asyncio.Transport):
         self._unsent = bytearray()
         self._high_water = 64 * 1024
         self._stalled = self._paused = self._closing = False
+        self.dtr: bool | None = None  # as set after the opening
         self._loop.call_soon(protocol.connection_made, self)
 
     def feed(self, data: bytes) -> None:
@@ -61,6 +63,10 @@ class FakeSerialTransport(asyncio.Transport):
             self._paused = True
             self._protocol.pause_writing()
 
+    def set_dtr(self, state: bool) -> None:
+        """The line is set or cleared."""
+        self.dtr = state
+
     def overtake(self, words: bytes) -> None:
         """Write instead of all that is unsent."""
         self._unsent.clear()
@@ -97,7 +103,7 @@ class FakeSerialTransport(asyncio.Transport):
 
 
 class FakeSerialDevice:
-    """A device that can be plugged, unplugged, fed and listened to. Give its ``open`` to ``BoardLink`` as the opener."""
+    """A device that can be plugged, unplugged, fed and listened to. Give its ``open`` to ``PortLink`` as the opener."""
 
     def __init__(self, *, plugged: bool = True) -> None:
         self.plugged = plugged
@@ -129,3 +135,15 @@ class FakeSerialDevice:
     def plug(self) -> None:
         """Put the cable back."""
         self.plugged = True
+
+
+def open_by_device(devices: Mapping[str, FakeSerialDevice]) -> Opener:
+    """An opener that finds the fake device by the configured one; of another it says that it is not there."""
+
+    async def open_one(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
+        device = devices.get(parameters.device)
+        if device is None:
+            raise FileNotFoundError(f"could not open port {parameters.device}: no such device")
+        return await device.open(parameters, protocol)
+
+    return open_one

@@ -123,6 +123,20 @@ def express_request(mode: int = 0) -> bytes:
     return message + bytes((reduce(xor, message),))
 
 
+SET_MOTOR_PWM = 0xF0
+"""Of the accessory board between an A2 and its USB plug: how fast the motor is to turn, 0 to 1023."""
+
+
+def motor_request(pwm: int) -> bytes:
+    """The bytes that set an A2's motor; 0 stops it.
+
+    Raises:
+        struct.error: it does not fit the wire.
+    """
+    message = struct.pack("<BBBH", START, SET_MOTOR_PWM, 2, pwm)
+    return message + bytes((reduce(xor, message),))
+
+
 def _read_info(raw: bytes) -> DeviceInfo:
     model, minor, major, hardware = raw[:4]
     return DeviceInfo(model, (major, minor), hardware, raw[4:].hex().upper())

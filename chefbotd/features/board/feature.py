@@ -5,7 +5,7 @@ from collections.abc import Callable
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.features.board.methods import TOPICS, BoardMethods
 from chefbotd.features.feature import Feature, Service
-from chefbotd.link.reconnect import BoardLink
+from chefbotd.link.reconnect import PortLink
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.metrics import Metrics
@@ -30,7 +30,7 @@ class BrakingBoard:
         self._session.reset_board()
 
 
-def board(session: BoardSession, link: BoardLink, fault_log: FaultLog, brake: Callable[[], None]) -> Feature:
+def board(session: BoardSession, link: PortLink, fault_log: FaultLog, brake: Callable[[], None]) -> Feature:
     """The board, over what talks to it; ``brake`` stops the motors and forgets every command."""
     return Feature(
         "board",

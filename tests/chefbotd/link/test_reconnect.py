@@ -9,7 +9,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events import LinkClosed, LinkNotOpened, LinkOpened
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.reconnect import BoardLink, waits_s
+from chefbotd.link.reconnect import PortLink, waits_s
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.codec import CLASSIC
@@ -33,7 +33,7 @@ def run_link(device: FakeSerialDevice, story) -> tuple[list[type], bytes]:
         bus = Bus()
         inbox = bus.subscribe(LinkOpened, LinkClosed)
         session = BoardSession(bus, LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
-        link = BoardLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
+        link = PortLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
         task = asyncio.create_task(link.run())
         await story(session)
         task.cancel()
@@ -101,7 +101,7 @@ def test_an_end_while_the_port_opens_leaves_a_stop_there(opening_s: float, writt
 
     async def scenario() -> float:
         session = BoardSession(Bus(), LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
-        link = BoardLink(PARAMETERS, session, open_slowly, LoopClock(), random.Random(1))
+        link = PortLink(PARAMETERS, session, open_slowly, LoopClock(), random.Random(1))
         task = asyncio.create_task(link.run())
         await asyncio.sleep(0.1)
         before_s = LoopClock().now_s()
@@ -139,7 +139,7 @@ def opens_in_a_minute(said: bytes) -> int:
 
     async def scenario() -> None:
         session = BoardSession(Bus(), LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
-        link = BoardLink(PARAMETERS, session, open_and_close, LoopClock(), random.Random(1))
+        link = PortLink(PARAMETERS, session, open_and_close, LoopClock(), random.Random(1))
         task = asyncio.create_task(link.run())
         await asyncio.sleep(60.0)
         task.cancel()
@@ -168,7 +168,7 @@ def test_why_a_device_cannot_be_opened_is_told_once_for_each_reason():
         bus = Bus()
         inbox = bus.subscribe(LinkNotOpened, LinkOpened, size=100)
         session = BoardSession(bus, LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
-        link = BoardLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
+        link = PortLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1))
         task = asyncio.create_task(link.run())
         await asyncio.sleep(600.0)
         device.plug()

@@ -15,7 +15,7 @@ import uvloop
 from chefbotd.bus import Bus
 from chefbotd.clock import SystemClock
 from chefbotd.link.port import BriefSerial, LinkParameters, open_port
-from chefbotd.link.reconnect import BoardLink
+from chefbotd.link.reconnect import PortLink
 from chefbotd.link.session import BoardSession
 from firmware_protocol.codec import CLASSIC
 
@@ -72,7 +72,7 @@ def on_link(cable: Cable, story: Callable[[BoardSession], Awaitable[None]]) -> N
             device=str(cable.path), reconnect_first_s=0.002, reconnect_longest_s=0.004
         )
         session = BoardSession(Bus(), SystemClock(), CLASSIC, device=parameters.device, setpoints_per_s=200.0)
-        link = BoardLink(parameters, session, open_port, SystemClock(), random.Random(1))
+        link = PortLink(parameters, session, open_port, SystemClock(), random.Random(1))
         task = asyncio.create_task(link.run())
         await story(session)
         task.cancel()

@@ -1,0 +1,124 @@
+"""Whether what comes in is the lidar that is configured, and whether it turns."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from chefbotd.link.health import show
+from firmware_protocol.lidar import ld19, rplidar
+
+JUDGED_AFTER_S = 2.0
+"""A lidar that has just been powered takes about so long to its first turn (assumed)."""
+
+SOON_S = 0.5
+"""Whole turns are heard in less."""
+
+QUIET_S = 1.0
+"""A lidar that pauses for so long is silent, whatever it said before."""
+
+TEXT_SHARE = 0.9
+
+
+class Condition(StrEnum):
+    """What an open port turned out to be."""
+
+    HEALTHY = "healthy"
+    SILENT = "silent"
+    WRONG_BAUD = "wrong_baud"
+    WRONG_DEVICE = "wrong_device"
+    MOTOR_STALLED = "motor_stalled"
+    FROZEN = "frozen"
+    OUT_OF_ORDER = "out_of_order"
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Totals: bytes, packets in good form, whole turns, and turns and packets that were there before.
+
+    ``last_s`` is when the last byte came. ``awaits_scan``: the device answers, and has sent nothing of the scan yet.
+    """
+
+    bytes: int = 0
+    packets: int = 0
+    turns: int = 0
+    repeated: int = 0
+    last_s: float = 0.0
+    awaits_scan: bool = False
+
+    def since(self, before: "Heard") -> "Heard":
+        """What was heard after ``before``."""
+        return Heard(
+            self.bytes - before.bytes,
+            self.packets - before.packets,
+            self.turns - before.turns,
+            self.repeated - before.repeated,
+            self.last_s,
+            self.awaits_scan,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """The condition, and for people what was heard and what it suggests (empty while healthy)."""
+
+    condition: Condition
+    reason: str
+
+
+class HealthWatch:
+    """Judges one connection; look at it a few times a second."""
+
+    def __init__(self, now_s: float, heard: Heard) -> None:
+        self._from_s, self._before = now_s, heard
+        self._told: Health | None = None
+
+    def look(self, now_s: float, heard: Heard, sample: bytes, complaint: str) -> Health | None:
+        """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what the lidar says is wrong."""
+        new, waited_s = heard.since(self._before), now_s - self._from_s
+        soon = new.turns > 0 and waited_s >= SOON_S
+        if not soon and waited_s < JUDGED_AFTER_S:
+            return None
+        self._from_s, self._before = now_s, heard
+        quiet_s = waited_s if not new.bytes else now_s - new.last_s
+        health = judge(new, quiet_s, sample, complaint)
+        if self._told is not None and health.condition is self._told.condition:
+            return None
+        self._told = health
+        return health
+
+
+def judge(new: Heard, quiet_s: float, sample: bytes, complaint: str) -> Health:
+    """What has been heard says of the port; ``quiet_s`` is how long there has been nothing now."""
+    if new.awaits_scan and not complaint:
+        return Health(Condition.MOTOR_STALLED, "it answers, and sends no scan: does its motor turn?")
+    if quiet_s >= QUIET_S and not new.turns:
+        told = f"nothing heard for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
+        return Health(Condition.SILENT, told)
+    found = f"{new.bytes} bytes, {new.packets} packets; heard: {show(sample)}"
+    if not new.packets:
+        return _judge_foreign(sample, found)
+    if complaint:
+        wrong = Condition.WRONG_DEVICE if "another lidar" in complaint else Condition.OUT_OF_ORDER
+        return Health(wrong, complaint)
+    if new.turns:
+        return Health(Condition.HEALTHY, "")
+    if new.repeated:
+        told = f"only what came before ({new.repeated} times): the lidar hangs, or its bytes are replayed"
+        return Health(Condition.FROZEN, told)
+    return Health(Condition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {found}")
+
+
+def _judge_foreign(sample: bytes, found: str) -> Health:
+    """Bytes that are no packet of the configured lidar: another lidar's, a board's text, or a wrong baud rate."""
+    decoder = ld19.Ld19Decoder()
+    if decoder.feed_bytes(sample):
+        return Health(
+            Condition.WRONG_DEVICE, f"these are packets of an LD06 or LD19: is the model right? {found}"
+        )
+    if rplidar.DESCRIPTOR_START in sample:
+        return Health(Condition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {found}")
+    text = sum(0x20 <= byte <= 0x7E or byte in b"\t\r\n" for byte in sample)
+    if text >= TEXT_SHARE * len(sample):
+        return Health(Condition.WRONG_DEVICE, f"this is text: is this the port of the board? {found}")
+    return Health(
+        Condition.WRONG_BAUD, f"no packets: is the baud rate right, and is this the lidar's port? {found}"
+    )

@@ -1,0 +1,221 @@
+"""RPLIDAR A1 and A2: asks the device what it is and how it is, starts the scan, and reads whole turns.
+
+Source: Slamtec's "RPLIDAR Interface Protocol and Application Notes". The device has no clock of its own that it tells.
+"""
+
+import math
+from collections import Counter
+from enum import StrEnum
+
+import numpy as np
+
+from chefbotd.link.lidar.turn import LEAST_COVERED, Turn
+from chefbotd.sensing.lidar import LidarModel
+from firmware_protocol.lidar.rplidar import (
+    FULL_TURN_Q6,
+    POINTS,
+    Answer,
+    Capsule,
+    DeviceHealth,
+    DeviceInfo,
+    Health,
+    Request,
+    RplidarDecoder,
+    ScanNode,
+    express_request,
+    motor_request,
+    request,
+)
+
+EXPRESS_SINCE = (1, 17)
+"""The firmware that first offers the express scan."""
+
+MOTOR_PWM = 660
+"""What the maker's driver gives an A2's motor; the A1's is switched by DTR alone."""
+
+SERIES = {LidarModel.RPLIDAR_A1: 0x1, LidarModel.RPLIDAR_A2: 0x2}
+"""The upper half of the model number that a device tells."""
+
+LONGEST_TURN_S = 1.0
+LEAST_NODES = 30
+
+
+class Phase(StrEnum):
+    """How far the conversation has come."""
+
+    STOPPING = "stopping"
+    ASKING_INFO = "asking_info"
+    ASKING_HEALTH = "asking_health"
+    RESETTING = "resetting"
+    SCANNING = "scanning"
+
+
+PATIENCE_S = {
+    Phase.STOPPING: 0.1,
+    Phase.ASKING_INFO: 0.5,
+    Phase.ASKING_HEALTH: 0.5,
+    Phase.RESETTING: 1.0,
+    Phase.SCANNING: 4.0,
+}
+"""How long nothing may come before the conversation begins anew; a motor takes two seconds to its speed (assumed)."""
+
+
+class RplidarReader:
+    """``poll`` says what is to be written: the next request, or the first one again where no answer came."""
+
+    def __init__(self, model: LidarModel, baud: int, *, express: bool) -> None:
+        self._model, self._baud, self._express = model, baud, express
+        self._decoder = RplidarDecoder()
+        self._turns = _TurnBuilder()
+        self.packets = 0
+        self.complaint, self.awaits_scan = "", False
+        self.info: DeviceInfo | None = None
+        self.phase = Phase.STOPPING
+        self._heard_s = 0.0
+        self._words = b""
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Bytes that were passed over, and turns of which too much is missing (``incomplete``)."""
+        return self._decoder.refused + self._turns.passed_over
+
+    def begin(self, now_s: float) -> bytes:
+        """Another connection: a scan may be going on from before, so it is stopped first."""
+        self.complaint, self.info, self._words = "", None, b""
+        self._go(Phase.STOPPING, now_s, request(Request.STOP))
+        return self.poll(now_s)
+
+    def read_bytes(self, data: bytes, now_s: float) -> list[Turn]:
+        """The turns that these bytes complete."""
+        if self.phase in (Phase.STOPPING, Phase.RESETTING):  # the rest of a scan, or what a start prints
+            return []
+        turns = []
+        answers = self._decoder.feed_bytes(data)
+        for behind, answer in zip(range(len(answers) - 1, -1, -1), answers, strict=True):
+            self.packets += 1
+            self._heard_s = now_s
+            if isinstance(answer, ScanNode | Capsule):
+                self.awaits_scan = False
+            turn = self._take(answer, now_s, behind)
+            if turn is not None:
+                turns.append(turn)
+        return turns
+
+    def poll(self, now_s: float) -> bytes:
+        """What is to be written now."""
+        if now_s - self._heard_s >= PATIENCE_S[self.phase]:
+            self._run_out(now_s)
+        words, self._words = self._words, b""
+        return words
+
+    def end(self) -> bytes:
+        """The scan is stopped, and an A2's motor with it."""
+        stopped = motor_request(0) if self._model is LidarModel.RPLIDAR_A2 else b""
+        return request(Request.STOP) + stopped
+
+    def _run_out(self, now_s: float) -> None:
+        """The patience with a phase is over: go on after a stop or a reset, and begin anew after a silence."""
+        if self.phase is Phase.STOPPING:
+            self._go(Phase.ASKING_INFO, now_s, request(Request.GET_INFO))
+            return
+        if self.phase is Phase.SCANNING:
+            self._express = False  # the device may have promised more than it does
+        self._go(Phase.STOPPING, now_s, request(Request.STOP))
+
+    def _go(self, phase: Phase, now_s: float, words: bytes) -> None:
+        self.phase, self._heard_s = phase, now_s
+        self.awaits_scan = phase is Phase.SCANNING
+        self._words += words
+        self._decoder.reset()
+        self._turns.begin()
+
+    def _take(self, answer: Answer, now_s: float, behind: int) -> Turn | None:
+        match answer:
+            case DeviceInfo() if self.phase is Phase.ASKING_INFO:
+                self.info, self.complaint = answer, self._complaint_about(answer)
+                self._go(Phase.ASKING_HEALTH, now_s, request(Request.GET_HEALTH))
+            case DeviceHealth() if self.phase is Phase.ASKING_HEALTH:
+                self._take_health(answer, now_s)
+            case ScanNode() if self.phase is Phase.SCANNING:
+                return self._turns.take_node(answer, now_s, behind)
+            case Capsule() if self.phase is Phase.SCANNING:
+                return self._turns.take_capsule(answer, now_s, behind)
+        return None
+
+    def _take_health(self, health: DeviceHealth, now_s: float) -> None:
+        if health.status is Health.ERROR:
+            self.complaint = f"the lidar says that it is out of order (its error {health.error_code})"
+            self._go(Phase.RESETTING, now_s, request(Request.RESET))
+            return
+        offered = self.info is not None and self.info.firmware >= EXPRESS_SINCE
+        motor = motor_request(MOTOR_PWM) if self._model is LidarModel.RPLIDAR_A2 else b""
+        start = express_request() if self._express and offered else request(Request.SCAN)
+        self._go(Phase.SCANNING, now_s, motor + start)
+
+    def _complaint_about(self, info: DeviceInfo) -> str:
+        if info.model >> 4 == SERIES[self._model]:
+            return ""
+        return (
+            f"this is another lidar: it says that it is model 0x{info.model:02x}, configured is {self._model}"
+        )
+
+
+class _TurnBuilder:
+    """Points of either scan to turns; a beam's time is by its share of the turn, which ends when that was read."""
+
+    def __init__(self) -> None:
+        self.passed_over: Counter[str] = Counter()
+        self.begin()
+
+    def begin(self) -> None:
+        """A scan begins: the turn in progress will not be whole."""
+        self._began_s: float | None = None
+        self._angle_q6: list[float] = []
+        self._range_m: list[float] = []
+        self._point_s = 0.0
+        self._capsule: Capsule | None = None
+        self._axis_q6 = 0.0  # where the lidar looked last, in an express scan
+
+    def take_node(self, node: ScanNode, now_s: float, behind: int) -> Turn | None:
+        """A point of a standard scan; ``behind`` is how many came after it in the same read."""
+        turn = self._end_turn(now_s - behind * self._point_s) if node.starts_turn else None
+        self._add(node.angle_q6, node.distance_q2 / 4000)
+        return turn
+
+    def take_capsule(self, capsule: Capsule, now_s: float, behind: int) -> Turn | None:
+        """A capsule of an express scan: the points of the one before it have their angles now."""
+        before, self._capsule = self._capsule, capsule
+        if before is None or capsule.is_first:
+            return None
+        step_q6 = (capsule.start_q6 - before.start_q6) % FULL_TURN_Q6 / POINTS
+        turn = None
+        for index, (range_mm, offset_q3) in enumerate(zip(before.distance_mm, before.offset_q3, strict=True)):
+            angle_q6 = (before.start_q6 + step_q6 * index) % FULL_TURN_Q6
+            if angle_q6 + FULL_TURN_Q6 / 2 < self._axis_q6:  # the zero mark was passed
+                points_behind = (behind + 2) * POINTS - index
+                turn = self._end_turn(now_s - points_behind * self._point_s)
+            self._axis_q6 = angle_q6
+            self._add(angle_q6 - 8 * offset_q3, range_mm / 1000)
+        return turn
+
+    def _add(self, angle_q6: float, range_m: float) -> None:
+        if self._began_s is not None and len(self._angle_q6) < FULL_TURN_Q6:
+            self._angle_q6.append(angle_q6)
+            self._range_m.append(range_m)
+
+    def _end_turn(self, now_s: float) -> Turn | None:
+        """The points since the zero mark was last passed."""
+        began_s, self._began_s = self._began_s, now_s
+        angle_q6, range_m = np.array(self._angle_q6), np.array(self._range_m)
+        self._angle_q6, self._range_m = [], []
+        if began_s is None:
+            return None
+        if len(angle_q6) < LEAST_NODES or np.ptp(angle_q6) < LEAST_COVERED * FULL_TURN_Q6:
+            self.passed_over["incomplete"] += 1
+            return None
+        if not 0 < now_s - began_s <= LONGEST_TURN_S:
+            self.passed_over["interrupted"] += 1
+            return None
+        self._point_s = (now_s - began_s) / len(angle_q6)
+        share = np.clip(angle_q6 / FULL_TURN_Q6, 0.0, 1.0)
+        return Turn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, began_s + share * (now_s - began_s))

@@ -1,0 +1,196 @@
+"""A lidar as seen from its wire: bytes in, scans and health out; requests out where it wants any."""
+
+import asyncio
+from collections import Counter
+from typing import Protocol, cast, runtime_checkable
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events.lidars import LidarChanged
+from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.link.lidar.health import Condition, HealthWatch, Heard
+from chefbotd.link.lidar.ld19_reader import Ld19Reader
+from chefbotd.link.lidar.reader import LidarReader
+from chefbotd.link.lidar.rplidar_reader import RplidarReader
+from chefbotd.link.lidar.turn import RepeatFinder, Turn, scan_of
+from chefbotd.link.port import LinkParameters
+from chefbotd.sensing.lidar import LidarModel, LidarParameters
+from firmware_protocol.lidar import ld19, rplidar
+
+log = structlog.get_logger(component="lidar")
+
+SAMPLE_BYTES = 128
+DOWN, JUDGING = "down", "judging"
+POLL_EVERY_S = 0.05
+
+
+@runtime_checkable
+class MotorPort(Protocol):
+    """A transport that knows DTR, and can say something before it closes."""
+
+    def set_dtr(self, state: bool) -> None:
+        """Set or clear the line."""
+        ...
+
+    def close_saying(self, words: bytes) -> None:
+        """Write, and close."""
+        ...
+
+
+def baud_of(lidar: LidarParameters) -> int:
+    """The configured baud rate, or the model's own."""
+    return lidar.baud or (ld19.BAUD if lidar.model.is_ldrobot else rplidar.BAUD)
+
+
+def port_of(lidar: LidarParameters) -> LinkParameters:
+    """How the lidar's port is opened. DTR is off: it stands for "stop the motor" on an RPLIDAR A1."""
+    return LinkParameters(
+        device=lidar.device, baud=baud_of(lidar), exclusive=lidar.exclusive, dtr=lidar.model.is_ldrobot
+    )
+
+
+def _reader_of(lidar: LidarParameters) -> LidarReader:
+    baud = baud_of(lidar)
+    if lidar.model.is_ldrobot:
+        return Ld19Reader(baud)
+    return RplidarReader(lidar.model, baud, express=lidar.express)
+
+
+class LidarSession(asyncio.Protocol):
+    """An asyncio protocol that lives across reconnections and keeps its counters; scans go to the bus as they end."""
+
+    def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
+        self._bus, self._clock, self.lidar = bus, clock, lidar
+        self.reader = _reader_of(lidar)
+        self._base_from_lidar = lidar.base_from_lidar
+        self._repeats = RepeatFinder()
+        self._transport: asyncio.Transport | None = None
+        self._closed = asyncio.Event()
+        self._closed.set()
+        self._sample = b""
+        self._poll_timer: asyncio.TimerHandle | None = None
+        self._scans_before, self._heard_s = 0, 0.0
+        self._health = HealthWatch(0.0, Heard())
+        self.bytes_in = self.opens = self.scans = self.repeated = 0
+        self.turn_s: float | None = None
+        self.last_scan_s: float | None = None
+
+    # What asyncio tells us
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A port was opened: nothing is known of it yet."""
+        self._transport = cast(asyncio.Transport, transport)
+        now_s = self._clock.now_s()
+        self.opens += 1
+        self._scans_before, self._sample = self.scans, b""
+        self._health = HealthWatch(now_s, self._heard())
+        self._say(self.reader.begin(now_s))
+        self._tell(JUDGING, "", healthy=None)
+        self._poll()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The port is gone."""
+        self._transport = None
+        if self._poll_timer is not None:
+            self._poll_timer.cancel()
+        self._tell(DOWN, str(exc) if exc else "closed", healthy=False)
+        self._closed.set()
+
+    def data_received(self, data: bytes) -> None:
+        """Stamp, read, publish what is whole, and ask for what comes next."""
+        now_s = self._clock.now_s()
+        self.bytes_in, self._heard_s = self.bytes_in + len(data), now_s
+        self._sample = (self._sample + data[-SAMPLE_BYTES:])[-SAMPLE_BYTES:]
+        for turn in self.reader.read_bytes(data, now_s):
+            self._take_turn(turn)
+        self._say(self.reader.poll(now_s))
+
+    def _take_turn(self, turn: Turn) -> None:
+        """A turn that was there before is no measurement: it is not published."""
+        if self._repeats.is_repeated(turn):
+            self.repeated += 1
+            return
+        scan = scan_of(self.lidar, turn)
+        self.scans += 1
+        self.turn_s, self.last_scan_s = float(turn.stamp_s[-1] - turn.stamp_s[0]), scan.stamp_s
+        self._bus.publish(ScanMeasured(scan.stamp_s, self.lidar.name, self._base_from_lidar, scan))
+
+    # What the link asks
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a port is connected."""
+        return self._transport is not None
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether a whole turn has come in since the port was opened."""
+        return self.scans > self._scans_before
+
+    def judge_health(self) -> None:
+        """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
+        health = self._health.look(self._clock.now_s(), self._heard(), self._sample, self.reader.complaint)
+        if health is None or not self.is_open:
+            return
+        healthy = health.condition is Condition.HEALTHY
+        self._tell(str(health.condition), health.reason, healthy=healthy)
+        if not healthy:
+            log.warning(
+                "this does not sound like the lidar",
+                lidar=self.lidar.name,
+                condition=str(health.condition),
+                reason=health.reason,
+            )
+
+    def report_not_opened(self, reason: str) -> None:
+        """The port cannot be opened: whoever looks is told why."""
+        self._tell(DOWN, reason, healthy=False)
+
+    def expect_connection(self) -> None:
+        """A port is about to be opened: ``wait_closed`` is to wait for its end."""
+        self._closed.clear()
+
+    async def wait_closed(self) -> None:
+        """Wait until the expected connection has come and gone."""
+        await self._closed.wait()
+
+    def close(self) -> None:
+        """Stop the scan and the motor where the lidar can be told to, and give the port up."""
+        transport, words = self._transport, self.reader.end()
+        if transport is None:
+            return
+        if words and isinstance(transport, MotorPort):
+            transport.set_dtr(True)
+            transport.close_saying(words)
+        else:
+            transport.abort()
+
+    @property
+    def refused(self) -> Counter[str]:
+        """What was passed over, by reason: bytes, packets and turns."""
+        return self.reader.refused + Counter({"repeated_turn": self.repeated})
+
+    # Inside
+
+    def _poll(self) -> None:
+        """A reader that waits for an answer looks at the time."""
+        if self._transport is None or self.lidar.model in (LidarModel.LD06, LidarModel.LD19):
+            return
+        self._say(self.reader.poll(self._clock.now_s()))
+        self._poll_timer = asyncio.get_running_loop().call_later(POLL_EVERY_S, self._poll)
+
+    def _say(self, words: bytes) -> None:
+        if words and self._transport is not None:
+            self._transport.write(words)
+
+    def _heard(self) -> Heard:
+        repeated = self.repeated + self.reader.refused["out_of_order"]
+        reader = self.reader
+        return Heard(self.bytes_in, reader.packets, self.scans, repeated, self._heard_s, reader.awaits_scan)
+
+    def _tell(self, condition: str, reason: str, *, healthy: bool | None) -> None:
+        device, is_open = self.lidar.device, self.is_open
+        now_s = self._clock.now_s()
+        self._bus.publish(LidarChanged(now_s, self.lidar.name, device, is_open, healthy, condition, reason))

@@ -1,0 +1,1 @@
+"""Lidars on their wires."""

@@ -1,0 +1,88 @@
+"""A turn made a scan: direction, blind sectors, range band, and turns that come twice."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chefbotd.link.lidar.turn import RepeatFinder, Turn, scan_of
+from chefbotd.sensing.lidar import LidarParameters
+
+
+def lidar(**keywords: object) -> LidarParameters:
+    """An LD19."""
+    return LidarParameters.model_validate({"model": "ld19", "device": "/dev/ttyUSB0", **keywords})
+
+
+def turn(*beams: tuple[float, float]) -> Turn:
+    """Beams of (degrees clockwise, metres), 10 ms apart, the last at 7 s."""
+    degrees, metres = zip(*beams, strict=True)
+    stamps = 7.0 - 0.01 * np.arange(len(beams))[::-1]
+    return Turn(np.radians(degrees), np.array(metres), stamps)
+
+
+BEAMS = turn((10, 1.0), (100, 2.0), (200, 0.01), (300, 13.0))
+
+
+def test_bearings_are_counter_clockwise() -> None:
+    """10 degrees clockwise are -10; upside down the lidar turns the other way round, so +10, with the same mount."""
+    scan = scan_of(lidar(), BEAMS)
+    assert np.degrees(scan.bearing_rad) == pytest.approx([-10, -100, -200, -300])
+    turned = scan_of(lidar(upside_down=True), BEAMS)
+    assert np.degrees(turned.bearing_rad) == pytest.approx([10, 100, 200, 300])
+
+
+def test_what_is_out_of_range_is_no_reading() -> None:
+    """0.01 m is nearer than the LD19 sees, 13 m farther."""
+    assert scan_of(lidar(), BEAMS).range_m == pytest.approx([1.0, 2.0, 0, 0])
+    assert scan_of(lidar(min_range_m=1.5, max_range_m=20.0), BEAMS).range_m == pytest.approx([0, 2, 0, 13])
+
+
+@pytest.mark.parametrize(("upside_down", "left"), [(False, [0, 2, 0, 0]), (True, [1, 2, 0, 0])])
+def test_blind_sectors_are_counter_clockwise_seen_from_above(upside_down: bool, left: list[float]) -> None:
+    """From -20 over 0 to -5 degrees: the beam 10 degrees clockwise is in it, unless the lidar hangs upside down."""
+    sectors = ((math.radians(-20), math.radians(-5)),)
+    scan = scan_of(lidar(blind_sectors_rad=sectors, upside_down=upside_down), BEAMS)
+    assert scan.range_m == pytest.approx(left)
+
+
+def test_a_blind_sector_may_go_through_half_a_turn() -> None:
+    """From 150 to 210 degrees CCW: the beam at 160 degrees (200 clockwise) only."""
+    scan = scan_of(lidar(blind_sectors_rad=((2.618, 3.665),), min_range_m=0.005), BEAMS)
+    assert scan.range_m == pytest.approx([1, 2, 0, 0])
+
+
+def test_the_scan_is_stamped_with_its_last_beam() -> None:
+    """The others come before it."""
+    scan = scan_of(lidar(), BEAMS)
+    assert scan.stamp_s == 7.0
+    assert scan.after_s == pytest.approx([-0.03, -0.02, -0.01, 0])
+
+
+def varied(seed: int) -> Turn:
+    """A turn with noise."""
+    ranges = 2 + np.random.default_rng(seed).normal(0, 0.005, 450)
+    return Turn(np.linspace(0, 6.2, 450), np.round(ranges, 3), np.linspace(0, 0.1, 450))
+
+
+def test_a_turn_that_was_there_before_is_found() -> None:
+    """One of a recording of 50 turns that begins again; its time does not count."""
+    finder = RepeatFinder()
+    assert not any(finder.is_repeated(varied(seed)) for seed in range(50))
+    assert all(finder.is_repeated(varied(seed)) for seed in range(50))
+
+
+def test_in_an_empty_hall_every_turn_is_alike_and_none_a_repetition() -> None:
+    """No reading at all, or three."""
+    empty = Turn(np.linspace(0, 6.2, 450), np.zeros(450), np.zeros(450))
+    finder = RepeatFinder()
+    assert not any(finder.is_repeated(empty) for _ in range(5))
+
+
+def test_memory_is_bounded() -> None:
+    """What came more than 600 turns ago is forgotten."""
+    finder = RepeatFinder()
+    for seed in range(700):
+        finder.is_repeated(varied(seed))
+    assert not finder.is_repeated(varied(50))
+    assert finder.is_repeated(varied(699))
