@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from typing import TextIO, cast
 
 INTERRUPTED = 130
 """As ``chefbotd.cli.common.exits`` has it, which is not imported yet."""
@@ -35,10 +36,19 @@ def open_standard_streams() -> None:
     """Open /dev/null for each of stdin, stdout and stderr that is closed.
 
     Otherwise what is opened next, such as the event loop's own descriptor, would be in its place; libuv aborts on that.
+    Python has None for the stream of each that was closed when it started.
     """
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(descriptor, True)
     os.close(descriptor)
+    sys.stdin = sys.stdin or _null(0, "r")
+    sys.stdout = sys.stdout or _null(1, "w")
+    sys.stderr = sys.stderr or _null(2, "w")
+
+
+def _null(descriptor: int, mode: str) -> TextIO:
+    """A stream on a descriptor that stays open when the stream is dropped."""
+    return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: PTH123, SIM115
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from chefbotd.link.restart_watch import RestartWatch
 log = structlog.get_logger(component="link")
 
 REASONS = {
-    ResetStage.STOPPING: "waiting until the board says that its motors are told to stop",
+    ResetStage.STOPPING: "waiting until the board says that its motors are told to stop, and its wheels stand",
     ResetStage.ASKED: "the board was asked to restart",
     ResetStage.RESTARTED: "the board has restarted; 'arm' allows motion again",
     ResetStage.NOT_RESTARTED: (
@@ -64,6 +64,12 @@ class Restarts:
             self._reset.echoed(duty, now_s)
             self._look()
 
+    def turned(self, counts: tuple[int, ...], now_s: float) -> None:
+        """The board said how far its wheels have turned."""
+        if self._reset.stage is ResetStage.STOPPING:
+            self._reset.counted(counts, now_s)
+            self._look()
+
     def reset_done(self, now_s: float) -> None:
         """The board said that it is about to restart."""
         self._watch.reset_done(now_s)
@@ -87,7 +93,7 @@ class Restarts:
         self._end(ResetStage.RESTARTED)
 
     def _look(self) -> None:
-        """Ask as soon as the stop is in force and the port takes it; give the board up when it is not back in time."""
+        """Ask as soon as the robot stands and the port takes it; give the board up when it is not back in time."""
         self._cancel_timer()
         now_s = self._clock.now_s()
         if self._reset.is_overdue(now_s):

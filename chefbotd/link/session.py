@@ -206,7 +206,7 @@ class BoardSession(asyncio.Protocol):
         return self._speech.stop_from_thread()
 
     def reset_board(self) -> None:
-        """Stop, see that the stop is in force, then ask the board to restart; nothing moves until it is back.
+        """Stop, see that the robot stands, then ask the board to restart; nothing moves until it is back.
 
         Returns at once: ``BoardResetProgressed`` tells how it goes on.
         """
@@ -244,8 +244,12 @@ class BoardSession(asyncio.Protocol):
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is not None and not self.board_clock.in_doubt:
             self._window.cycle(now_s)
+            bursts = self._edges.empty()
+            totals = {burst.wheel: burst.total for burst in bursts}
+            if len(totals) == len(self._still):
+                self._restarts.turned(tuple(totals[wheel] for wheel in sorted(totals)), now_s)
             board_s = self.board_clock.board_s(now_s)
-            self._bus.publish(EdgesSeen(self.board_clock.stamp_s, now_s, board_s, self._edges.empty()))
+            self._bus.publish(EdgesSeen(self.board_clock.stamp_s, now_s, board_s, bursts))
 
     def _on_echo(self, message: wire.DutyEcho, now_s: float) -> None:
         self._window.echoed(message.duty)
@@ -266,6 +270,7 @@ class BoardSession(asyncio.Protocol):
         cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
         if cause is not None:
             self._restarted(now_s, cause)
+        self._restarts.turned(message.counts, now_s)
         self._bus.publish(EncodersCounted(stamp_s, now_s, board_s, message.counts))
 
     def _printed_s(self, now_s: float) -> tuple[float, float]:

@@ -72,9 +72,24 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
     assert loaded & absent == set()
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
-def test_the_daemon_ends_in_order_without_stdin_or_stdout(closed: str) -> None:
-    """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv."""
+CLOSED = ["<&-", ">&-", "2>&-", "<&- >&-", "<&- 2>&-", ">&- 2>&-", "<&- >&- 2>&-"]
+
+
+@pytest.mark.parametrize("program", ["chefbotd", "chefbotctl"])
+@pytest.mark.parametrize("closed", CLOSED)
+def test_a_program_answers_without_standard_streams(program: str, closed: str) -> None:
+    """``--version`` and a wrong option, whatever the shell has closed: exit codes 0 and 2, as ever."""
+    start = f"exec {sys.executable} -c 'from chefbotd import start; start.{program}()'"
+    codes = [
+        subprocess.run(["/bin/sh", "-c", f"{start} {option} {closed}"], check=False, capture_output=True)
+        for option in ("--version", "--no-such-option")
+    ]
+    assert [code.returncode for code in codes] == [0, 2]
+
+
+@pytest.mark.parametrize("closed", CLOSED)
+def test_the_daemon_starts_and_ends_in_order_without_standard_streams(closed: str) -> None:
+    """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv, no log that fails."""
     command = (
         f"exec {sys.executable} -m chefbotd.cli.programs.chefbotd run --sim --listen 127.0.0.1:0 {closed}"
     )

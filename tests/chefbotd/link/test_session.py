@@ -283,16 +283,20 @@ def told(bench: Bench) -> list[str]:
 
 
 def test_a_reset_waits_until_the_stop_is_in_force():
-    """``r`` goes when the echo has said zero twice, and no motion from the request on until the board is back."""
+    """``r`` goes when the echo has said zero twice, and no motion from the request on until the board is back.
+
+    The wheels stand all the while.
+    """
 
     async def scenario(bench: Bench) -> None:
         await asyncio.sleep(1.0)
         bench.session.send_duty((100, -80))
         bench.session.reset_board()
-        for echo in ((100.0, -80.0), (100.0, -80.0), (0.0, 0.0), (0.0, 0.0)):
+        for echo in (*[(100.0, -80.0)] * 8, (0.0, 0.0), (0.0, 0.0)):
             await asyncio.sleep(0.02)
             bench.session.send_duty((70, 60))
             assert b"r" not in bytes(bench.device.written)
+            bench.board.cycle(500, -400)
             bench.board.say(wire.DutyEcho(echo))
         assert bytes(bench.device.written).endswith(b"\rr\r")
         assert told(bench) == ["stopping", "asked"]
@@ -304,14 +308,56 @@ def test_a_reset_waits_until_the_stop_is_in_force():
     on_bench(scenario)
 
 
+def test_a_reset_waits_until_the_wheels_stand():
+    """The echo is zero and the wheels roll on for 0.2 s, the right one longer: ``r`` goes 0.1 s after its last count.
+
+    What they turn while the sketch waits for its reset is in no count. An encoder at rest that dithers by three stands.
+    """
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.session.reset_board()
+        left, right = 2000, -700
+        for cycle in range(10):
+            await asyncio.sleep(0.02)
+            left, right = left + (30 if cycle < 4 else 0), right - 9
+            bench.board.cycle(left, right)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        for cycle in range(6):
+            assert b"r" not in bytes(bench.device.written) or cycle == 5
+            await asyncio.sleep(0.02)
+            bench.board.cycle(left + cycle % 2 * 3, right)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        assert bytes(bench.device.written).endswith(b"\rr\r")
+        assert told(bench) == ["stopping", "asked"]
+
+    on_bench(scenario)
+
+
+def test_a_reset_of_a_robot_that_goes_on_rolling_goes_all_the_same():
+    """Downhill, or pushed: the echo has said zero since long, and after 1.5 s the board is asked."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.session.reset_board()
+        for cycle in range(78):
+            assert b"r" not in bytes(bench.device.written) or cycle >= 75
+            await asyncio.sleep(0.02)
+            bench.board.cycle(900 + 20 * cycle, -35 * cycle)
+            bench.board.say(wire.DutyEcho((0.0, 0.0)))
+        assert bytes(bench.device.written).endswith(b"\rr\r")
+
+    on_bench(scenario)
+
+
 def test_a_reset_ends_when_the_board_is_back():
     """Its banner comes: restarted, and the next command goes to the board."""
 
     async def scenario(bench: Bench) -> None:
         bench.board.cycle(500, 400)
         bench.session.reset_board()
-        for _ in range(3):
+        for _ in range(7):
             await asyncio.sleep(0.02)
+            bench.board.cycle(500, 400)
             bench.board.say(wire.DutyEcho((0.0, 0.0)))
         bench.board.say(wire.ResetDone())
         await asyncio.sleep(1.2)
@@ -350,7 +396,7 @@ def test_a_board_that_says_reset_done_and_goes_on_is_told_as_such():
     async def scenario(bench: Bench) -> None:
         bench.board.cycle(500, 400)
         bench.session.reset_board()
-        for _ in range(3):
+        for _ in range(7):
             await asyncio.sleep(0.02)
             bench.board.cycle(500, 400)
             bench.board.say(wire.DutyEcho((0.0, 0.0)))
