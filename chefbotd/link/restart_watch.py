@@ -6,7 +6,10 @@ Of the published sketches one has no clock and no banner, and one says `Reset Do
 from typing import NamedTuple
 
 NEAR_ZERO_COUNTS = 100
-"""What wheels that roll out may count until a board that has just started prints its first line."""
+"""Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
+
+ROLL_OUT_S = 0.3
+"""So long wheels may go on as they turned, once the board counts anew: open bridges brake nothing until its sketch runs."""
 
 FAR_COUNTS = 500
 """Counters that were not farther from zero than this may have come there by driving; believing them costs 3 cm."""
@@ -77,13 +80,13 @@ class RestartWatch:
     def _is_back_at_zero(self, counts: tuple[int, ...], silent_s: float) -> bool:
         """Whether the counters are near zero all at once, and the wheels cannot have rolled there."""
         before = self._before
-        if before is None or max(map(abs, counts)) > NEAR_ZERO_COUNTS:
-            return False
-        if max(map(abs, before.counts)) < FAR_COUNTS:
+        if before is None or max(map(abs, before.counts)) < FAR_COUNTS:
             return False
         if max(map(abs, counts)) <= AT_ZERO_COUNTS:
             return True
         rates = self._rates or (0.0,) * len(counts)
+        if not all(_rolled(0, new, rate * ROLL_OUT_S) for new, rate in zip(counts, rates, strict=True)):
+            return False
         return not all(
             _rolled(old, new, rate * silent_s)
             for old, new, rate in zip(before.counts, counts, rates, strict=True)

@@ -24,6 +24,24 @@ def test_counters_near_zero_after_a_silence_are_a_restart():
     assert watch.observe(last_s + 1.21, (8, -3), has_clock=False) is None
 
 
+def test_wheels_that_still_roll_out_do_not_hide_a_restart():
+    """2,600 and 2,971 counts/s (0.2 m/s on the right), then a second and a half of silence in which it lost its power.
+
+    Until its sketch braked it rolled 90 and 141 counts on, which is farther from zero than a robot at rest counts.
+    """
+    watch = RestartWatch()
+    last_s = driven(watch, (4986, 4920), (9, 10), 50)
+    assert watch.observe(last_s + 1.5, (90, 141), has_clock=False) is not None
+
+
+@pytest.mark.parametrize("after", [(90, -141), (90, 1500), (-240, 141)])
+def test_counters_that_no_wheel_can_have_rolled_to_are_no_restart(after: tuple[int, int]):
+    """Beside zero by more than an encoder's play against the wheel's direction, or by more than 0.3 s of rolling."""
+    watch = RestartWatch()
+    last_s = driven(watch, (4986, 4920), (9, 10), 50)
+    assert watch.observe(last_s + 1.5, after, has_clock=False) is None
+
+
 @pytest.mark.parametrize("before", [(0, 0), (480, -310), (-7, 3)])
 @pytest.mark.parametrize("after", [(0, 0), (55, -90), (2, 1)])
 def test_a_robot_that_is_near_zero_counts_has_not_restarted(before: tuple[int, int], after: tuple[int, int]):
