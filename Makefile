@@ -9,6 +9,7 @@ BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
+JOBS_OF_FAULTS ?= 2
 CLOCK ?= both
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
@@ -84,16 +85,24 @@ fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)
 	$(BIN)/python -m fuzz lidars build/fuzz/lidars tests/vectors/fuzz/lidars $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
-soak: $(VENV)/ready  ## Drive an hour with random faults, both robots (SOAK_MINUTES=60)
-	$(MAKE) --jobs=2 --output-sync soak-chefbot soak-khan
+# ChefBot's hour is shared by its published sketches, the less the more lines a second they send.
+soak: $(VENV)/ready  ## Drive an hour with random faults, both robots, every sketch (SOAK_MINUTES=60)
+	$(MAKE) --jobs=2 --output-sync soak-khan soak-chefbot soak-tiva_bare soak-tiva_second soak-duemilanove
 
+soak-khan: SHARE := 60
+soak-chefbot: SHARE := 40
+soak-duemilanove: SHARE := 10
+soak-tiva_second: SHARE := 6
+soak-tiva_bare: SHARE := 4
 soak-%: $(VENV)/ready
-	$(BIN)/python -m tests.scenarios.soak $(SOAK_MINUTES) 1 $*
+	$(BIN)/python -m tests.scenarios.soak $$(awk 'BEGIN { print $(SOAK_MINUTES) * $(SHARE) / 60 }') 1 \
+	  $(if $(filter khan chefbot,$*),$*,chefbot/$*)
 
-# Every fault of docs/safety.md that the simulated robot can have, on both robots, and what it does. CLOCK=virtual leaves out
-# those of the real program, which take real time: what is left is the same in every run.
+# Every fault of docs/safety.md that the simulated robot can have, on both robots and, where the board makes a difference,
+# on every sketch; and what it does. CLOCK=virtual leaves out those of the real program, which take real time: what is left
+# is the same in every run.
 faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtual: without the real program)
-	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --json build/faults.json
+	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --jobs $(JOBS_OF_FAULTS) --json build/faults.json
 
 bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 	$(BIN)/python -m benchmarks

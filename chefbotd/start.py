@@ -48,7 +48,7 @@ def open_standard_streams() -> None:
 
 def _null(descriptor: int, mode: str) -> TextIO:
     """A stream on a descriptor that stays open when the stream is dropped."""
-    return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: PTH123, SIM115
+    return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ NEAR_ZERO_COUNTS = 100
 """Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
 
 ROLL_OUT_S = 0.3
-"""So long wheels may go on as they turned, once the board counts anew: open bridges brake nothing until its sketch runs."""
+"""So long wheels may go on as they turned once the board counts anew: nothing brakes until its sketch runs."""
 
 FAR_COUNTS = 500
 """Counters that were not farther from zero than this may have come there by driving; believing them costs 3 cm."""

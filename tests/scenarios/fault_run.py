@@ -19,7 +19,7 @@ from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.access import Access, unguarded
 from tests.scenarios.driver import Driver
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving
-from tests.scenarios.robots import ROBOTS, settings_of
+from tests.scenarios.robots import ROBOTS, settings_of, sketch_of
 
 RUN_UP_S, LEAVING_S = 1.5, 1.5
 LET_GO_S = 1.1
@@ -58,7 +58,8 @@ class Expected:
 class Result:
     """What happened: ``zero_s`` and ``rest_s`` after the fault the board had its last duty and the robot moved last.
 
-    Both are None where it drives on, at ``drives_m_s`` when the run ends. ``wrong`` says what was not as expected.
+    Both are None where it drives on, at ``drives_m_s`` when the run ends. ``wrong`` says what was not as expected,
+    ``not_applicable`` why the fault cannot happen there.
     """
 
     robot: str
@@ -69,11 +70,17 @@ class Result:
     frames_lost: int
     clients_lost: int
     wrong: tuple[str, ...]
+    not_applicable: str = ""
 
 
 def broken(robot_name: str, fault_name: str, error: Exception) -> Result:
     """The result of a run that failed with an error."""
     return Result(robot_name, fault_name, None, None, None, 0, 0, (f"no outcome: {error!r}",))
+
+
+def not_applicable(robot_name: str, fault_name: str, reason: str) -> Result:
+    """The result where there is nothing that the fault could happen to."""
+    return Result(robot_name, fault_name, None, None, None, 0, 0, (), reason)
 
 
 @dataclass(slots=True)
@@ -124,7 +131,8 @@ class Fault:
     """Entering ``inject`` makes it happen, leaving it ``lasts_s`` later takes it away.
 
     ``row`` is how its row of docs/safety.md begins. ``leave`` is the twist by which the robot shows that it is as good
-    as new. Only faults ``on_wire`` may cost frames.
+    as new. Only faults ``on_wire`` may cost frames. ``sketches`` has the outcome on those of the published ones on which
+    it is another, or why the fault cannot happen there.
     """
 
     row: str
@@ -138,6 +146,11 @@ class Fault:
     overrides: Mapping[str, object] = field(default_factory=dict)
     robots: tuple[str, ...] = ROBOTS
     access: Callable[[], AbstractContextManager[Access]] = unguarded
+    sketches: Mapping[str, Expected | str] = field(default_factory=dict)
+
+    def outcome_on(self, robot_name: str) -> Expected | str:
+        """The one outcome on this robot and its sketch, or why there is none."""
+        return self.sketches.get(sketch_of(robot_name), self.expected)
 
 
 def motion(
@@ -149,6 +162,10 @@ def motion(
 
 def attempt(fault: Fault, robot_name: str) -> Result:
     """Let it happen to a fresh robot."""
+    expected = fault.outcome_on(robot_name)
+    if isinstance(expected, str):
+        return not_applicable(robot_name, fault.name, expected)
+    fault = replace(fault, expected=expected)
     results: list[Result] = []
     wrong: list[str] = []
     with capture_logs() as log, fault.access() as access:

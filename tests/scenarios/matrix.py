@@ -1,15 +1,18 @@
-"""The whole matrix of faults, on both robots: ``python -m tests.scenarios.matrix`` (``make faults``).
+"""The whole matrix of faults, on both robots and every sketch: ``python -m tests.scenarios.matrix`` (``make faults``).
 
 Prints what each fault cost, and exits with 1 when an outcome was not the one that is defined (see docs/safety.md), or
 when nothing was tried. ``--clock virtual`` leaves out what needs the real program on a real pty, ``--only`` and
-``--robot`` choose (``chefbot/tiva_bare``: that sketch on its board), ``--json`` writes every figure.
+``--robot`` choose (``chefbot/tiva_bare``: that sketch on its board), ``--json`` writes every figure. What is on the
+virtual clock is shared by ``--jobs`` processes.
 """
 
 import argparse
 import json
+import multiprocessing
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,8 +22,8 @@ from rich.table import Table
 
 from tests.scenarios import fault_run, process_faults, starts
 from tests.scenarios.fault_run import Result, broken
-from tests.scenarios.faults import FAULTS
-from tests.scenarios.robots import EVERY_ROBOT, ROBOTS, packaged_name
+from tests.scenarios.faults import BOARD_FAULTS, PROGRAM_FAULTS
+from tests.scenarios.robots import BOARDS, EVERY_ROBOT, ROBOTS, packaged_name
 
 REMARKS = (
     "Times count from the moment of the fault, on the simulated robot, which was driven at 0.2 m/s.",
@@ -33,14 +36,30 @@ PAGE_COLUMNS = 132
 
 
 class Part(NamedTuple):
-    """A table of faults with a ``row``, a ``name`` and ``robots``, and how one of them is tried on a robot."""
+    """A table of faults with a ``row``, a ``name`` and ``robots``, and how one of them is tried on a robot.
+
+    One that is not ``on_sketches`` would say the same of each sketch, and is tried on the packaged robots.
+    """
 
     attempt: Callable[[Any, str], Result]
     faults: Sequence[Any]
+    on_sketches: bool = False
 
 
-VIRTUAL = (Part(fault_run.attempt, FAULTS), Part(starts.listen, starts.SILENT))
-"""On the virtual clock: every run is like every other."""
+class Trial(NamedTuple):
+    """One fault on one robot."""
+
+    part: Part
+    fault: Any
+    robot: str
+
+
+VIRTUAL = (
+    Part(fault_run.attempt, BOARD_FAULTS, on_sketches=True),
+    Part(fault_run.attempt, PROGRAM_FAULTS),
+    Part(starts.listen, starts.SILENT),
+)
+"""On the virtual clock: every run is like every other, whatever runs beside it."""
 
 REAL = (Part(process_faults.attempt, process_faults.PROCESS_FAULTS), Part(starts.start, starts.REFUSALS))
 """The real program, in real time."""
@@ -48,28 +67,54 @@ REAL = (Part(process_faults.attempt, process_faults.PROCESS_FAULTS), Part(starts
 CLOCKS = {"virtual": VIRTUAL, "real": REAL, "both": (*VIRTUAL, *REAL)}
 
 
-def run(
-    robots: Sequence[str] = ROBOTS,
-    wanted: Callable[[str], bool] = lambda name: True,
-    parts: Sequence[Part] = CLOCKS["both"],
-) -> Iterator[Result]:
+def trials(
+    robots: Sequence[str], wanted: Callable[[str], bool] = lambda name: True, parts: Sequence[Part] = VIRTUAL
+) -> list[Trial]:
     """Every fault that is wanted by its name, on every robot that can have it."""
-    for robot in robots:
-        for part in parts:
-            for fault in part.faults:
-                if packaged_name(robot) in fault.robots and wanted(fault.name):
-                    yield _tried(part, fault, robot)
+    return [
+        Trial(part, fault, robot)
+        for robot in robots
+        for part in parts
+        for fault in part.faults
+        if (part.on_sketches or robot in ROBOTS)
+        and packaged_name(robot) in fault.robots
+        and wanted(fault.name)
+    ]
 
 
-def _tried(part: Part, fault: Any, robot: str) -> Result:
+def run(planned: Sequence[Trial], jobs: int = 1) -> Iterator[Result]:
+    """Try them, in their order; on the virtual clock so many at once."""
+    if jobs == 1:
+        yield from map(_tried, planned)
+        return
+    shared = [trial for trial in planned if trial.part in VIRTUAL]
+    # Faults are functions, which no pipe carries: a forked process finds them where they are.
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("fork"), _share, (shared,)) as pool:
+        yield from pool.map(_tried_shared, range(len(shared)))
+    yield from map(_tried, (trial for trial in planned if trial.part not in VIRTUAL))
+
+
+def _tried(trial: Trial) -> Result:
     try:
-        return part.attempt(fault, robot)
+        return trial.part.attempt(trial.fault, trial.robot)
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the outcome that is defined
-        return broken(robot, fault.name, error)
+        return broken(trial.robot, trial.fault.name, error)
+
+
+_SHARED: list[Trial] = []
+"""In a process that takes part: what is to be tried."""
+
+
+def _share(planned: list[Trial]) -> None:
+    _SHARED[:] = planned
+
+
+def _tried_shared(index: int) -> Result:
+    return _tried(_SHARED[index])
 
 
 def table(results: Sequence[Result]) -> Table:
-    """A row per fault; of both robots the worse figure."""
+    """A row per fault; of all robots the worst figure."""
     shown = Table(title="What faults do")
     shown.add_column("fault", no_wrap=True)
     for heading in ("zero after", "rest after", "frames\nlost", "clients\nlost"):
@@ -91,19 +136,26 @@ def table(results: Sequence[Result]) -> Table:
 def _outcome(same: Sequence[Result]) -> str:
     if wrong := sorted({f"{result.robot}: {complaint}" for result in same for complaint in result.wrong}):
         return f"[red]{'; '.join(wrong)}"
+    excused = [f"{result.robot}: {result.not_applicable}" for result in same if result.not_applicable]
+    return "; ".join([_motion([result for result in same if not result.not_applicable]), *excused])
+
+
+def _motion(same: Sequence[Result]) -> str:
     speeds_m_s = [result.drives_m_s for result in same if result.drives_m_s is not None]
-    if speeds_m_s:
-        return f"[yellow]drives on, {max(speeds_m_s):.2f} m/s"
-    return "[green]stops" if any(result.rest_s is not None for result in same) else "[green]does not start"
+    stops = any(result.rest_s is not None for result in same)
+    told = [f"[yellow]drives on, {max(speeds_m_s):.2f} m/s[/]"] if speeds_m_s else []
+    return ", ".join([*(["[green]stops[/]"] if stops else []), *told]) or "[green]does not start[/]"
 
 
 def totals(results: Sequence[Result]) -> dict[str, Any]:
     """The figures of all faults together; survived is what had the outcome that is defined."""
+    results, given = [result for result in results if not result.not_applicable], len(results)
     stopped = [result for result in results if result.rest_s is not None]
     worst = max(stopped, key=lambda result: result.rest_s or 0.0, default=None)
     return {
         "faults injected": len(results),
         "survived": sum(not result.wrong for result in results),
+        "not applicable": given - len(results),
         "worst stopping time": worst and f"{worst.rest_s:.2f} s ({worst.fault}, {worst.robot})",
         "frames lost": sum(result.frames_lost for result in results),
         "clients lost": sum(result.clients_lost for result in results),
@@ -119,7 +171,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run it, print it, and say whether all went as it must."""
     chosen = _parser().parse_args(arguments)
     began_s = time.monotonic()
-    results = list(run(chosen.robot or ROBOTS, lambda name: chosen.only in name, CLOCKS[chosen.clock]))
+    planned = trials(chosen.robot or BOARDS, lambda name: chosen.only in name, CLOCKS[chosen.clock])
+    results = list(run(planned, chosen.jobs))
     figures, console = totals(results), Console(width=None if sys.stdout.isatty() else PAGE_COLUMNS)
     console.print(table(results))
     for line in (*(f"{name}: {value}" for name, value in figures.items()), *REMARKS):
@@ -129,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         told = {"totals": figures, "results": [asdict(result) for result in results]}
         chosen.json.parent.mkdir(parents=True, exist_ok=True)
         chosen.json.write_text(json.dumps(told, indent=2) + "\n")
-    return 0 if results and figures["survived"] == figures["faults injected"] else 1
+    return 0 if figures["faults injected"] and figures["survived"] == figures["faults injected"] else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -137,8 +190,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clock", choices=CLOCKS, default="both")
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with this in their name")
     parser.add_argument(
-        "--robot", choices=EVERY_ROBOT, action="append", help="both packaged ones unless told otherwise"
+        "--robot",
+        choices=EVERY_ROBOT,
+        action="append",
+        help="both packaged ones and each sketch unless told otherwise",
     )
+    parser.add_argument("--jobs", type=int, default=1, help="so many processes for the virtual clock")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure into this file")
     return parser
 

@@ -41,10 +41,13 @@ Fault = Callable[[], Awaitable[None]]
 
 
 class RandomDriver:
-    """All that it does comes from one seed."""
+    """All that it does comes from one seed. ``restarts``: whether the board does so when it is asked to."""
 
-    def __init__(self, robot: SimulatedRobot, invariants: Invariants, rng: random.Random) -> None:
+    def __init__(
+        self, robot: SimulatedRobot, invariants: Invariants, rng: random.Random, *, restarts: bool
+    ) -> None:
         self._robot, self._invariants, self._rng = robot, invariants, rng
+        self._restarts = restarts
         self.injected: Counter[str] = Counter()
         self._faults: tuple[Fault, ...] = (
             self.stop,
@@ -153,14 +156,16 @@ class RandomDriver:
         assert self._invariants.mode == "disarmed", "armed again without an arm"
 
     async def reset_the_board(self) -> None:
-        """The board restarts while the wheels may still turn. Commands go on."""
+        """The board is asked to restart while the robot drives. Commands go on; one that does not is driven again."""
         self._invariants.encoders_touched()
         self._invariants.deaf(1.5)
         with contextlib.suppress(CallError):
             await self._robot.client.reset_board()
             self._invariants.halted()
-        await self._command(2.5)
-        assert self._invariants.mode == "disarmed", "armed again without an arm"
+        await self._command(4.0)
+        assert (self._invariants.mode == "disarmed") is self._restarts, (
+            f"{self._invariants.mode} after a reset"
+        )
 
     async def make_noise(self) -> None:
         """Garbage between the lines, for a second."""

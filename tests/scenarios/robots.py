@@ -17,6 +17,8 @@ OBEYED_S = CYCLE_S + ECHO_S
 ROBOTS = ("chefbot", "khan")
 SKETCHED = tuple(f"chefbot/{sketch.value}" for sketch in PUBLISHED_SKETCHES)
 EVERY_ROBOT = (*ROBOTS, *SKETCHED)
+BOARDS = (*ROBOTS, *SKETCHED[1:])
+"""A robot for each sketch: ChefBot's board runs the first of the published ones unless told otherwise."""
 
 
 def packaged_name(robot: str) -> str:
@@ -24,8 +26,13 @@ def packaged_name(robot: str) -> str:
     return robot.partition("/")[0]
 
 
+def sketch_of(robot: str) -> str:
+    """The published sketch that was chosen for its board; empty where that is the configured one."""
+    return robot.partition("/")[2]
+
+
 def settings_of(robot: str, overrides: Mapping[str, object]) -> Settings:
     """Its configuration, with these changes."""
-    name, _, sketch = robot.partition("/")
+    sketch = sketch_of(robot)
     runs = {"sim.board.sketch": sketch} if sketch else {}
-    return load(packaged(name), overrides={**runs, **overrides})
+    return load(packaged(packaged_name(robot)), overrides={**runs, **overrides})

@@ -45,7 +45,7 @@ def soak(minutes: float, seed: int, robot_name: str = "chefbot") -> Report:
 
 async def _drive(robot: SimulatedRobot, settings: Settings, report: Report, rng: random.Random) -> None:
     invariants = Invariants(robot, settings, report)
-    random_driver = RandomDriver(robot, invariants, rng)
+    random_driver = RandomDriver(robot, invariants, rng, restarts=settings.sim.board.resets)
     async with asyncio.TaskGroup() as group:  # what does not hold ends the drive, wherever it is
         watching = group.create_task(invariants.watch())
         await random_driver.go(report.minutes / 4)

@@ -12,9 +12,9 @@ import pytest
 
 from tests.scenarios import fault_run, matrix, process_faults
 from tests.scenarios.fault_run import ENDED, Expected, Fault
-from tests.scenarios.faults import FAULTS
-from tests.scenarios.matrix import CLOCKS, Part, main, run, table, totals
-from tests.scenarios.robots import ROBOTS
+from tests.scenarios.faults import BOARD_FAULTS, FAULTS
+from tests.scenarios.matrix import CLOCKS, VIRTUAL, Part, main, run, table, totals, trials
+from tests.scenarios.robots import BOARDS, ROBOTS, SKETCHED
 from tests.test_docs import PAGE, rows
 
 PART = {
@@ -56,7 +56,7 @@ def only(monkeypatch: pytest.MonkeyPatch) -> Callable[[Fault], None]:
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_part_of_the_matrix_goes_as_defined(robot: str):
     """A fault of each sort has its one outcome, within its time, and is left again."""
-    results = list(run([robot], PART.__contains__))
+    results = list(run(trials([robot], PART.__contains__)))
     assert {result.fault for result in results} == PART
     assert [result.wrong for result in results] == [()] * len(PART)
     assert totals(results)["faults injected"] == len(PART)
@@ -86,13 +86,14 @@ def test_another_outcome_than_the_defined_one_fails(
 
 
 def test_the_defined_outcome_passes(only: Callable[[Fault], None], tmp_path: Path):
-    """The same fault as it is: exit code 0, and the five figures are in the file."""
+    """The same fault as it is: exit code 0, and the figures are in the file."""
     only(NAMES["estop"])
     assert main(["--robot", "chefbot", "--json", str(tmp_path / "faults.json")]) == 0
     figures = json.loads((tmp_path / "faults.json").read_text())["totals"]
     assert list(figures) == [
         "faults injected",
         "survived",
+        "not applicable",
         "worst stopping time",
         "frames lost",
         "clients lost",
@@ -108,13 +109,53 @@ def test_a_trial_that_breaks_is_a_failure_and_the_others_go_on(capsys: pytest.Ca
             raise TimeoutError("never came back")
         return fault_run.attempt(fault, robot)
 
-    broken, sound = run(["chefbot"], {"estop", "stop"}.__contains__, [Part(attempt, FAULTS)])
+    planned = trials(["chefbot"], {"estop", "stop"}.__contains__, [Part(attempt, FAULTS)])
+    broken, sound = run(planned)
     assert (broken.fault, sound.fault) == ("stop", "estop") or (broken.fault, sound.fault) == (
         "estop",
         "stop",
     )
     wrong = {result.fault: result.wrong for result in (broken, sound)}
     assert wrong == {"estop": ("no outcome: TimeoutError('never came back')",), "stop": ()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", SKETCHED[1:])
+def test_what_a_sketch_makes_a_difference_to_goes_as_defined(robot: str):
+    """Resets, restarts, a board that reads nothing, what its lines do not tell: each has its outcome or a reason."""
+    wanted = ("board re", "cable and power", "battery critical", "wall ahead", "range sensor")
+    results = list(run(trials([robot], lambda name: name.startswith(wanted))))
+    assert len(results) > 10
+    assert [(result.fault, result.wrong) for result in results if result.wrong] == []
+    assert (
+        totals(results)["not applicable"] == {"tiva_bare": 4, "tiva_second": 4, "duemilanove": 3}[robot[8:]]
+    )
+
+
+def test_each_sketch_has_every_fault_that_its_board_makes_a_difference_to():
+    """All that is on the board's side of the daemon is planned for all of them; what is not, for both robots."""
+    planned = trials(BOARDS)
+    on = {robot: {trial.fault.name for trial in planned if trial.robot == robot} for robot in BOARDS}
+    board = {fault.name for fault in BOARD_FAULTS if "chefbot" in fault.robots}
+    assert all(on[robot] == board for robot in SKETCHED[1:])
+    assert (
+        board < on["chefbot"] == {each.name for p in VIRTUAL for each in p.faults if "chefbot" in each.robots}
+    )
+
+
+def test_a_reason_is_given_for_each_fault_that_a_sketch_cannot_have():
+    """The table of the run says it, and the trial counts neither as injected nor as survived."""
+    results = list(run(trials(["chefbot/duemilanove"], {"battery critical"}.__contains__)))
+    assert [result.not_applicable for result in results] == ["its sketch does not tell the battery's voltage"]
+    figures = totals(results)
+    assert (figures["faults injected"], figures["survived"], figures["not applicable"]) == (0, 0, 1)
+    assert "does not tell the battery" in str(table(results).columns[-1]._cells)
+
+
+def test_processes_that_share_the_matrix_find_what_one_finds():
+    """Two processes give the same results, to the last digit and in the same order."""
+    planned = trials(["chefbot"], {"estop", "stop", "encoder reversed, wheel 0"}.__contains__)
+    assert list(run(planned, jobs=2)) == list(run(planned))
 
 
 def test_a_choice_of_nothing_is_a_failure(capsys: pytest.CaptureFixture[str]):

@@ -2,13 +2,10 @@
 
 from tests.scenarios.faults import board, driver, guards, link, other_clients, program, rearm, wheels
 
-FAULTS = (
-    *driver.FAULTS,
-    *wheels.FAULTS,
-    *program.FAULTS,
-    *link.FAULTS,
-    *board.FAULTS,
-    *rearm.FAULTS,
-    *other_clients.FAULTS,
-    *guards.FAULTS,
-)
+BOARD_FAULTS = (*driver.FAULTS, *wheels.FAULTS, *link.FAULTS, *board.FAULTS, *rearm.FAULTS)
+"""What comes of them depends on the board: on its lines, its rate, and when it obeys. They are tried on each sketch."""
+
+PROGRAM_FAULTS = (*program.FAULTS, *other_clients.FAULTS, *guards.FAULTS)
+"""They happen in the program or on its socket, and end in a stop or in nothing: no sketch makes a difference to them."""
+
+FAULTS = (*BOARD_FAULTS, *PROGRAM_FAULTS)

@@ -4,6 +4,8 @@ Every bound on the time to zero is the sum of what must pass before it, which st
 one cycle of the slowest sketch and its echo, and one period of the driver.
 """
 
+from collections.abc import Mapping
+
 from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import ENDED, Expected
 from tests.scenarios.robots import OBEYED_S
@@ -16,6 +18,10 @@ RAMP_S = 0.3
 DEAD_MAN_S = 0.5
 STALE_S = 0.25 + SLACK_S
 
+NO_RANGE_SENSOR: Mapping[str, Expected | str] = dict.fromkeys(
+    ("tiva_bare", "tiva_second"), "its sketch reads no range sensor"
+)
+NO_BATTERY: Mapping[str, Expected | str] = {"duemilanove": "its sketch does not tell the battery's voltage"}
 DRIVES_ON = Expected()
 ENDS = Expected(ENDED, None, AT_ONCE_S)
 STALE = Expected("armed", "encoders_stale", STALE_S)

@@ -9,7 +9,7 @@ from chefbotd.core.events import SafetyChanged
 from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.board import reset
 from tests.scenarios.faults.link import REPLUG_S, unplugged
-from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, estopped, latched
+from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, NO_BATTERY, SLACK_S, estopped, latched
 from tests.scenarios.faults.program import failing_step
 from tests.scenarios.faults.wheels import broken_encoder, critical_battery
 from tests.scenarios.robots import CYCLE_S
@@ -71,6 +71,7 @@ FAULTS = (
         DRIVES_ON,
         lasts_s=5.0,
         overrides=AUTO,
+        sketches={"duemilanove": "its sketch does not restart when it is asked to"},
     ),
     Fault(
         "Wheel blocked",
@@ -88,6 +89,7 @@ FAULTS = (
         lasts_s=7.0,
         on_wire=True,
         overrides=AUTO,
+        sketches=NO_BATTERY,
     ),
     Fault(
         "Error in a control step",

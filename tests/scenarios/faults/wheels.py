@@ -11,7 +11,16 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.settings import load, packaged
 from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import Expected, Fault, FaultRun, Inject
-from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, drives_on, latched, rests
+from tests.scenarios.faults.outcomes import (
+    AT_ONCE_S,
+    DRIVES_ON,
+    NO_BATTERY,
+    NO_RANGE_SENSOR,
+    SLACK_S,
+    drives_on,
+    latched,
+    rests,
+)
 from tests.scenarios.robots import CYCLE_S
 from tests.scenarios.wires import (
     Rewrite,
@@ -294,8 +303,17 @@ FAULTS = (
         latched("battery_critical", 5.0 + 2 * CYCLE_S + SLACK_S),
         lasts_s=7.0,
         on_wire=True,
+        sketches=NO_BATTERY,
     ),
-    Fault("Obstacle ahead", "wall ahead", wall, OBSTACLE, lasts_s=5.0, leave=(-0.2, 0.0)),
+    Fault(
+        "Obstacle ahead",
+        "wall ahead",
+        wall,
+        OBSTACLE,
+        lasts_s=5.0,
+        leave=(-0.2, 0.0),
+        sketches=NO_RANGE_SENSOR,
+    ),
     Fault(
         "Wheel commands towards an obstacle",
         "wall ahead, wheels commanded",
@@ -303,6 +321,7 @@ FAULTS = (
         OBSTACLE,
         lasts_s=5.0,
         leave=(-0.2, 0.0),
+        sketches=NO_RANGE_SENSOR,
     ),
     Fault(
         "Something nearer than the fold",
@@ -323,7 +342,14 @@ FAULTS = (
         overrides={"robot.wire": "khan_edges"},
         robots=("khan",),
     ),
-    Fault("A range sensor falls silent", "range sensor silent", blind, DRIVES_ON, on_wire=True),
+    Fault(
+        "A range sensor falls silent",
+        "range sensor silent",
+        blind,
+        DRIVES_ON,
+        on_wire=True,
+        sketches=NO_RANGE_SENSOR,
+    ),
     Fault(
         "A range sensor falls silent",
         "range sensor silent, taken for an obstacle",
@@ -331,5 +357,6 @@ FAULTS = (
         Expected("armed", "obstacle:front", 0.5 + 0.3 + SLACK_S),
         on_wire=True,
         overrides={"safety.guard.silent_is_obstacle": True},
+        sketches=NO_RANGE_SENSOR,
     ),
 )
