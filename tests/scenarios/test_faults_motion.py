@@ -12,10 +12,13 @@ from chefbotd.process.supervisor import ServiceLost
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
+from tests.scenarios.robots import ROBOTS, SKETCHED, settings_of
 from tests.scenarios.wires import Rewrite, frozen, jumping, reversed_from_now, rewire
 
-ROBOTS = ["chefbot", "khan"]
 STILL_M_S = 0.005
+on_every_board = pytest.mark.parametrize(
+    "robot_name", [*ROBOTS, *(pytest.param(each, marks=pytest.mark.slow) for each in SKETCHED[1:])]
+)
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
 
@@ -25,7 +28,7 @@ def on_robot(name: str, scenario: Scenario, **overrides: object) -> None:
     dotted = {key.replace("__", "."): value for key, value in overrides.items()}
 
     async def run() -> None:
-        async with simulated_robot(load(packaged(name), overrides=dotted)) as robot:
+        async with simulated_robot(settings_of(name, dotted)) as robot:
             await asyncio.sleep(1.0)
             await scenario(robot)
 
@@ -73,7 +76,7 @@ async def left_by_arm(robot: SimulatedRobot, fault: str) -> str:
     return told["reason"]
 
 
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 @pytest.mark.parametrize(
     ("broken", "fault", "within_s", "advice"),
     [
@@ -104,7 +107,7 @@ def test_a_broken_encoder_stops_the_robot(
     on_robot(robot_name, scenario)
 
 
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 def test_swapped_encoders_are_noticed_when_turning(robot_name: str):
     """Left and right exchanged: on the spot each wheel seems to turn the wrong way."""
 
@@ -116,7 +119,7 @@ def test_swapped_encoders_are_noticed_when_turning(robot_name: str):
     on_robot(robot_name, scenario)
 
 
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 def test_a_second_of_silence_stops_the_robot_and_does_not_latch(robot_name: str):
     """As when an echo is missing: zero within 0.25 s and a watch period, told as a limit, and then it drives on."""
 
@@ -138,7 +141,7 @@ def test_a_second_of_silence_stops_the_robot_and_does_not_latch(robot_name: str)
     on_robot(robot_name, scenario)
 
 
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 def test_a_board_that_goes_on_saying_nothing_is_a_fault(robot_name: str):
     """Two seconds after the last reading of a drive that it interrupted."""
 
