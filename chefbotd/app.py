@@ -99,7 +99,7 @@ class Daemon:
             variant,
             device=settings.link.device,
             setpoints_per_s=settings.link.setpoints_per_s,
-            judged_after_s=settings.link.judged_after_s,
+            health_after_s=settings.link.health_after_s,
             board_buffer_bytes=settings.link.board_buffer_bytes,
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
@@ -250,7 +250,7 @@ def _drive_service(
         session.send_duty,
         drive,
         keeper,
-        reader=WheelReader(settings.chassis, settings.encoders, settings.mates),
+        reader=WheelReader(settings.chassis, settings.encoders, settings.same_side),
         wheel_names=names,
         control=settings.control,
         duty_ceiling=lambda: session.duty_ceiling,

@@ -47,15 +47,15 @@ class Health:
 class HealthWatch:
     """Judges one connection; look at it a few times a second."""
 
-    def __init__(self, now_s: float, heard: Heard, *, judged_after_s: float) -> None:
-        self._judged_after_s = judged_after_s
+    def __init__(self, now_s: float, heard: Heard, *, health_after_s: float) -> None:
+        self._judged_after_s = health_after_s
         self._from_s, self._before = now_s, heard
         self._told: Condition | None = None
 
     def look(self, now_s: float, heard: Heard, sample: bytes, complaint: str = "") -> Health | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what is wrong with the echo.
 
-        It is judged as soon as there are lines enough, or after ``judged_after_s`` by what there is.
+        It is judged as soon as there are lines enough, or after ``health_after_s`` by what there is.
         """
         new, waited_s = heard.since(self._before), now_s - self._from_s
         if new.lines < ENOUGH_LINES and waited_s < self._judged_after_s:

@@ -10,8 +10,8 @@ SAMPLE_BYTES = 128
 class LinkMonitor:
     """Listens beside the decoder, which has seen the same bytes."""
 
-    def __init__(self, decoder: Decoder, *, judged_after_s: float) -> None:
-        self._decoder, self._judged_after_s = decoder, judged_after_s
+    def __init__(self, decoder: Decoder, *, health_after_s: float) -> None:
+        self._decoder, self._judged_after_s = decoder, health_after_s
         self._sample = b""
         self.bytes_in = 0
         self.begin(0.0)
@@ -19,7 +19,7 @@ class LinkMonitor:
     def begin(self, now_s: float) -> None:
         """A port was opened: nothing is known of it yet."""
         self._before = self._heard()
-        self._watch = HealthWatch(now_s, self._before, judged_after_s=self._judged_after_s)
+        self._watch = HealthWatch(now_s, self._before, health_after_s=self._judged_after_s)
 
     def take(self, data: bytes) -> None:
         """Bytes that have come in."""

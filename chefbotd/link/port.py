@@ -38,7 +38,7 @@ class LinkParameters(Parameters):
     ``rts`` are the states of these lines while open: some boards reset when they change. With ``hang_up_on_close`` the
     kernel drops DTR when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to
     ``reconnect_longest_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
-    which no board was heard for ``judged_after_s`` is said to be unhealthy; the ultrasonic alone may silence one for a
+    which no board was heard for ``health_after_s`` is said to be unhealthy; the ultrasonic alone may silence one for a
     second. At most ``setpoints_per_s`` motor commands are written.
 
     ``board_buffer_bytes`` is what the board keeps of what it has not read yet; what it may have no room for is not sent.
@@ -54,7 +54,7 @@ class LinkParameters(Parameters):
     reconnect_first_s: float = Field(default=0.1, gt=0, le=60)
     reconnect_longest_s: float = Field(default=2.0, gt=0, le=600)
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
-    judged_after_s: float = Field(default=2.0, gt=1, le=60)
+    health_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
     board_buffer_bytes: int = Field(default=63, ge=32, le=1_000_000)
 

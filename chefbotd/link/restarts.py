@@ -37,7 +37,7 @@ class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
 
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
-        self._bus, self._clock, self._speech, self._request_line = bus, clock, speech, request
+        self._bus, self._clock, self._writer, self._request_line = bus, clock, speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
         self._timer: asyncio.TimerHandle | None = None
         self.count = 0
@@ -99,8 +99,8 @@ class Restarts:
         if self._reset.is_overdue(now_s):
             self._end(ResetStage.NO_ANSWER)
             return
-        if self._reset.may_ask(now_s) and self._speech.has_drained:
-            self._speech.say(self._request_line)
+        if self._reset.may_ask(now_s) and self._writer.has_drained:
+            self._writer.say(self._request_line)
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)

@@ -61,7 +61,7 @@ class BoardSession(asyncio.Protocol):
         *,
         device: str,
         setpoints_per_s: float,
-        judged_after_s: float = 2.0,
+        health_after_s: float = 2.0,
         board_buffer_bytes: int = 63,
     ) -> None:
         self._bus, self._clock, self._device = bus, clock, device
@@ -73,12 +73,12 @@ class BoardSession(asyncio.Protocol):
         self._still = (0,) * variant.wheels
         self._line = lru_cache(maxsize=LINES_CACHED)(self._encode_duty)
         self.lines = LineRing()
-        self._speech = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
-        self._restarts = Restarts(bus, clock, self._speech, self._encoder.encode(wire.ResetBoard()))
+        self._writer = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
+        self._restarts = Restarts(bus, clock, self._writer, self._encoder.encode(wire.ResetBoard()))
         self._window = SendWindow(board_buffer_bytes, variant.wheels, lambda duty: len(self._line(duty)))
         self._setpoints = SetpointWriter(
             self._write_duty,
-            lambda: self._speech.has_drained,
+            lambda: self._writer.has_drained,
             clock.now_s,
             interval_s=1.0 / setpoints_per_s,
             window=self._window,
@@ -86,7 +86,7 @@ class BoardSession(asyncio.Protocol):
         self._closed = asyncio.Event()
         self._closed.set()
         self._log = RateLimitedLog(log)
-        self.hearing = LinkMonitor(self._decoder, judged_after_s=judged_after_s)
+        self.monitor = LinkMonitor(self._decoder, health_after_s=health_after_s)
         self.is_open = False  # whether a port is connected
         self.opens = 0
         self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
@@ -106,20 +106,20 @@ class BoardSession(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A port was opened: forget half lines and put a stop on the wire."""
-        self._speech.begin(cast(Port, transport))
+        self._writer.begin(cast(Port, transport))
         self.is_open = True
         self._decoder.reset()
         self._cycle_has_time = False
         self.opens += 1
         now_s = self._clock.now_s()
-        self.hearing.begin(now_s)
-        self._speech.stop_first()
+        self.monitor.begin(now_s)
+        self._writer.stop_first()
         self._wrote(self._still, FIRST_STOPS)
         self._bus.publish(LinkOpened(now_s, self._device))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
-        self._speech.end()
+        self._writer.end()
         self.is_open = False
         self._setpoints.forget()
         self._window.forget()
@@ -134,7 +134,7 @@ class BoardSession(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
-        self.hearing.take(data)
+        self.monitor.take(data)
         listened, keep = self._bus.wanted(LineSeen), self.lines.heard.append
         self._bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
         try:
@@ -150,12 +150,12 @@ class BoardSession(asyncio.Protocol):
     @property
     def is_proven(self) -> bool:
         """Whether a frame has come in since the port was opened."""
-        return self.hearing.proven
+        return self.monitor.proven
 
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
-        health = self.hearing.judge(now_s, self._window.complaint(now_s))
+        health = self.monitor.judge(now_s, self._window.complaint(now_s))
         if health is None or not self.is_open:
             return
         healthy = health.condition is Condition.HEALTHY
@@ -203,7 +203,7 @@ class BoardSession(asyncio.Protocol):
         A duty that still waits is withdrawn, or it would follow when the loop goes on.
         """
         self._setpoints.withdraw()
-        return self._speech.stop_from_thread()
+        return self._writer.stop_from_thread()
 
     def reset_board(self) -> None:
         """Stop, see that the robot stands, then ask the board to restart; nothing moves until it is back.
@@ -217,14 +217,14 @@ class BoardSession(asyncio.Protocol):
     def close(self) -> None:
         """Stop the motors and give the port up: nothing that waits, or is said later, comes after this stop."""
         self._setpoints.forget()
-        self._speech.stop_last()
+        self._writer.stop_last()
 
     def _write_duty(self, duty: tuple[int, ...]) -> None:
-        if self._speech.has_drained:
-            self._speech.say(self._line(duty))
+        if self._writer.has_drained:
+            self._writer.say(self._line(duty))
             self._wrote(duty, 1)
         else:  # only what slows is written all the same
-            self._speech.say_first(self._line(duty))
+            self._writer.say_first(self._line(duty))
             self._wrote(duty, FIRST_STOPS)
 
     def _encode_duty(self, duty: tuple[int, ...]) -> bytes:
@@ -331,7 +331,7 @@ class BoardSession(asyncio.Protocol):
     @property
     def lines_out(self) -> int:
         """Lines written so far."""
-        return self._speech.lines_out
+        return self._writer.lines_out
 
     @property
     def frames(self) -> dict[str, int]:

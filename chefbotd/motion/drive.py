@@ -17,7 +17,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.reference import Asked
 from chefbotd.motion.setpoints import Setpoints, is_rest
-from chefbotd.motion.substitution import followed, heard
+from chefbotd.motion.substitution import loop_speeds, substituted
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
@@ -81,12 +81,12 @@ class Drive:
         *,
         measured_over_s: float = 0.0,
         apart: bool = False,
-        led: Sequence[tuple[int, int]] = (),
+        substitutes: Sequence[tuple[int, int]] = (),
     ) -> DriveState:
         """An encoder frame, board time ``dt_s`` after the one before.
 
         ``velocity_rad_s`` are the wheels' speeds on the mean over the last ``measured_over_s`` (0: those of now).
-        ``led``: wheels whose reading is not to be believed, each with the one that it is driven like.
+        ``substitutes``: wheels whose reading is not to be believed, each with the one that it is driven like.
         """
         delay_s = self._parameters.response_delay_s
         asked = Asked(dt_s, state.setpoint_m_s)
@@ -100,8 +100,11 @@ class Drive:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
         pids = state.pids
-        if led:
-            pids, speeds_m_s = followed(led, pids), heard(led, speeds_m_s, state.setpoint_m_s)
+        if substitutes:
+            pids, speeds_m_s = (
+                substituted(substitutes, pids),
+                loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s),
+            )
         wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state)
         steps = [pid.step(*wheel, dt_s, scrub_duty) for wheel in wheels]
@@ -156,7 +159,7 @@ class Drive:
         )
 
     def _scrub_duty(self, state: DriveState) -> float:
-        """What the turn that is asked for adds to each wheel's friction; wheels at odds with their mates have none."""
+        """What a commanded turn adds to each wheel's friction; 0 where the setpoints of a side differ."""
         twist = state.limiter.twist
         if state.loose or not (self._parameters.scrub_duty and twist.angular_rad_s):
             return 0.0

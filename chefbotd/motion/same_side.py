@@ -1,19 +1,19 @@
-"""Wheels on the same side that disagree (slip, a broken encoder): which of them to believe.
+"""Wheels of one side that disagree (slip, a broken encoder): which of them to believe.
 
-Mates roll over the same ground at the same speed. What each has rolled lately is compared, in a memory that fades.
-Where they disagree, the one nearest to what is expected is believed, and whoever is far from it is left out until it
-agrees again. What is expected:
+The wheels of a side roll over the same ground at the same speed. Their recent travel is compared; "recent" fades with a
+time constant. Where they disagree, the wheel nearest to the expected travel is believed. Wheels far from that one are
+excluded until they agree again. The expected travel is:
 
-- of three or more mates their median, since one cannot outvote two;
-- of two that are not driven, the farther one: only the ground can have turned it;
-- of two that are driven and of which one stands, the one that moves, whatever was expected: counts do not come from
-  nothing, and a wheel that is controlled by an encoder that stays at zero runs away;
-- of two that are driven and both move, what they were asked for, as far as the other side does what it is asked for: a
-  robot that is held back is slow on both sides. A side that sticks tells nothing of this one.
+- with three or more wheels: their median, because one cannot outvote two;
+- with two that are not driven: the larger travel, because only the ground can have turned that wheel;
+- with two that are driven, one of which stands: the moving wheel's, whatever was commanded. Counts do not come from
+  nothing, and a wheel that is controlled by an encoder stuck at zero runs away;
+- with two that are driven and both move: the commanded travel, times the share of its own command that the other side
+  achieves, because a robot that is held back is slow on both sides. A side that sticks says nothing about this one.
 
-Who stands is seen in a memory of its own, which fades faster, so that the choice follows the wheels and not itself.
+Whether a wheel stands is decided from a second, faster-fading record, so the choice follows the wheels and not itself.
 
-Mates that are asked for different speeds (``set_wheel_velocities``) are not compared.
+Wheels that are commanded to different speeds (``set_wheel_velocities``) are not compared.
 """
 
 import math
@@ -28,10 +28,10 @@ from chefbotd.motion.kinematics import Kinematics, without
 
 
 class SameSideParameters(Parameters):
-    """When mates disagree: by more than ``slack_m``, two counts, and ``share`` of what they have rolled lately.
+    """Wheels disagree if they differ by more than ``slack_m``, two counts, and ``share`` of their recent travel.
 
-    ``memory_s`` is how long "lately" is: the time constant with which travel is forgotten. A wheel that is left out
-    comes back once it is within half of that.
+    ``memory_s`` is the time constant with which recent travel fades. An excluded wheel is believed again once it is
+    within half of that difference.
     """
 
     memory_s: float = Field(default=0.2, gt=0, le=10)
@@ -40,33 +40,33 @@ class SameSideParameters(Parameters):
 
 
 LEAST_PACE, MOST_PACE = 0.25, 1.5
-"""The other side sticks when it does less of its command than this; and more than that is not expected of this one."""
+"""A side that achieves less than LEAST_PACE of its command sticks; more than MOST_PACE is never expected."""
 
 LATEST = 4.0
-"""So many times faster than what was rolled lately is what was rolled just now forgotten."""
+"""How many times faster the record fades that decides whether a wheel stands."""
 
 STANDS_SHARE = 0.1
-"""A wheel stands that rolls less than this share of what its mate does, or no more than two counts."""
+"""A wheel stands if it rolls less than this share of the other wheel of its side, or no more than two counts."""
 
 
-class MatesState(Record, frozen=True):
-    """What each wheel has rolled lately, and was asked to; ``latest_m`` is its way just now, to and fro taken together.
+class SameSideState(Record, frozen=True):
+    """Recent travel of each wheel, and what was commanded; ``latest_m`` fades faster and adds up both directions.
 
-    ``led`` are the wheels that are not believed, each with the mate that is: pairs of indices.
+    ``substitutes`` are pairs of indices: a wheel that is not believed, and the one of its side that is.
     """
 
     rolled_m: tuple[float, ...]
     latest_m: tuple[float, ...]
     asked_m: tuple[float, ...]
-    led: tuple[tuple[int, int], ...] = ()
+    substitutes: tuple[tuple[int, int], ...] = ()
 
     @property
     def excluded(self) -> tuple[int, ...]:
         """The indices of the wheels that are not believed."""
-        return tuple([wheel for wheel, _ in self.led])
+        return tuple([wheel for wheel, _ in self.substitutes])
 
 
-class Mates:
+class SameSideWheels:
     """Compares the wheels of each side; where there is one a side, there is nothing to compare."""
 
     def __init__(self, params: SameSideParameters, kinematics: Kinematics, counts_per_turn: float) -> None:
@@ -76,48 +76,48 @@ class Mates:
         self._sides = (kinematics.left, kinematics.right), (kinematics.right, kinematics.left)
         self._any = max(len(kinematics.left), len(kinematics.right)) > 1
         nothing = (0.0,) * len(kinematics.radii_m)
-        self.start = MatesState(nothing, nothing, nothing)
+        self.start = SameSideState(nothing, nothing, nothing)
 
     def compare(
-        self, state: MatesState, travel_rad: Sequence[float], setpoint_m_s: Sequence[float], dt_s: float
-    ) -> MatesState:
-        """The wheels turned so far in ``dt_s``, in which they were asked for these rim speeds."""
+        self, state: SameSideState, travel_rad: Sequence[float], setpoint_m_s: Sequence[float], dt_s: float
+    ) -> SameSideState:
+        """The next state: the wheels turned by ``travel_rad`` in ``dt_s``, commanded to these rim speeds."""
         if not self._any:
             return state
         kept = math.exp(-max(dt_s, 0.0) / self._params.memory_s)
         turned = zip(travel_rad, self._kinematics.radii_m, strict=True)
         travel_m = [angle * radius for angle, radius in turned]
-        now = MatesState(
+        now = SameSideState(
             _faded(state.rolled_m, kept, travel_m),
             _faded(state.latest_m, kept**LATEST, map(abs, travel_m)),
             _faded(state.asked_m, kept, [speed * dt_s for speed in setpoint_m_s]),
-            state.led,
+            state.substitutes,
         )
-        led = [pair for side, other in self._sides for pair in self._strays(now, side, other)]
-        return replace(now, led=tuple(led))
+        outliers = [pair for side, other in self._sides for pair in self._outliers(now, side, other)]
+        return replace(now, substitutes=tuple(outliers))
 
-    def credit(self, state: MatesState, effort: tuple[float, ...]) -> tuple[float, ...]:
-        """The wheels' effort, -1 to 1; at least a half for those left out: small as it was, their mates turned by it."""
-        if not state.led:
+    def credit(self, state: SameSideState, effort: tuple[float, ...]) -> tuple[float, ...]:
+        """Each wheel's effort, -1 to 1; at least 0.5 where excluded: its substitute turned with that effort."""
+        if not state.substitutes:
             return effort
         out = state.excluded
         return tuple(
             [math.copysign(max(abs(e), 0.5), e) if e and i in out else e for i, e in enumerate(effort)]
         )
 
-    def _strays(
-        self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]
+    def _outliers(
+        self, state: SameSideState, side: tuple[int, ...], other: tuple[int, ...]
     ) -> list[tuple[int, int]]:
-        """The wheels of a side that are far from the one to believe, each with that one."""
+        """The wheels of a side that are far from the believed one, each with that one."""
         rolled_m = [state.rolled_m[i] for i in side]
         if max(rolled_m) - min(rolled_m) <= self._slack_m / 2:
-            return []  # the usual case, and whoever was believed, nobody could be far from them
+            return []  # the usual case: no wheel is far from any other
         believed = self._believed(state, side, other)
         if believed is None:
             return []
         return [(i, believed) for i in side if self._is_apart(state, i, state.rolled_m[believed])]
 
-    def _believed(self, state: MatesState, side: tuple[int, ...], other: tuple[int, ...]) -> int | None:
+    def _believed(self, state: SameSideState, side: tuple[int, ...], other: tuple[int, ...]) -> int | None:
         """The wheel nearest to what is expected of its side; None where there is nothing to compare."""
         asked_m = [state.asked_m[i] for i in side]
         if len(side) < 2 or max(asked_m) - min(asked_m) > self._slack_m:
@@ -126,9 +126,9 @@ class Mates:
             slower, faster = sorted(side, key=lambda i: state.latest_m[i])
             if self._stands(state, slower, faster):
                 return faster
-            leaders = [leader for _, leader in state.led if leader in side]
-            if leaders and state.latest_m[faster] <= self._two_counts_m:
-                return leaders[0]  # nobody moves, so there is nothing new to go by
+            substitutes = [substitute for _, substitute in state.substitutes if substitute in side]
+            if substitutes and state.latest_m[faster] <= self._two_counts_m:
+                return substitutes[0]  # nothing moves: keep the last choice
             if abs(asked_m[0]) <= self._slack_m:
                 return max(side, key=lambda i: abs(state.rolled_m[i]))
             expected_m = asked_m[0] * self._pace(state, other)
@@ -136,13 +136,13 @@ class Mates:
             expected_m = median([state.rolled_m[i] for i in side])
         return min(side, key=lambda i: abs(state.rolled_m[i] - expected_m))
 
-    def _stands(self, state: MatesState, slower: int, faster: int) -> bool:
-        """Whether the slower one of two stands while the faster one rolls, just now."""
+    def _stands(self, state: SameSideState, slower: int, faster: int) -> bool:
+        """Whether the slower of two wheels stands while the faster one rolls."""
         slower_m, faster_m = state.latest_m[slower], state.latest_m[faster]
         return slower_m <= max(STANDS_SHARE * faster_m, self._two_counts_m) < faster_m
 
-    def _pace(self, state: MatesState, side: tuple[int, ...]) -> float:
-        """How much of what it was asked for a side does: its best wheel, of those believed so far."""
+    def _pace(self, state: SameSideState, side: tuple[int, ...]) -> float:
+        """The share of its command that a side achieves, by its best believed wheel."""
         ratios = [
             state.rolled_m[i] / state.asked_m[i]
             for i in without(side, state.excluded)
@@ -151,12 +151,12 @@ class Mates:
         best = min(ratios, key=lambda ratio: abs(ratio - 1.0), default=1.0)
         return min(best, MOST_PACE) if best >= LEAST_PACE else 1.0
 
-    def _is_apart(self, state: MatesState, wheel: int, reach_m: float) -> bool:
+    def _is_apart(self, state: SameSideState, wheel: int, reach_m: float) -> bool:
         rolled_m = state.rolled_m[wheel]
         tolerance_m = self._slack_m + self._params.share * max(abs(reach_m), abs(rolled_m))
         return abs(rolled_m - reach_m) > (tolerance_m / 2 if wheel in state.excluded else tolerance_m)
 
 
 def _faded(lately: Sequence[float], kept: float, newly: Iterable[float]) -> tuple[float, ...]:
-    """What is kept of a memory, with what is new."""
+    """A record that has faded to the share ``kept``, plus new travel."""
     return tuple([kept * old + new for old, new in zip(lately, newly, strict=True)])

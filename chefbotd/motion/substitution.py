@@ -1,8 +1,8 @@
-"""What drives a wheel whose reading is not believed, and its mate that is: one loop, closed on the two readings.
+"""How a wheel is driven whose reading is not believed: like its substitute, a wheel of the same side that is believed.
 
-It goes by the believed one, except that a mate which rolls on counts as far as the setpoint. So where the choice was
-wrong, the side is not driven past its target for the sake of a reading that is too small; and where the other wheel
-only slips, it does not brake the side: that would turn the robot.
+The substitute's speed closes the loop of both. If the wheel that is not believed turns faster than the substitute, its
+speed counts up to the setpoint: if the choice was wrong, the side is not driven past its setpoint because one reading
+is too small, and if the wheel only slips, the side is not braked, which would turn the robot.
 """
 
 from collections.abc import Sequence
@@ -10,24 +10,26 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-Led = Sequence[tuple[int, int]]
-"""Wheels that are not believed, each with the one that is."""
+Substitutes = Sequence[tuple[int, int]]
+"""Pairs of indices: a wheel that is not believed, and its substitute."""
 
 
-def followed(led: Led, values: Sequence[T]) -> tuple[T, ...]:
-    """What belongs to each wheel, with its leader's for a wheel that is led."""
-    theirs = list(values)
-    for wheel, leader in led:
-        theirs[wheel] = values[leader]
-    return tuple(theirs)
+def substituted(substitutes: Substitutes, values: Sequence[T]) -> tuple[T, ...]:
+    """One value per wheel; a wheel that is not believed has its substitute's."""
+    replaced = list(values)
+    for wheel, substitute in substitutes:
+        replaced[wheel] = values[substitute]
+    return tuple(replaced)
 
 
-def heard(led: Led, speeds_m_s: Sequence[float], setpoints_m_s: Sequence[float]) -> tuple[float, ...]:
-    """How fast each wheel rolls as far as its loop is concerned."""
+def loop_speeds(
+    substitutes: Substitutes, speeds_m_s: Sequence[float], setpoints_m_s: Sequence[float]
+) -> tuple[float, ...]:
+    """The rim speed in m/s that each wheel's loop is closed on."""
     believed_m_s = list(speeds_m_s)
-    for wheel, leader in led:
-        setpoint_m_s = setpoints_m_s[leader]
+    for wheel, substitute in substitutes:
+        setpoint_m_s = setpoints_m_s[substitute]
         faster = max if setpoint_m_s >= 0 else min
         slower = min if setpoint_m_s >= 0 else max
-        believed_m_s[leader] = faster(believed_m_s[leader], slower(speeds_m_s[wheel], setpoint_m_s))
-    return followed(led, believed_m_s)
+        believed_m_s[substitute] = faster(believed_m_s[substitute], slower(speeds_m_s[wheel], setpoint_m_s))
+    return substituted(substitutes, believed_m_s)

@@ -32,7 +32,7 @@ def is_stale(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s
     return now_s - state.heard_s > params.max_age_s
 
 
-def endure(
+def update(
     params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float, *, driven: bool
 ) -> tuple[EncoderTimeoutState, Fault | None]:
     """The encoders are stale: ``driven`` tells whether there still is a duty to take away."""

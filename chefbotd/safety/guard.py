@@ -51,7 +51,7 @@ class Beam(NamedTuple):
 Beams = tuple[Beam, ...]
 
 
-def mount(mounts: Mapping[str, Pose2D]) -> Beams:
+def from_mounts(mounts: Mapping[str, Pose2D]) -> Beams:
     """Beams that have seen nothing yet, by sensor name and its pose in the base frame (``base_from_sensor``)."""
     return tuple(_mounted(name, pose) for name, pose in mounts.items())
 
@@ -62,7 +62,7 @@ def _mounted(name: str, pose: Pose2D) -> Beam:
     return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
 
 
-def see(beams: Beams, measured: RangeMeasured) -> Beams:
+def update(beams: Beams, measured: RangeMeasured) -> Beams:
     """The beams with a new reading; a sensor that was not mounted guards nothing."""
     distance_m = _distance_m(measured)
     return tuple(
@@ -83,16 +83,14 @@ def _distance_m(measured: RangeMeasured) -> float:
     return 0.0 if measured.status in MAYBE_NEAR else math.inf
 
 
-def restrain(
-    params: GuardParameters, beams: Beams, wanted: Motion, now_s: float
-) -> tuple[Motion, str | None]:
+def limit(params: GuardParameters, beams: Beams, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
     """The motion that may be driven, and the sensor that it was limited for (None: it is ``wanted``)."""
     if isinstance(wanted, WheelVelocities):
-        return _restrain_wheels(params, beams, wanted, now_s)
-    return _restrain_twist(params, beams, wanted, now_s)
+        return _limit_wheels(params, beams, wanted, now_s)
+    return _limit_twist(params, beams, wanted, now_s)
 
 
-def _restrain_wheels(
+def _limit_wheels(
     params: GuardParameters, beams: Beams, wanted: WheelVelocities, now_s: float
 ) -> tuple[WheelVelocities, str | None]:
     share, limiting = 1.0, None
@@ -104,7 +102,7 @@ def _restrain_wheels(
     return (wanted, None) if limiting is None else (wanted.slowed(share), limiting)
 
 
-def _restrain_twist(
+def _limit_twist(
     params: GuardParameters, beams: Beams, wanted: Twist2D, now_s: float
 ) -> tuple[Twist2D, str | None]:
     """Limit each axis by what it adds to a beam's shortening.

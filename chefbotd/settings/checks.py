@@ -8,7 +8,7 @@ from chefbotd.features.tuning.tuning import ALL_WHEELS
 from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.ramp import braking_distance
-from chefbotd.safety.guard import mount
+from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
 from chefbotd.settings.urdf import joint_names
 from firmware_protocol.codec import VARIANTS
@@ -157,7 +157,7 @@ def _braking(settings: Settings) -> Iterator[str]:
     guard, axis, linear = settings.safety.guard, settings.limits.linear.axis, settings.limits.linear
     if not guard.enabled:
         return
-    for beam in mount(settings.range_mounts()):
+    for beam in from_mounts(settings.range_mounts()):
         if beam.per_linear == 0:
             continue
         forward = beam.per_linear > 0

@@ -72,7 +72,7 @@ class Settings(Parameters):
     body: BodyParameters | None = None
     encoders: EncoderParameters
     quadrature: QuadratureParameters = section()
-    mates: SameSideParameters = section()
+    same_side: SameSideParameters = section()
     drive: DriveParameters
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}

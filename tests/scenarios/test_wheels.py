@@ -1,4 +1,4 @@
-"""Wheels as such on the simulated robots: commanded each on its own, believed as far as their mates bear them out."""
+"""Wheels as such on the simulated robots: commanded each on its own, believed if the others of their side agree."""
 
 import asyncio
 import math

@@ -11,7 +11,7 @@ class WheelsMeasured(Record, frozen=True):
 
     ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
     them, and a refused reading adds nothing. ``excluded`` are the indices of wheels that are not to be believed, because
-    they disagree with their mates on the same side.
+    they disagree with the others of their side.
     """
 
     stamp_s: float

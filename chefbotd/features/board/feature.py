@@ -43,7 +43,7 @@ def board(session: BoardSession, link: PortLink, fault_log: FaultLog, brake: Cal
 
 def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     clock = session.board_clock
-    metrics.counter("bytes_in", "Bytes from the board.", lambda: session.hearing.bytes_in)
+    metrics.counter("bytes_in", "Bytes from the board.", lambda: session.monitor.bytes_in)
     metrics.counters("frames", "Accepted lines from the board.", "message", lambda: session.frames)
     metrics.counters("refused", "Malformed lines from the board.", "reason", lambda: session.refused)
     metrics.counter("lines_out", "Lines to the board.", lambda: session.lines_out)

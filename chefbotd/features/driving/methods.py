@@ -218,7 +218,7 @@ class WheelsData(TopicData):
     target_rad_s: tuple[float, ...]
     duty: tuple[int, ...]
     excluded: tuple[str, ...] = Field(
-        (), description="wheels that disagree with their mates on the same side, and do not count in odometry"
+        (), description="wheels that disagree with the others of their side; odometry excludes them"
     )
 
 

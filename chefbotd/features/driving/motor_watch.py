@@ -78,7 +78,7 @@ class MotorWatch:
             self._asked_m_s(setpoint_m_s),
             travel_m,
             seen.dt_s,
-            seen.mates.excluded,
+            seen.same_side.excluded,
         )
         if fault is not None:
             yield fault

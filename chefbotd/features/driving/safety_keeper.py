@@ -70,7 +70,7 @@ class SafetyKeeper:
         self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
-        self._beams = guard.mount(mounts)
+        self._beams = guard.from_mounts(mounts)
         self._link_open = False
         self._reported: Fault | None = None
         self._announced: SafetyChanged | None = None
@@ -266,7 +266,7 @@ class SafetyKeeper:
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
         if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
-            self._silence, fault = encoder_timeout.endure(
+            self._silence, fault = encoder_timeout.update(
                 self._parameters.encoders, self._silence, now_s, driven=driven
             )
             if fault is not None:
@@ -276,7 +276,7 @@ class SafetyKeeper:
             return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
         if not self._parameters.guard.enabled or decision.motion == STANDING:
             return decision
-        motion, sensor = guard.restrain(self._parameters.guard, self._beams, decision.motion, now_s)
+        motion, sensor = guard.limit(self._parameters.guard, self._beams, decision.motion, now_s)
         if sensor is None:
             return decision
         return Decision(motion, decision.source, halted=False, limited_by=OBSTACLE + sensor)
@@ -287,7 +287,7 @@ class SafetyKeeper:
             self.fail(fault)
 
     def _on_range(self, event: RangeMeasured) -> None:
-        self._beams = guard.see(self._beams, event)
+        self._beams = guard.update(self._beams, event)
 
     def _on_battery(self, event: BatteryMeasured) -> None:
         self._critical_since_s, fault = battery_monitor.judge(

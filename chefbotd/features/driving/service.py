@@ -234,12 +234,12 @@ class DriveService:
             seen.dt_s,
             measured_over_s=seen.reading.measured_over_s,
             apart=apart,
-            led=seen.mates.led,
+            substitutes=seen.same_side.substitutes,
         )
         self._state = ceiling.under(self._duty_ceiling(), before, after)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
-        stamp_s, excluded = event.stamp_s, seen.mates.excluded
+        stamp_s, excluded = event.stamp_s, seen.same_side.excluded
         position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
         self._bus.publish(
             WheelsMeasured(

@@ -1,4 +1,4 @@
-"""Encoder frames in, what the wheels did out: decoded, and with the choice made between mates that disagree."""
+"""Encoder frames in, what the wheels did out: decoded, with the choice made between wheels of one side that disagree."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,30 +10,30 @@ from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
 from chefbotd.motion.encoder import EncoderParameters, Reading
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.motion.same_side import Mates, MatesState, SameSideParameters
+from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSideWheels
 
 log = structlog.get_logger(component="drive")
 
 
 class WheelsRead(NamedTuple):
-    """A reading, the board time since the last good one, and how the mates compare."""
+    """A reading, the board time since the last good one, and how the wheels of each side compare."""
 
     reading: Reading
     dt_s: float
-    mates: MatesState
+    same_side: SameSideState
 
 
 class WheelReader:
     """Holds what decoding and comparing remember from one frame to the next."""
 
     def __init__(
-        self, chassis: ChassisParameters, encoders: EncoderParameters, mates: SameSideParameters
+        self, chassis: ChassisParameters, encoders: EncoderParameters, same_side: SameSideParameters
     ) -> None:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._signs = tuple(wheel.encoder_sign for wheel in chassis.wheels)
         self._parameters, self._encoders = encoders, encoder.START
-        self._mates = Mates(mates, Kinematics(chassis), encoders.counts_per_turn)
-        self._compared = self._mates.start
+        self._same_side = SameSideWheels(same_side, Kinematics(chassis), encoders.counts_per_turn)
+        self._compared = self._same_side.start
         self._board_s: float | None = None
         self._log = RateLimitedLog(log)
         self.refused = 0
@@ -48,16 +48,16 @@ class WheelReader:
             return WheelsRead(reading, 0.0, self._compared)
         dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
         self._board_s = event.board_s
-        before = self._compared.led
-        self._compared = self._mates.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
-        if self._compared.led not in (before, ()):
+        before = self._compared.substitutes
+        self._compared = self._same_side.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
+        if self._compared.substitutes not in (before, ()):
             names = [self._names[index] for index in self._compared.excluded]
-            self._log.warning("wheels disagree with their mates and are left out of odometry", wheels=names)
+            self._log.warning("wheels disagree with their side and are excluded from odometry", wheels=names)
         return WheelsRead(reading, dt_s, self._compared)
 
     def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
         """How hard each wheel was pushed (see ``Drive.effort``), for whoever judges what came of it."""
-        return self._mates.credit(seen.mates, effort)
+        return self._same_side.credit(seen.same_side, effort)
 
     def rebase(self) -> None:
         """The board has restarted, and its counters and its time with it."""

@@ -12,7 +12,7 @@ GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9*47\r\n"
 
 def judged(heard: Heard, sample: bytes, *, waited_s: float = 2.0) -> Health | None:
     """What is made of so much heard since the port was opened."""
-    return HealthWatch(100.0, Heard(), judged_after_s=2.0).look(100.0 + waited_s, heard, sample)
+    return HealthWatch(100.0, Heard(), health_after_s=2.0).look(100.0 + waited_s, heard, sample)
 
 
 def test_frames_are_a_board():
@@ -66,7 +66,7 @@ def test_too_little_is_not_judged():
 
 def test_only_changes_are_told():
     """Silent, silent, then a board, then silent again: three reports, each on what was heard since the one before."""
-    watch = HealthWatch(0.0, Heard(), judged_after_s=2.0)
+    watch = HealthWatch(0.0, Heard(), health_after_s=2.0)
     board = Heard(400, 20, 20)
     looks = [
         watch.look(2.0, Heard(), b""),

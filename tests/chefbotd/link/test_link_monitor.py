@@ -9,7 +9,7 @@ from firmware_protocol.decoder import Decoder
 def hearing(*chunks: bytes) -> LinkMonitor:
     """Listening to these since time 10."""
     decoder = Decoder(from_board(CLASSIC))
-    listening = LinkMonitor(decoder, judged_after_s=2.0)
+    listening = LinkMonitor(decoder, health_after_s=2.0)
     listening.begin(10.0)
     for chunk in chunks:
         decoder.feed(chunk)

@@ -282,7 +282,7 @@ def test_a_wheel_that_is_led_gets_what_its_leader_gets():
     state = controller.at_rest
     for number in range(1, 51):
         state = controller.regulate(
-            state, Twist2D(0.2, 0.0), number * 0.02, (0.0, 3.0, 3.0, 3.0), 0.02, led=((0, 2),)
+            state, Twist2D(0.2, 0.0), number * 0.02, (0.0, 3.0, 3.0, 3.0), 0.02, substitutes=((0, 2),)
         )
     assert state.duty[0] == state.duty[2] == state.duty[3]
     assert state.pids[0] == state.pids[2]
@@ -294,7 +294,7 @@ def test_a_wheel_that_leads_with_a_dead_encoder_does_not_run_away():
     state = controller.at_rest
     for number in range(1, 51):
         state = controller.regulate(
-            state, Twist2D(0.2, 0.0), number * 0.02, (0.0, 9.0, 9.0, 9.0), 0.02, led=((2, 0),)
+            state, Twist2D(0.2, 0.0), number * 0.02, (0.0, 9.0, 9.0, 9.0), 0.02, substitutes=((2, 0),)
         )
     assert state.pids[0] == state.pids[2]
     assert state.pids[0].integral_duty == 0.0

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters
-from chefbotd.motion.same_side import Mates, MatesState, SameSideParameters
+from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSideWheels
 
 RADIUS_M, DT_S = 0.03, 0.02
 NO_MEMORY = SameSideParameters(memory_s=1e-3, slack_m=0.001, share=0.1)
@@ -24,14 +24,14 @@ def chassis(a_side: int) -> ChassisParameters:
     return ChassisParameters(track_width_m=0.2, wheels=wheels)
 
 
-def mates(a_side: int = 2, params: SameSideParameters = NO_MEMORY) -> Mates:
+def wheels_of(a_side: int = 2, params: SameSideParameters = NO_MEMORY) -> SameSideWheels:
     """Counts so fine that they do not matter."""
-    return Mates(params, Kinematics(chassis(a_side)), counts_per_turn=1e9)
+    return SameSideWheels(params, Kinematics(chassis(a_side)), counts_per_turn=1e9)
 
 
 def after(
-    judge: Mates, rims_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], steps: int = 1
-) -> MatesState:
+    judge: SameSideWheels, rims_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], steps: int = 1
+) -> SameSideState:
     """The wheels roll at these speeds and were asked for those."""
     state = judge.start
     for _ in range(steps):
@@ -44,7 +44,7 @@ ALL = (0.3, 0.3, 0.3, 0.3)
 
 
 @pytest.mark.parametrize(
-    ("rims_m_s", "asked_m_s", "led"),
+    ("rims_m_s", "asked_m_s", "substitutes"),
     [
         (ALL, ALL, ()),
         ((0.3, 0.3, 0.27, 0.3), ALL, ()),  # 0.6 mm apart of 6 mm, and 1 mm + 10 % would be 1.6 mm
@@ -77,27 +77,29 @@ ALL = (0.3, 0.3, 0.3, 0.3)
 def test_of_two_mates_the_likelier_is_believed(
     rims_m_s: tuple[float, ...],
     asked_m_s: tuple[float, ...],
-    led: tuple[tuple[int, int], ...],
+    substitutes: tuple[tuple[int, int], ...],
     direction: int,
 ):
     """Each stray with the mate that is believed; the same in reverse."""
-    state = after(mates(), tuple(direction * v for v in rims_m_s), tuple(direction * v for v in asked_m_s))
-    assert state.led == led
-    assert state.excluded == tuple(wheel for wheel, _ in led)
+    state = after(
+        wheels_of(), tuple(direction * v for v in rims_m_s), tuple(direction * v for v in asked_m_s)
+    )
+    assert state.substitutes == substitutes
+    assert state.excluded == tuple(wheel for wheel, _ in substitutes)
 
 
 def test_a_wrong_choice_is_taken_back():
     """The wheel that stood was believed while it was asked to; asked to roll, the mate that does is, at once."""
-    judge = mates()
-    state = MatesState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, led=((3, 1),))
+    judge = wheels_of()
+    state = SameSideState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, substitutes=((3, 1),))
     travel_rad = tuple(rim * DT_S / RADIUS_M for rim in (0.3, 0.0, 0.3, 0.3))
-    assert judge.compare(state, travel_rad, ALL, DT_S).led == ((1, 3),)
+    assert judge.compare(state, travel_rad, ALL, DT_S).substitutes == ((1, 3),)
 
 
 def test_without_movement_the_choice_stays():
     """The wheel that died rolled less far before both stood, and the robot is now asked to go back."""
-    judge = mates(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
-    state = MatesState((0.03, 0.01, 0.03, 0.03), (0.0,) * 4, (0.03,) * 4, led=((1, 3),))
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    state = SameSideState((0.03, 0.01, 0.03, 0.03), (0.0,) * 4, (0.03,) * 4, substitutes=((1, 3),))
     for _ in range(15):
         state = judge.compare(state, (0.0,) * 4, (-0.3,) * 4, DT_S)
         assert state.excluded == (1,)
@@ -105,19 +107,19 @@ def test_without_movement_the_choice_stays():
 
 def test_of_three_mates_the_majority_is_believed():
     """Two that read 0.1 m/s outvote the one that reads the 0.3 m/s that were asked for."""
-    state = after(mates(3), (0.3, 0.3, 0.1, 0.3, 0.1, 0.3), (0.3,) * 6)
-    assert state.led == ((0, 2),)
+    state = after(wheels_of(3), (0.3, 0.3, 0.1, 0.3, 0.1, 0.3), (0.3,) * 6)
+    assert state.substitutes == ((0, 2),)
 
 
 def test_one_wheel_a_side_has_nobody_to_disagree_with():
     """The state stays as it is, whatever the wheels do."""
-    judge = mates(1)
+    judge = wheels_of(1)
     assert after(judge, (0.3, 0.0), (0.3, 0.3)) is judge.start
 
 
 def test_a_wheel_comes_back_when_the_disagreement_has_faded():
     """With a memory of 0.2 s, 60 mm against none fade to half of the tolerance (1 mm + 10 %) within a second."""
-    judge = mates(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
     state = after(judge, (0.3, 0.3, 0.0, 0.3), ALL, steps=50)
     assert state.excluded == (2,)
     excluded = []
@@ -131,7 +133,7 @@ def test_a_wheel_comes_back_when_the_disagreement_has_faded():
 
 def test_counts_too_coarse_to_tell_are_allowed_for():
     """80 counts a turn are 2.36 mm each: wheels two counts apart agree."""
-    judge = Mates(NO_MEMORY, Kinematics(chassis(2)), counts_per_turn=80)
+    judge = SameSideWheels(NO_MEMORY, Kinematics(chassis(2)), counts_per_turn=80)
     count_rad = math.tau / 80
     state = judge.compare(judge.start, (3 * count_rad, 3 * count_rad, count_rad, 3 * count_rad), ALL, DT_S)
     assert state.excluded == ()
@@ -147,30 +149,30 @@ def uneven(*sides: Side, radii_m: tuple[float, ...]) -> Kinematics:
 
 
 def test_the_largest_wheels_counts_are_the_coarsest():
-    """80 counts a turn: 2 are 9.4 mm of a 60 mm wheel. So 11 mm between mates of 20 mm are 1 + 9.4 + 2 mm of tolerance.
+    """80 counts a turn: 2 are 9.4 mm of a 60 mm wheel. So 11 mm between wheels of 20 mm are 1 + 9.4 + 2 mm of tolerance.
 
     By the counts of the 30 mm wheel it would be 1 + 4.7 + 2 mm, and they would disagree.
     """
     kinematics = uneven(Side.LEFT, Side.RIGHT, Side.LEFT, Side.RIGHT, radii_m=(0.06, 0.06, 0.03, 0.03))
-    judge = Mates(NO_MEMORY, kinematics, counts_per_turn=80)
+    judge = SameSideWheels(NO_MEMORY, kinematics, counts_per_turn=80)
     travel_rad = (0.020 / 0.06, 0.020 / 0.06, 0.009 / 0.03, 0.020 / 0.03)
-    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).led == ()
+    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).substitutes == ()
     travel_rad = (0.020 / 0.06, 0.020 / 0.06, 0.007 / 0.03, 0.020 / 0.03)
-    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).led == ((2, 0),)
+    assert judge.compare(judge.start, travel_rad, (1.0,) * 4, DT_S).substitutes == ((2, 0),)
 
 
 def test_a_side_of_two_is_compared_though_the_other_has_one_wheel():
     """Three wheels, with the dead encoder on the side that has two."""
     kinematics = uneven(Side.LEFT, Side.RIGHT, Side.LEFT, radii_m=(RADIUS_M,) * 3)
-    judge = Mates(NO_MEMORY, kinematics, counts_per_turn=1e9)
+    judge = SameSideWheels(NO_MEMORY, kinematics, counts_per_turn=1e9)
     state = judge.compare(judge.start, (0.2, 0.2, 0.0), (0.3,) * 3, DT_S)
-    assert state.led == ((2, 0),)
+    assert state.substitutes == ((2, 0),)
 
 
 def test_what_a_wheel_does_just_now_fades_four_times_as_fast():
     """After 0.05 s at rest, of a memory of 0.2 s: the travel has faded by exp(-1/4), who moves just now by exp(-1)."""
-    judge = mates(params=SameSideParameters(memory_s=0.2))
-    before = MatesState((-0.01, 0.02, -0.01, 0.02), (0.01, 0.02, 0.01, 0.02), (0.03, 0.02, 0.03, 0.02))
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2))
+    before = SameSideState((-0.01, 0.02, -0.01, 0.02), (0.01, 0.02, 0.01, 0.02), (0.03, 0.02, 0.03, 0.02))
     state = judge.compare(before, (0.0,) * 4, (0.0,) * 4, 0.05)
     assert state.rolled_m == pytest.approx([m * math.exp(-0.25) for m in before.rolled_m])
     assert state.asked_m == pytest.approx([m * math.exp(-0.25) for m in before.asked_m])
@@ -179,7 +181,7 @@ def test_what_a_wheel_does_just_now_fades_four_times_as_fast():
 
 def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():
     """A stalled one is to be noticed however gently it is pushed; no push stays none."""
-    judge = mates()
+    judge = wheels_of()
     healthy, broken = after(judge, ALL, ALL), after(judge, (0.0, 0.3, 0.3, 0.0), ALL)
     assert judge.credit(healthy, (0.1, 0.1, 0.1, -0.1)) == (0.1, 0.1, 0.1, -0.1)
     assert judge.credit(broken, (0.1, 0.1, 0.1, -0.1)) == (0.5, 0.1, 0.1, -0.5)
@@ -190,11 +192,11 @@ def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():
 @settings(max_examples=50)
 def test_a_wheel_is_always_left_on_each_side(story: list[tuple[float, ...]]):
     """Whatever the wheels do and were asked for, each side has one to believe, and it leads the others."""
-    judge = mates(params=SameSideParameters())
+    judge = wheels_of(params=SameSideParameters())
     state = judge.start
     for step in story:
         state = judge.compare(state, step[:4], step[4:], DT_S)
         believed = set(range(4)) - set(state.excluded)
         assert believed & {0, 2}
         assert believed & {1, 3}
-        assert {leader for _, leader in state.led} <= believed
+        assert {substitute for _, substitute in state.substitutes} <= believed

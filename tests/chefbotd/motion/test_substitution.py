@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.motion.substitution import followed, heard
+from chefbotd.motion.substitution import loop_speeds, substituted
 
 LED = ((2, 0),)
 """Rear left is driven like front left."""
@@ -27,14 +27,14 @@ def test_a_side_is_never_driven_past_its_target_by_a_reading_too_small(
     """Asked for 0.3 m/s either way, both loops hear the same, and the other side's wheels are not concerned."""
     speeds_m_s = (sign * believed_m_s, 0.1, sign * led_m_s, -0.1)
     expected = pytest.approx((sign * loop_m_s, 0.1, sign * loop_m_s, -0.1))
-    assert heard(LED, speeds_m_s, (sign * 0.3, 0.1, sign * 0.3, 0.1)) == expected
+    assert loop_speeds(LED, speeds_m_s, (sign * 0.3, 0.1, sign * 0.3, 0.1)) == expected
 
 
 def test_of_two_that_are_led_the_faster_counts():
-    """Of three mates, one at 0.1 and one at 0.2 m/s, their leader's loop hears the 0.2."""
-    assert heard(((1, 0), (2, 0)), (0.0, 0.2, 0.1), (0.3, 0.3, 0.3)) == (0.2, 0.2, 0.2)
+    """Of three wheels of a side, one at 0.1 and one at 0.2 m/s, the substitute's loop hears the 0.2."""
+    assert loop_speeds(((1, 0), (2, 0)), (0.0, 0.2, 0.1), (0.3, 0.3, 0.3)) == (0.2, 0.2, 0.2)
 
 
 def test_a_wheel_that_is_led_has_what_its_leader_has():
     """Nobody else's changes."""
-    assert followed(LED, "abcd") == ("a", "b", "a", "d")
+    assert substituted(LED, "abcd") == ("a", "b", "a", "d")

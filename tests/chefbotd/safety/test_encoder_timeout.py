@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters, EncoderTimeoutState, endure, is_stale
+from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters, EncoderTimeoutState, is_stale, update
 from chefbotd.safety.faults import FaultKind
 
 PARAMETERS = EncoderTimeoutParameters(max_age_s=0.25, latch_after_s=2.0)
@@ -21,11 +21,11 @@ def test_nothing_ever_heard_is_stale():
 
 def test_a_silence_that_interrupts_a_drive_latches_after_two_seconds():
     """The second that the ultrasonic sensor may block is endured; what is longer is a fault that says what to check."""
-    state, fault = endure(PARAMETERS, EncoderTimeoutState(100.0), 100.3, driven=True)
+    state, fault = update(PARAMETERS, EncoderTimeoutState(100.0), 100.3, driven=True)
     assert (state.interrupted, fault) == (True, None)
-    state, fault = endure(PARAMETERS, state, 102.0, driven=False)
+    state, fault = update(PARAMETERS, state, 102.0, driven=False)
     assert fault is None
-    state, fault = endure(PARAMETERS, state, 102.01, driven=False)
+    state, fault = update(PARAMETERS, state, 102.01, driven=False)
     assert fault.kind is FaultKind.ENCODERS_SILENT
     assert "no encoder reading for 2.0 s" in fault.reason
     assert not state.interrupted
@@ -33,7 +33,7 @@ def test_a_silence_that_interrupts_a_drive_latches_after_two_seconds():
 
 def test_a_silence_while_standing_never_latches():
     """A board that boots, or that nobody drives, may be silent for as long as it likes."""
-    assert endure(PARAMETERS, EncoderTimeoutState(100.0), 1000.0, driven=False) == (
+    assert update(PARAMETERS, EncoderTimeoutState(100.0), 1000.0, driven=False) == (
         EncoderTimeoutState(100.0),
         None,
     )

@@ -9,7 +9,7 @@ from msgspec.structs import astuple
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, WheelVelocities
-from chefbotd.safety.guard import Beams, GuardParameters, closing_limit_m_s, mount, restrain, see
+from chefbotd.safety.guard import Beams, GuardParameters, closing_limit_m_s, from_mounts, limit, update
 from tests.budget import examples
 
 PARAMETERS = GuardParameters(stop_distance_m=0.15, deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
@@ -32,9 +32,9 @@ def reading(
 
 def seeing(mounts: dict[str, Pose2D], **ranges_m: float) -> Beams:
     """Mounted sensors that have just seen these."""
-    beams = mount(mounts)
+    beams = from_mounts(mounts)
     for sensor, range_m in ranges_m.items():
-        beams = see(beams, reading(sensor, range_m))
+        beams = update(beams, reading(sensor, range_m))
     return beams
 
 
@@ -58,17 +58,17 @@ def test_the_limit_is_the_speed_that_can_still_be_braked(distance_m: float, age_
 @pytest.mark.parametrize("twist", [BACK, SPIN, Twist2D(-0.1, -2.0), STANDING])
 def test_what_does_not_bring_it_closer_stays_allowed(twist: Twist2D):
     """With a wall at the bumper: backing off and turning on the spot are as they were asked for."""
-    assert restrain(PARAMETERS, seeing(FRONT, front=0.05), twist, 10.0) == (twist, None)
+    assert limit(PARAMETERS, seeing(FRONT, front=0.05), twist, 10.0) == (twist, None)
 
 
 def test_turning_away_while_driving_ahead_keeps_the_turn():
     """Only the way ahead is taken away."""
-    assert restrain(PARAMETERS, seeing(FRONT, front=0.05), Twist2D(0.3, 1.0), 10.0) == (SPIN, "front")
+    assert limit(PARAMETERS, seeing(FRONT, front=0.05), Twist2D(0.3, 1.0), 10.0) == (SPIN, "front")
 
 
 def test_far_away_nothing_is_limited():
     """At 2 m the limit is well above what is asked for."""
-    assert restrain(PARAMETERS, seeing(FRONT, front=2.0), AHEAD, 10.0) == (AHEAD, None)
+    assert limit(PARAMETERS, seeing(FRONT, front=2.0), AHEAD, 10.0) == (AHEAD, None)
 
 
 @pytest.mark.parametrize(
@@ -82,20 +82,20 @@ def test_far_away_nothing_is_limited():
 )
 def test_a_reading_without_a_distance(status: RangeStatus, expected: tuple[Twist2D, str | None]):
     """Too near is no distance at all; too far and no echo are a free way."""
-    beams = see(mount(FRONT), reading("front", None, status))
-    assert restrain(PARAMETERS, beams, AHEAD, 10.0) == expected
+    beams = update(from_mounts(FRONT), reading("front", None, status))
+    assert limit(PARAMETERS, beams, AHEAD, 10.0) == expected
 
 
 @pytest.mark.parametrize("now_s", [10.0, 10.51])
 @pytest.mark.parametrize("heard", [True, False])
 def test_a_silent_sensor_is_an_obstacle_only_when_configured_so(now_s: float, heard: bool):
     """Never heard or too old: free by default, a wall where ``silent_is_obstacle``."""
-    beams = seeing(FRONT, front=4.0) if heard else mount(FRONT)
+    beams = seeing(FRONT, front=4.0) if heard else from_mounts(FRONT)
     silent = now_s > 10.5 or not heard
     strict = PARAMETERS.model_copy(update={"silent_is_obstacle": True})
-    assert restrain(PARAMETERS, beams, AHEAD, now_s) == (AHEAD, None)
-    assert restrain(strict, beams, AHEAD, now_s) == ((STANDING, "front") if silent else (AHEAD, None))
-    assert restrain(strict, beams, BACK, now_s) == (BACK, None)
+    assert limit(PARAMETERS, beams, AHEAD, now_s) == (AHEAD, None)
+    assert limit(strict, beams, AHEAD, now_s) == ((STANDING, "front") if silent else (AHEAD, None))
+    assert limit(strict, beams, BACK, now_s) == (BACK, None)
 
 
 def test_a_reading_that_was_long_on_its_way_counts_from_when_it_was_measured():
@@ -103,36 +103,36 @@ def test_a_reading_that_was_long_on_its_way_counts_from_when_it_was_measured():
 
     0.5 (sqrt(0.3^2 + 2 0.09 / 0.5) - 0.3) = 0.5 (0.6708204 - 0.3).
     """
-    beams = see(mount(FRONT), reading("front", 0.24, stamp_s=9.8, arrival_s=10.0))
-    twist, sensor = restrain(PARAMETERS, beams, AHEAD, 10.0)
+    beams = update(from_mounts(FRONT), reading("front", 0.24, stamp_s=9.8, arrival_s=10.0))
+    twist, sensor = limit(PARAMETERS, beams, AHEAD, 10.0)
     assert (twist.linear_m_s, sensor) == (pytest.approx(0.1854102, abs=1e-6), "front")
 
 
 def test_a_sensor_is_silent_by_when_it_was_last_heard():
     """One whose readings take 0.6 s to arrive is not silent, however old they are; 0.5 s after the last it is."""
     strict = PARAMETERS.model_copy(update={"silent_is_obstacle": True})
-    beams = see(mount(FRONT), reading("front", 3.0, stamp_s=9.4, arrival_s=10.0))
-    assert restrain(strict, beams, AHEAD, 10.49) == (AHEAD, None)
-    assert restrain(strict, beams, AHEAD, 10.51) == (STANDING, "front")
+    beams = update(from_mounts(FRONT), reading("front", 3.0, stamp_s=9.4, arrival_s=10.0))
+    assert limit(strict, beams, AHEAD, 10.49) == (AHEAD, None)
+    assert limit(strict, beams, AHEAD, 10.51) == (STANDING, "front")
 
 
 def test_a_sensor_that_is_not_mounted_guards_nothing():
     """Its reading changes no beam."""
-    assert see(mount(FRONT), reading("rear", 0.01)) == mount(FRONT)
+    assert update(from_mounts(FRONT), reading("rear", 0.01)) == from_mounts(FRONT)
 
 
 def test_a_sensor_at_the_corner_limits_turning_into_the_wall():
     """0.2 m ahead, looking left: a left turn brings it closer at 0.2 m/rad, a right turn and driving do not."""
     beams = seeing({"left": Pose2D(0.2, 0.0, math.pi / 2)}, left=0.1)
-    assert restrain(PARAMETERS, beams, SPIN, 10.0) == (STANDING, "left")
-    assert restrain(PARAMETERS, beams, Twist2D(0.3, -1.0), 10.0) == (Twist2D(0.3, -1.0), None)
+    assert limit(PARAMETERS, beams, SPIN, 10.0) == (STANDING, "left")
+    assert limit(PARAMETERS, beams, Twist2D(0.3, -1.0), 10.0) == (Twist2D(0.3, -1.0), None)
 
 
 def test_between_two_obstacles_neither_is_approached():
     """A wall ahead and one behind: no driving either way, turning stays."""
     beams = seeing({"front": Pose2D(0.15), "rear": Pose2D(-0.15, 0.0, math.pi)}, front=0.1, rear=0.1)
-    assert restrain(PARAMETERS, beams, Twist2D(0.3, 1.0), 10.0) == (SPIN, "front")
-    assert restrain(PARAMETERS, beams, Twist2D(-0.3, 1.0), 10.0) == (SPIN, "rear")
+    assert limit(PARAMETERS, beams, Twist2D(0.3, 1.0), 10.0) == (SPIN, "front")
+    assert limit(PARAMETERS, beams, Twist2D(-0.3, 1.0), 10.0) == (SPIN, "rear")
 
 
 coordinate = st.floats(-0.3, 0.3)
@@ -151,7 +151,7 @@ def test_no_beam_is_ever_shortened_faster_than_it_may(sensors: list[tuple[Pose2D
     """
     mounts = {str(i): pose for i, (pose, _) in enumerate(sensors)}
     beams = seeing(mounts, **{str(i): range_m for i, (_, range_m) in enumerate(sensors)})
-    twist, _ = restrain(PARAMETERS, beams, wanted, 10.0)
+    twist, _ = limit(PARAMETERS, beams, wanted, 10.0)
     for pose, range_m in sensors:
         dt_s = 1e-6
         moved = Pose2D(twist.linear_m_s * dt_s, 0.0, twist.angular_rad_s * dt_s).compose(pose)
@@ -172,7 +172,7 @@ def wheels(left_rad_s: float, right_rad_s: float) -> WheelVelocities:
 
 def test_wheels_that_close_in_are_slowed_together():
     """At 0.24 m, 0.2541381 m/s is allowed; 8 and 12 rad/s make 0.5 m/s, so each wheel gets 0.5082763 of its own."""
-    limited, sensor = restrain(PARAMETERS, seeing(FRONT, front=0.24), wheels(8.0, 12.0), 10.0)
+    limited, sensor = limit(PARAMETERS, seeing(FRONT, front=0.24), wheels(8.0, 12.0), 10.0)
     assert isinstance(limited, WheelVelocities)
     assert sensor == "front"
     assert limited.rad_s == pytest.approx((8.0 * 0.5082763, 12.0 * 0.5082763))
@@ -182,13 +182,13 @@ def test_wheels_that_close_in_are_slowed_together():
 @pytest.mark.parametrize("motion", [wheels(-8.0, -4.0), wheels(-5.0, 5.0), wheels(0.0, 0.0)])
 def test_wheels_that_do_not_close_in_turn_as_asked(motion: WheelVelocities):
     """Backing off and turning on the spot with a wall at the bumper."""
-    assert restrain(PARAMETERS, seeing(FRONT, front=0.05), motion, 10.0) == (motion, None)
+    assert limit(PARAMETERS, seeing(FRONT, front=0.05), motion, 10.0) == (motion, None)
 
 
 def test_of_two_beams_the_nearer_decides_for_wheels():
     """Both look ahead; the one that allows less is named."""
     beams = seeing({"low": Pose2D(0.15), "high": Pose2D(0.1), "spare": Pose2D(0.1)}, low=0.24, high=0.16)
-    limited, sensor = restrain(PARAMETERS, beams, wheels(8.0, 12.0), 10.0)
+    limited, sensor = limit(PARAMETERS, beams, wheels(8.0, 12.0), 10.0)
     assert sensor == "high"
     assert limited.twist.linear_m_s == pytest.approx(closing_limit_m_s(PARAMETERS, 0.16, 0.0))
 
@@ -211,7 +211,7 @@ def test_a_slanted_beam_limits_driving_first_and_turning_then(
     wanted: tuple[float, float], allowed: tuple[float, float]
 ):
     """At 0.24 m a beam may shorten at 0.2541381 m/s; what is left is a motion, and no standstill."""
-    twist, sensor = restrain(PARAMETERS, seeing(SLANTED, nose=0.24), Twist2D(*wanted), 10.0)
+    twist, sensor = limit(PARAMETERS, seeing(SLANTED, nose=0.24), Twist2D(*wanted), 10.0)
     assert astuple(twist) == pytest.approx(allowed, abs=1e-6)
     assert sensor == (None if wanted == allowed else "nose")
 
@@ -226,7 +226,7 @@ def test_a_slanted_beam_limits_driving_first_and_turning_then(
 )
 def test_an_older_reading_allows_less(now_s: float, allowed_m_s: float):
     """Its age adds to the 0.1 s in which the robot rolls on towards what was seen at 0.24 m."""
-    twist, sensor = restrain(PARAMETERS, seeing(FRONT, front=0.24), Twist2D(0.3, -0.7), now_s)
+    twist, sensor = limit(PARAMETERS, seeing(FRONT, front=0.24), Twist2D(0.3, -0.7), now_s)
     assert (twist.linear_m_s, twist.angular_rad_s, sensor) == (
         pytest.approx(allowed_m_s, abs=1e-6),
         -0.7,
@@ -242,4 +242,4 @@ def test_a_motion_that_any_beam_forbids_after_two_rounds_is_none():
     """
     mounts = {"rear": Pose2D(0.1, 0.0, math.atan2(-4, -3)), "front": Pose2D(0.2, -0.2, 0.0)}
     beams = seeing(mounts, rear=0.1, front=0.1)
-    assert restrain(PARAMETERS, beams, Twist2D(-0.5, 4.0), 10.0) == (STANDING, "front")
+    assert limit(PARAMETERS, beams, Twist2D(-0.5, 4.0), 10.0) == (STANDING, "front")

@@ -290,7 +290,7 @@ FAULTS = (
             "A wheel of four disagrees",
             f"wheel {wheel} slips",
             partial(excluded, wheel),
-            drives_on("wheels disagree with their mates and are left out of odometry"),
+            drives_on("wheels disagree with their side and are excluded from odometry"),
             on_wire=True,
             robots=("khan",),
         )

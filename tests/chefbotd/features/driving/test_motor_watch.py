@@ -17,7 +17,7 @@ class Rig:
     def __init__(self) -> None:
         settings = load()
         self.watch = MotorWatch(settings.safety, settings.chassis)
-        self.reader = WheelReader(settings.chassis, settings.encoders, settings.mates)
+        self.reader = WheelReader(settings.chassis, settings.encoders, settings.same_side)
         self.cycles = 0
 
     def read(self, now_s: float, setpoint_m_s: tuple[float, float], duty: tuple[int, int]) -> list[FaultKind]:
