@@ -107,7 +107,14 @@ async def _serve_simulated(settings: Settings) -> None:
 
     with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
         link = settings.link.model_copy(update={"device": str(board.device)})
-        daemon = build(settings.model_copy(update={"link": link}), clock=SystemClock(), simulated=True)
+        lidars = tuple(
+            [
+                lidar.model_copy(update={"device": str(board.lidar_devices[lidar.name])})
+                for lidar in settings.lidar
+            ]
+        )
+        plugged = settings.model_copy(update={"link": link, "lidar": lidars})
+        daemon = build(plugged, clock=SystemClock(), simulated=True)
         await _serve(daemon, settings, lambda: board.run(daemon.bus.publish))
 
 

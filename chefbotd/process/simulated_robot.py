@@ -3,12 +3,14 @@
 from chefbotd.link.line_load import BITS_A_BYTE
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
 from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.sensing.lidar import LidarModel, LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.sim import infrared
 from chefbotd.sim.battery import Divider
 from chefbotd.sim.chassis import Chassis, Wheel
+from chefbotd.sim.ld19 import LidarMount
 from chefbotd.sim.sensors import UltrasonicMount
-from chefbotd.sim.simulation import Simulation, build_launchpad
+from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from firmware_protocol.codec import VARIANTS
 
 
@@ -34,6 +36,7 @@ def simulation_of(settings: Settings) -> Simulation:
         else UltrasonicMount(ultrasonic.base_from_sensor, ultrasonic.field_of_view_rad),
         tuple(map(_infrared, settings.infrared)),
         has_imu=settings.imu is not None,
+        lidars=tuple([_lidar(lidar, settings.sim.lidar.height_m) for lidar in settings.lidar]),
     )
 
 
@@ -46,6 +49,7 @@ def checked_simulation(settings: Settings) -> Simulation:
     try:
         simulation = simulation_of(settings)
         build_launchpad(simulation)
+        build_lidars(simulation)
     except (OSError, ValueError) as error:
         told = " ".join(str(error).split())
         raise CannotSimulateError(f"{settings.robot.name} cannot be simulated: {told}") from error
@@ -60,6 +64,20 @@ def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
         for wheel, radius_m in zip(chassis.wheels, radii_m, strict=True)
     ]
     return Chassis(tuple(wheels), chassis.effective_track_m, counts_per_turn)
+
+
+def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
+    """Where the real one is.
+
+    Raises:
+        ValueError: its bytes are not simulated.
+    """
+    if not real.model.is_ldrobot:
+        known = " or ".join(model for model in LidarModel if model.is_ldrobot)
+        raise ValueError(f"lidar {real.name!r} is an {real.model}, only an {known} can be simulated")
+    if real.mount_z_m is not None:
+        height_m = real.mount_z_m
+    return LidarMount(real.name, real.base_from_lidar, real.upside_down, height_m)
 
 
 def _infrared(real: InfraredParameters) -> infrared.InfraredParameters:

@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 from chefbotd.clock import Clock
 from chefbotd.core.events import TruthSimulated
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.launchpad import Launchpad
 
 STALE_S = 0.5
@@ -34,18 +36,27 @@ class BoardRunner:
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, arriving now."""
-        self._launchpad.receive(data, self._board_s())
+        self._launchpad.receive(data, self.board_s())
 
     def truth(self, stamp_s: float) -> TruthSimulated:
         """Where the robot really is now, stamped as told."""
-        return self._launchpad.truth(self._board_s(), stamp_s)
+        return self._launchpad.truth(self.board_s(), stamp_s)
+
+    def trail(self, since_s: float) -> Vector:
+        """Where the robot was since this time of the board's: rows of time, x, y, heading, a step apart."""
+        return self._launchpad.trail(self.board_s(), since_s)
+
+    @property
+    def crowd(self) -> Crowd:
+        """Who and what stands about the robot: things can be put there, and taken away."""
+        return self._launchpad.crowd
 
     async def run(self) -> None:
         """Send until cancelled."""
         while True:
             due_s = self._launchpad.next_event_s()
-            await asyncio.sleep(max(due_s - self._board_s(), 0.0))
-            self._send_until(max(due_s, self._board_s()))
+            await asyncio.sleep(max(due_s - self.board_s(), 0.0))
+            self._send_until(max(due_s, self.board_s()))
 
     def _send_until(self, now_s: float) -> None:
         lines = self._launchpad.advance(now_s)
@@ -54,5 +65,6 @@ class BoardRunner:
         if fresh:
             self._send(b"".join(fresh))
 
-    def _board_s(self) -> float:
+    def board_s(self) -> float:
+        """How long the board has been powered on."""
         return self._clock.now_s() - self._powered_on_s

@@ -94,7 +94,7 @@ class Crowd:
         return self._discs
 
     def put(self, name: str, x_m: float, y_m: float, radius_m: float = 0.25) -> None:
-        """Put a thing there; one of this name that is there already is moved."""
+        """Put a thing there; one of this name that is there already is moved. The robot meets it at its next step."""
         self._things[name] = (x_m, y_m, radius_m)
         self._discs = self._gathered()
 

@@ -1,4 +1,4 @@
-"""The simulated board inside the daemon's own process: still on a real pty, and its true pose on the bus."""
+"""The simulated robot inside the daemon's own process: board and lidars still on real ptys, its true pose on the bus."""
 
 import asyncio
 import tempfile
@@ -9,6 +9,7 @@ from typing import Self
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.plugged_lidars import PluggedLidars
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 
@@ -16,7 +17,10 @@ TRUTH_PERIOD_S = 0.02
 
 
 class EmbeddedBoard:
-    """A board that is plugged in while the context lasts; ``device`` is its path. ``run`` lets it live."""
+    """A board and its robot's lidars, plugged in while the context lasts; ``run`` lets them live.
+
+    ``device`` is the board's path, ``lidar_devices`` has each lidar's by its name.
+    """
 
     def __init__(self, simulation: Simulation, clock: Clock) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="chefbotd-")
@@ -25,12 +29,15 @@ class EmbeddedBoard:
         self._pty = PtyBoard(self._receive, self.device)
         send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
         self._runner = BoardRunner(build_launchpad(simulation), send, clock)
+        self._lidars = PluggedLidars(simulation, self._runner, clock, self.device)
+        self.lidar_devices = self._lidars.devices
 
     def _receive(self, data: bytes) -> None:
         self._runner.receive(data)
 
     def __enter__(self) -> Self:
         self._pty.plug()
+        self._lidars.plug()
         return self
 
     def __exit__(
@@ -39,6 +46,7 @@ class EmbeddedBoard:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self._lidars.unplug()
         self._pty.unplug()
         self._folder.cleanup()
 
@@ -46,6 +54,7 @@ class EmbeddedBoard:
         """Simulate until cancelled, publishing ``TruthSimulated`` 50 times a second."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._runner.run())
+            group.create_task(self._lidars.run())
             while True:
                 publish(self._runner.truth(self._clock.now_s()))
                 await asyncio.sleep(TRUTH_PERIOD_S)

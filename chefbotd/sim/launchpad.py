@@ -4,6 +4,7 @@ import numpy as np
 
 from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.sketch import Sketch
 from chefbotd.sim.uart import Uart
 from chefbotd.sim.wiring import Wiring
@@ -62,11 +63,26 @@ class Launchpad:
         self._robot.advance(at_s)
         return self._robot.truth(stamp_s)
 
-    def trail(self, at_s: float) -> Vector:
-        """Where the robot was in the last half second up to ``at_s``: rows of time, x, y, heading, a step apart."""
+    def trail(self, at_s: float, since_s: float) -> Vector:
+        """Where the robot was from ``since_s``, if that is no longer ago than its trail, to ``at_s``.
+
+        Rows of time, x, y, heading (not wrapped), a step apart.
+        """
         self._run(at_s)
         self._robot.advance(at_s)
-        return np.array(self._robot.trail)
+        rows = []
+        for row in reversed(self._robot.trail):
+            rows.append(row)
+            if row[0] <= since_s:
+                break
+        trail = np.array(rows[::-1])
+        trail[:, 3] = np.unwrap(trail[:, 3])
+        return trail
+
+    @property
+    def crowd(self) -> Crowd:
+        """Who and what stands about."""
+        return self._robot.crowd
 
     def _run(self, to_s: float) -> None:
         while self._resume_s <= to_s:

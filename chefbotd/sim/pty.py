@@ -1,4 +1,4 @@
-"""A pseudo-terminal that stands for the board's USB serial device, with a cable that can be pulled."""
+"""A pseudo-terminal that stands for a board's or a lidar's USB serial device, with a cable that can be pulled."""
 
 import asyncio
 import os

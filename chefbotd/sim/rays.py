@@ -16,6 +16,7 @@ REFERENCE_M = 0.3
 """How far from the place of reference the spans still hold."""
 
 NOTHING = -1
+FLIP = np.array([1.0, -1.0])
 
 
 class Hits(NamedTuple):
@@ -42,20 +43,23 @@ class RayCaster:
 
     def cast(self, origins: Vector, bearings_rad: Vector) -> Hits:
         """Where beams end that leave from ``origins`` (B x 2) at rising or falling bearings of the world frame."""
-        rays = np.stack((np.cos(bearings_rad), np.sin(bearings_rad)), axis=1)
+        rays = np.empty((len(bearings_rad), 2))
+        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
         count, chosen = len(bearings_rad), self._in_sight(origins, bearings_rad)
         if not len(chosen):
             return Hits(np.full(count, np.inf), np.full(count, NOTHING), np.ones(count))
         start, along = self._start[chosen], self._along[chosen]
-        across = np.stack((along[:, 1], -along[:, 0]))
+        across = (along[:, ::-1] * FLIP).T
         turn = rays @ across
         turn[turn == 0] = 1e-300
         wall_from_origin = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) - origins @ across
         reach = wall_from_origin / turn
-        side = np.stack((rays[:, 1], -rays[:, 0]), axis=1)
+        side = rays[:, ::-1] * FLIP
         offset = (origins * side).sum(axis=1)[:, None]
         share = (side @ start.T - offset) / turn
-        reach[(reach < 0) | (share < 0) | (share > 1)] = np.inf
+        missed = reach < 0
+        missed |= np.abs(share - 0.5) > 0.5
+        reach[missed] = np.inf
         nearest, beams = reach.argmin(axis=1), np.arange(count)
         range_m = reach[beams, nearest]
         square = np.abs(turn[beams, nearest]) / self._length[chosen[nearest]]

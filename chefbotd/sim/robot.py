@@ -72,9 +72,9 @@ class Robot:
             raise ValueError(
                 f"start pose {start} is {clearance_m:.3f} m from a wall, robot radius {body.radius_m} m"
             )
-        self._plant, self._body, self._world, self._crowd = plant, body, world, crowd
-        if crowd is not None:
-            world.discs = crowd.discs
+        self._plant, self._body, self._world = plant, body, world
+        self._crowd = crowd or Crowd((), (), seed=0)
+        world.discs = self._crowd.discs
         self._pulse_width: Vector | None = None
         idle_v, _ = plant.load(plant.standing, None, battery.supply)
         self._now = self._before = RobotState(
@@ -106,9 +106,8 @@ class Robot:
         """Bring the robot to this time, at which the readings below are taken; never back."""
         self._read_s = max(to_s, self._read_s)
         while self._steps * self._plant.step_s < self._read_s:
-            if self._crowd is not None:
-                self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
-                self._world.discs = self._crowd.discs
+            self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
+            self._world.discs = self._crowd.discs
             self._before, self._now = self._now, self._step(self._now)
             self._steps += 1
             self._leave_trail(self._now.world_from_base)
@@ -129,6 +128,11 @@ class Robot:
     def state(self) -> RobotState:
         """The robot at the step that ends at or just after the time it was brought to."""
         return self._now
+
+    @property
+    def crowd(self) -> Crowd:
+        """Who and what stands about."""
+        return self._crowd
 
     @property
     def motion(self) -> Motion:

@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.plugged_lidars import PluggedLidars
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 
@@ -38,9 +39,12 @@ async def simulate(
 ) -> None:
     """Run a simulated board until ``quit``, SIGINT or SIGTERM; the first line said is the device's path.
 
+    A line for each of the robot's lidars comes next, in the order of the configuration.
+
     Args:
         simulation: what to simulate.
-        link_path: a symbolic link to keep pointed at the device; removed at the end.
+        link_path: a symbolic link to keep pointed at the device; removed at the end. A lidar's is beside it, with its
+            name behind a hyphen.
         seed: stands in for the configured one.
         as_json: say JSON objects instead of plain lines.
         commands: one word each (``unplug``, ``plug``, ``truth``, ``reset``, ``quit``); default: the lines of
@@ -76,6 +80,7 @@ class Session:
         self._pty = PtyBoard(self._from_host, link_path)
         send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
         self._runner = BoardRunner(build_launchpad(simulation, seed), send, SystemClock())
+        self._lidars = PluggedLidars(simulation, self._runner, SystemClock(), link_path, seed)
         self._as_json, self._say_line = as_json, say
         self._done = asyncio.Event()
         self._words = {
@@ -90,12 +95,16 @@ class Session:
         """Plug in, run and obey until told to quit; unplugs on every way out."""
         try:
             self.plug()
+            for name, device in self._lidars.plug().items():
+                self._say({"lidar": name, "device": str(device)}, "device")
             async with asyncio.TaskGroup() as tasks:
-                running = [tasks.create_task(self._runner.run()), tasks.create_task(self._obey(commands))]
+                loops = (self._runner.run(), self._lidars.run(), self._obey(commands))
+                running = [tasks.create_task(loop) for loop in loops]
                 await self._done.wait()
                 for task in running:
                     task.cancel()
         finally:
+            self._lidars.unplug()
             self._pty.unplug()
 
     async def _obey(self, commands: AsyncIterator[str]) -> None:

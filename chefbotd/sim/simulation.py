@@ -9,11 +9,13 @@ from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
+from chefbotd.sim.ld19 import LidarMount, SimulatedLd19
 from chefbotd.sim.opening import FirstLineCut
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Ultrasonic, UltrasonicMount
+from chefbotd.sim.sight import Sight
 from chefbotd.sim.wiring import Wiring
 from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
@@ -23,6 +25,8 @@ from firmware_protocol.codec import CLASSIC, Variant
 @dataclass(frozen=True, slots=True)
 class Simulation:
     """A robot to simulate: its wire, wheels and sensors, and all else; a sensor that is None is not wired to the board.
+
+    Each of ``lidars`` is an LD19 on a line of its own.
 
     Raises:
         ValueError: the wire is another robot's or another sketch's, or no two wheels of a side share the wheelbase.
@@ -36,6 +40,7 @@ class Simulation:
     ultrasonic: UltrasonicMount | None = field(default_factory=UltrasonicMount)
     infrared: tuple[InfraredParameters, ...] = ()
     has_imu: bool = True
+    lidars: tuple[LidarMount, ...] = ()
 
     def __post_init__(self) -> None:
         wheels, wheelbase_m = self.chassis.wheels, self.parameters.body.wheelbase_m
@@ -80,7 +85,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         world,
         Battery.fresh(parameters.battery),
         start_pose(parameters.world, scene.start),
-        Crowd(parameters.people, parameters.things, seed) if parameters.people or parameters.things else None,
+        Crowd(parameters.people, parameters.things, seed),
     )
     mount = simulation.ultrasonic
     wiring = Wiring(
@@ -93,6 +98,26 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         tuple(Infrared(each, world) for each in simulation.infrared),
     )
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
+
+
+def build_lidars(simulation: Simulation, seed: int | None = None) -> dict[str, SimulatedLd19]:
+    """The robot's lidars by their names, at time 0.
+
+    Raises:
+        OSError: the map cannot be read.
+        ValueError: the map is none.
+    """
+    if not simulation.lidars:
+        return {}
+    parameters = simulation.parameters
+    seed = parameters.seed if seed is None else seed
+    scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
+    return {
+        mount.name: SimulatedLd19(
+            parameters.lidar, mount, Sight(scene, mount.height_m, parameters.lidar), seed + number
+        )
+        for number, mount in enumerate(simulation.lidars)
+    }
 
 
 def start_pose(configured: WorldParameters, default: Pose2D) -> Pose2D:

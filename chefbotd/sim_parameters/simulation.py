@@ -7,6 +7,7 @@ from pydantic import Field
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.sim_parameters.battery import BatteryParameters
 from chefbotd.sim_parameters.crowd import PersonParameters, ThingParameters
+from chefbotd.sim_parameters.lidar import LidarFlaws
 from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
 from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
 from chefbotd.sim_parameters.sketches import BoardParameters
@@ -42,5 +43,6 @@ class SimulationParameters(Parameters):
     imu: ImuParameters = section()
     battery: BatteryParameters = section()
     board: BoardParameters = section()
+    lidar: LidarFlaws = section()
     people: tuple[PersonParameters, ...] = ()
     things: tuple[ThingParameters, ...] = ()

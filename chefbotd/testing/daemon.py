@@ -4,45 +4,80 @@ import asyncio
 import contextlib
 import random
 import ssl
-from collections.abc import AsyncIterator, Sequence
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from chefbotd.app import Daemon, FeatureBuilder
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.reconnect import Opener
 from chefbotd.process.build import build
 from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.simulation import board_sender, build_launchpad
+from chefbotd.sim.ld19 import SimulatedLd19
+from chefbotd.sim.lidar import LidarRunner
+from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
 from chefbotd.testing.transport import FakeSerialDevice
+
+NO_LIDARS: Mapping[str, FakeSerialDevice] = MappingProxyType({})
 
 
 @contextlib.asynccontextmanager
 async def running_daemon(
-    device: FakeSerialDevice, settings: Settings | None = None, features: Sequence[FeatureBuilder] = ()
+    device: FakeSerialDevice,
+    settings: Settings | None = None,
+    features: Sequence[FeatureBuilder] = (),
+    lidars: Mapping[str, FakeSerialDevice] = NO_LIDARS,
 ) -> AsyncIterator[Client]:
     """Run the daemon (default: the packaged ChefBot) on ``device``; yields a client connected to its socket.
 
-    ``features`` are further ones, beside those that every robot has.
+    ``features`` are further ones, beside those that every robot has. ``lidars`` are what the configured lidars are
+    plugged in with, by their names; one that is left out is not plugged in.
 
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
     rng = random.Random(settings.sim.seed)
-    daemon = build(settings, clock=LoopClock(), opener=device.open, rng=rng, features=features)
+    opener = _opener(settings, device, lidars)
+    daemon = build(settings, clock=LoopClock(), opener=opener, rng=rng, features=features)
     async with _running(daemon) as client:
         yield client
 
 
+def _opener(settings: Settings, board: FakeSerialDevice, lidars: Mapping[str, FakeSerialDevice]) -> Opener:
+    """Opens a lidar's device by its path, and the board's by any other."""
+    unplugged = FakeSerialDevice(plugged=False)
+    by_path = {lidar.device: lidars.get(lidar.name, unplugged) for lidar in settings.lidar}
+
+    async def open_device(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
+        return await by_path.get(parameters.device, board).open(parameters, protocol)
+
+    return open_device
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedLidar:
+    """A lidar of the simulated robot: its cable, and what can be wrong with it (``runner.fault``)."""
+
+    device: FakeSerialDevice
+    runner: LidarRunner
+
+
 @dataclass(frozen=True, slots=True)
 class SimulatedRobot:
-    """A daemon driving the simulated robot: its client, the cable between them, and the board behind it."""
+    """A daemon driving the simulated robot: its client, the cable between them, and the board behind it.
+
+    ``board`` has the truth too: the true pose and contact (``truth``), and who and what stands about (``crowd``).
+    """
 
     client: Client
     device: FakeSerialDevice
     board: BoardRunner
     daemon: Daemon
+    lidars: Mapping[str, SimulatedLidar] = field(default_factory=dict)
 
 
 @contextlib.asynccontextmanager
@@ -59,15 +94,27 @@ async def simulated_robot(
     send = board_sender(simulation, lambda data: device.feed(data), lambda: device.transport)
     board = BoardRunner(build_launchpad(simulation), send, LoopClock())
     device.on_write = board.receive
-    living = asyncio.create_task(board.run())
+    lidars = {name: _in_memory(lidar, board, settings) for name, lidar in build_lidars(simulation).items()}
+    opener = _opener(settings, device, {name: lidar.device for name, lidar in lidars.items()})
+    loops = [board.run(), *[lidar.runner.run() for lidar in lidars.values()]]
+    living = [asyncio.create_task(loop) for loop in loops]
     daemon = build(
-        settings, clock=LoopClock(), opener=device.open, simulated=True, rng=random.Random(settings.sim.seed)
+        settings, clock=LoopClock(), opener=opener, simulated=True, rng=random.Random(settings.sim.seed)
     )
     try:
         async with _running(daemon, token, tls) as client:
-            yield SimulatedRobot(client, device, board, daemon)
+            yield SimulatedRobot(client, device, board, daemon, lidars)
     finally:
-        await _end(living)
+        for task in living:
+            await _end(task)
+
+
+def _in_memory(lidar: SimulatedLd19, board: BoardRunner, settings: Settings) -> SimulatedLidar:
+    device = FakeSerialDevice()
+    handover_s, seed = settings.sim.lidar.handover_s, settings.sim.seed
+    return SimulatedLidar(
+        device, LidarRunner(lidar, board, device.feed, LoopClock(), handover_s=handover_s, seed=seed)
+    )
 
 
 @contextlib.asynccontextmanager

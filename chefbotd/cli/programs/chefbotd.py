@@ -97,10 +97,10 @@ def simulate(
     sketch: str | None,
     cycle_hz: float | None,
 ) -> None:
-    """Run a simulated board, on a device of its own.
+    """Run a simulated board, on a device of its own, and the robot's lidars, each on another.
 
-    The device's path is the first line printed. It obeys words on standard input, one a line: plug, unplug, truth,
-    reset, quit.
+    The board's path is the first line printed, the lidars' are the next. It obeys words on standard input, one a line:
+    plug, unplug, truth, reset, quit.
     """
     wanted = {"sim.board.sketch": sketch, "sim.board.cycle_s": None if cycle_hz is None else 1 / cycle_hz}
     settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})

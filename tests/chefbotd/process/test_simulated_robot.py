@@ -1,11 +1,14 @@
 """What is simulated of a configured robot."""
 
+import tomllib
+
 import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of
 from chefbotd.settings import load, packaged
 from chefbotd.sim.chassis import Wheel
+from chefbotd.sim.ld19 import LidarMount
 from chefbotd.sim.simulation import build_launchpad
 from firmware_protocol.codec import KHAN
 
@@ -86,9 +89,9 @@ def test_what_cannot_be_simulated_is_told_in_one_line(overrides: dict[str, objec
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("robot_name", ["chefbot", "khan"])
+@pytest.mark.parametrize("robot_name", ["chefbot", "chefbot_lidar", "khan"])
 def test_the_packaged_robots_can_be_simulated(robot_name: str) -> None:
-    """Both that come with chefbotd."""
+    """All that come with chefbotd."""
     assert checked_simulation(load(packaged(robot_name))).variant.wheels in (2, 4)
 
 
@@ -104,3 +107,33 @@ def test_a_building_is_named_and_has_a_start_of_its_own(world: object, start: Po
     """``world = "flat"`` is enough; where the robot starts may be said in part."""
     board = build_launchpad(simulation_of(load(overrides={"sim.world": world})))
     assert board.truth(0.0, 0.0).world_from_base == start
+
+
+def test_the_robot_with_a_lidar_is_chefbot_otherwise() -> None:
+    """What chefbot.toml says is said there too, so that a change to one file is not forgotten in the other."""
+    plain, seeing = (tomllib.loads(packaged(name).read_text()) for name in ("chefbot", "chefbot_lidar"))
+    assert seeing["robot"].pop("name") == "chefbot_lidar"
+    assert plain["robot"].pop("name") == "chefbot"
+    assert {key: seeing.get(key) for key in plain} == plain
+    assert (seeing["lidar"][0]["model"], seeing["sim"]["world"]) == ("ld19", "flat")
+
+
+def test_lidars_are_simulated_where_the_real_ones_are() -> None:
+    """Mount, name, side up; the height of its own, or what ``[sim.lidar]`` says."""
+    lidars = [
+        {"name": "low", "model": "ld06", "device": "/dev/a", "mount_x_m": 0.1, "mount_yaw_rad": 3.0},
+        {"name": "high", "model": "ld19", "device": "/dev/b", "mount_z_m": 0.4, "upside_down": True},
+    ]
+    simulated = simulation_of(load(overrides={"lidar": lidars, "sim.lidar.height_m": 0.15})).lidars
+    assert simulated == (
+        LidarMount("low", Pose2D(0.1, 0.0, 3.0), False, 0.15),
+        LidarMount("high", Pose2D(), True, 0.4),
+    )
+
+
+def test_a_lidar_that_is_not_simulated_is_told() -> None:
+    """Its name, its model, and which there are."""
+    lidar = [{"name": "scan", "model": "rplidar_a1", "device": "/dev/a"}]
+    told = "lidar 'scan' is an rplidar_a1, only an ld06 or ld19 can be simulated"
+    with pytest.raises(CannotSimulateError, match=told):
+        checked_simulation(load(overrides={"lidar": lidar}))

@@ -136,6 +136,6 @@ def test_when_the_robot_is_looked_at_changes_nothing_among_people() -> None:
             truth = board.truth(at_s, 0.0) if at_s >= 0.5 else None
         poses.append(truth)
     assert poses[0] == poses[1]
-    trail = board.trail(3.0)
+    trail = board.trail(3.0, 2.5)
     assert trail[-1, 0] == pytest.approx(3.0)
     assert np.diff(trail[:, 0]) == pytest.approx(0.005)

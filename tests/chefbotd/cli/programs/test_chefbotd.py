@@ -293,7 +293,7 @@ def test_a_robot_of_ones_own_is_never_overwritten(tmp_path: Path) -> None:
 
 def test_a_robot_of_ones_own_that_cannot_begin(tmp_path: Path) -> None:
     """An unknown robot is told which there are; a folder within a file, that it cannot be."""
-    assert "there are: chefbot, khan" in chefbotd("init", "--robot", "marvin", tmp_path).stderr
+    assert "there are: chefbot, chefbot_lidar, khan" in chefbotd("init", "--robot", "marvin", tmp_path).stderr
     (tmp_path / "file").write_text("")
     within = chefbotd("init", tmp_path / "file" / "robot")
     assert (within.exit_code, "file/robot: cannot be written: Not a directory" in within.stderr) == (1, True)
