@@ -21,6 +21,8 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.maps.feature import maps
+from chefbotd.features.maps.service import MapsService
 from chefbotd.features.odometry.feature import odometry
 from chefbotd.features.odometry.service import OdometryService
 from chefbotd.features.sensors.feature import sensors
@@ -34,6 +36,8 @@ from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
+from chefbotd.maps.parameters import MapsParameters, folder_of
+from chefbotd.maps.store import MapStore
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
@@ -162,6 +166,7 @@ class Daemon:
             ),
             statistics(StatsService(bus, clock, self.metrics), self.metrics, clock),
             description(_description(settings)),
+            *([maps(_maps_service(bus, clock, settings.maps))] if settings.maps else []),
             *([SIMULATION] if simulated else []),
             board(self.session, self._link, self._fault_log, self.driving.brake),
         ]
@@ -223,6 +228,11 @@ def _description(settings: Settings) -> str | None:
     except (OSError, UnicodeDecodeError) as error:
         log.warning("the robot's description cannot be read", path=str(path), error=str(error))
         return None
+
+
+def _maps_service(bus: Bus, clock: Clock, parameters: MapsParameters) -> MapsService:
+    kept = parameters.versions_kept
+    return MapsService(bus, clock, MapStore(folder_of(parameters, os.environ), kept), kept)
 
 
 def _drive_service(

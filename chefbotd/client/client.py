@@ -33,6 +33,7 @@ from chefbotd.client.handshake import (
     Hello,
     open_connection,
 )
+from chefbotd.client.map_methods import MapMethods
 from chefbotd.client.methods import Methods
 from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
 from chefbotd.client.topics import Topics
@@ -41,7 +42,7 @@ from chefbotd.client.wire import ProgressListener
 FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
 
 
-class Client(Methods, Topics):
+class Client(Methods, MapMethods, Topics):
     """A connected daemon; made by ``connect``. ``hello`` is its latest greeting."""
 
     def __init__(self, endpoint: Endpoint, *, reconnect: bool) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextData
 from chefbotd.features.description.methods import RobotDescription
 from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
+from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
 from chefbotd.features.odometry.methods import OdometryData
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
 from chefbotd.features.simulation.methods import SimData
@@ -30,7 +31,13 @@ __all__ = [
     "Known",
     "Limited",
     "LinkData",
+    "MapInUse",
+    "MapList",
+    "MapPart",
+    "MapSummary",
     "OdometryData",
+    "PlaceData",
+    "PlaceList",
     "Pong",
     "RangesData",
     "RawData",

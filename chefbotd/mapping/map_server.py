@@ -113,6 +113,8 @@ def _shades(image: Image.Image, *, average_alpha: bool) -> tuple[Floats, npt.NDA
     """
     if image.mode.startswith("I"):  # 16 bits
         return np.asarray(image, np.float64) / 257.0, np.ones((image.height, image.width), np.bool_)
+    if image.mode == "L" and "transparency" not in image.info:  # all channels alike: an eighth of the memory
+        return np.asarray(image, np.float64), np.ones((image.height, image.width), np.bool_)
     has_alpha = "A" in image.getbands() or "transparency" in image.info
     rgba = np.asarray(image.convert("RGBA"), np.float64)
     channels = rgba if has_alpha and average_alpha else rgba[..., :3]

@@ -18,7 +18,7 @@ from chefbotd.maps.store import MapStore
 
 Arrays = Mapping[str, NDArray[Any]]
 SLAM = "made by SLAM"
-LARGEST_FILE_BYTES = 1 << 30
+LARGEST_YAML_BYTES, LARGEST_IMAGE_BYTES = 1 << 20, 1 << 30
 
 
 def extent_of(grid: OccupancyGrid) -> Extent:
@@ -109,13 +109,8 @@ def read_map_server(path: Path) -> OccupancyGrid:
         MapStoreError: one of them cannot be read, or is not what it should be.
     """
     try:
-        if path.stat().st_size > 1 << 20:
-            raise MapFileError(f"{path.name}: too large for a map's YAML")
-        description = parse_description(path.read_text(encoding="utf-8-sig"), path.name)
-        image = path.parent / description.image
-        if image.stat().st_size > LARGEST_FILE_BYTES:
-            raise MapFileError(f"{description.image}: too large for a map's image")
-        return parse_image(image.read_bytes(), description)
+        description = parse_description(_content(path, LARGEST_YAML_BYTES).decode("utf-8-sig"), path.name)
+        return parse_image(_content(path.parent / description.image, LARGEST_IMAGE_BYTES), description)
     except OSError as error:
         where = error.filename or path
         raise MapStoreError(
@@ -125,3 +120,12 @@ def read_map_server(path: Path) -> OccupancyGrid:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: is not text") from error
     except MapFileError as error:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, str(error)) from error
+
+
+def _content(path: Path, most: int) -> bytes:
+    """The bytes of a regular file; a FIFO or a device might never end."""
+    if path.exists() and not path.is_file():
+        raise MapFileError(f"{path.name}: expected a regular file")
+    if path.stat().st_size > most:
+        raise MapFileError(f"{path.name}: larger than the {most >> 20} MiB that are read")
+    return path.read_bytes()

@@ -10,7 +10,7 @@ Several processes may use a folder: one at a time changes it. Nothing here is fo
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,11 +157,6 @@ class MapStore:
                 discard(self._disk, self._own(name))
                 self._disk.sync_folder(self.folder)
 
-    def folder_to_write(self, name: str) -> Path:
-        """A map's own folder, for what belongs to all of its versions."""
-        self._require_own(map_name(name))
-        return self._own(name)
-
     def repair(self) -> None:
         """Finish or remove what a process that was killed has left; done before each change too."""
         with self._changing("look at the maps"):
@@ -170,7 +165,28 @@ class MapStore:
     def write_beside(self, name: str, file: str, content: bytes) -> None:
         """Replace a file that belongs to all versions of a map, such as its places."""
         with self._changing(f"write the {Path(file).stem} of the map {name!a}"):
-            disks.replace(self._disk, self.folder_to_write(name) / file, content)
+            self._require_own(map_name(name))
+            disks.replace(self._disk, self._own(name) / file, content)
+
+    def change_beside(self, name: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
+        """Replace such a file by what ``change`` makes of its content; nobody else changes it meanwhile."""
+        with self._changing(f"write the {Path(file).stem} of the map {name!a}"):
+            self._require_own(map_name(name))
+            content = change(self._content_beside(name, file))
+            disks.replace(self._disk, self._own(name) / file, content)
+
+    def read_beside(self, name: str, file: str) -> bytes | None:
+        """A file that belongs to all versions of a map; None where there is none."""
+        with told(f"read the {Path(file).stem} of the map {name!a}", self._own(name)):
+            if map_name(name) not in self.names():
+                raise self._unknown(name)
+            return self._content_beside(name, file)
+
+    def _content_beside(self, name: str, file: str) -> bytes | None:
+        try:
+            return (self._own(name) / file).read_bytes()
+        except FileNotFoundError:
+            return None
 
     # the map in use
 

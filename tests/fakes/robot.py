@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 
+from chefbotd.bus import Bus
 from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
@@ -15,12 +17,15 @@ from chefbotd.features.driving.methods import DrivingMethods
 from chefbotd.features.driving.methods import methods as driving_methods
 from chefbotd.features.driving.methods import topics as driving_topics
 from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.maps.feature import maps
+from chefbotd.features.maps.service import MapsService
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
 from chefbotd.features.odometry.methods import OdometryMethods
 from chefbotd.features.sensors.methods import TOPICS as SENSORS
 from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.features.statistics.feature import statistics_without_service
 from chefbotd.features.tuning.methods import TuningMethods
+from chefbotd.maps.store import MapStore
 from chefbotd.metrics import Metrics
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.control_leases import ControlLeases
@@ -31,6 +36,7 @@ from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 
 WHEELS = ("left", "right")
+NO_FOLDER = Path("/nonexistent/maps")
 
 STATS = StatsSampled(
     stamp_s=1.0,
@@ -147,6 +153,7 @@ class FakeRobot:
             Feature("sensors", topics=SENSORS),
             statistics_without_service(self, Metrics()),
             description(self.description),
+            maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
             *([SIMULATION] if simulated else []),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
         ]

@@ -53,8 +53,7 @@ def state(folder: Path) -> State:
         seed = seed_of(store, name)
         slam = read_slam(store, name)
         assert slam is None or int(slam["seed"]) == seed
-        places = store.folder_to_write(name) / "places.json"
-        found[name] = (seed, places.read_bytes() if places.exists() else None)
+        found[name] = (seed, store.read_beside(name, "places.json"))
     return found
 
 

@@ -165,7 +165,7 @@ def test_a_map_is_renamed_with_its_versions_its_files_and_its_use(store: MapStor
     assert store.current() == "home"
     assert same(read_map_server(store.folder / "home.yaml"), grid(1))
     assert not list(store.folder.glob("flat*"))
-    assert (store.folder_to_write("home") / "places.json").read_bytes() == b"{}"
+    assert store.read_beside("home", "places.json") == b"{}"
 
 
 def test_a_deleted_map_leaves_nothing(store: MapStore) -> None:

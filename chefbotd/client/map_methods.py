@@ -1,0 +1,167 @@
+"""Maps and places: one Python method per method of the socket."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from chefbotd.client.errors import ProtocolError
+from chefbotd.client.parsing import parse
+from chefbotd.client.wire import ProgressListener
+
+if TYPE_CHECKING:
+    from chefbotd.client import models
+    from chefbotd.mapping.occupancy_grid import OccupancyGrid
+
+
+@dataclass(frozen=True, slots=True)
+class MapImage:
+    """A map's cells: a signed byte each, row by row, the lowest row first; -1 unknown, 0 free, 100 occupied.
+
+    (``x_m``, ``y_m``, ``heading_rad``) is where the outer corner of the first cell lies in ``map``.
+    """
+
+    name: str
+    version: int
+    saved_at_s: float
+    resolution_m: float
+    columns: int
+    rows: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    cells: bytes
+
+    def grid(self) -> OccupancyGrid:
+        """The same for numpy, as the packages for mapping and planning use it."""
+        import numpy as np
+
+        from chefbotd.core.geometry import Pose2D
+        from chefbotd.mapping.occupancy_grid import OccupancyGrid
+
+        percent = np.frombuffer(self.cells, np.int8).reshape(self.rows, self.columns)
+        return OccupancyGrid(self.resolution_m, Pose2D(self.x_m, self.y_m, self.heading_rad), percent)
+
+
+class MapMethods(ABC):
+    """The methods of maps. ``call`` is what a subclass provides. Every error is a ``ChefbotError``."""
+
+    @abstractmethod
+    async def call(
+        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
+    ) -> dict[str, Any]:
+        """Call a method by its name; returns the answer's ``result`` unchanged."""
+
+    async def list_maps(self) -> models.MapList:
+        """Every stored map, and the one in use."""
+        from chefbotd.client import models
+
+        return parse(models.MapList, await self.call("list_maps"))
+
+    async def load_map(self, name: str, on_progress: ProgressListener | None = None) -> models.MapInUse:
+        """Use a map from now on, and after a restart of the daemon."""
+        from chefbotd.client import models
+
+        answer = await self.call("load_map", on_progress=on_progress or _ignore, name=name)
+        return parse(models.MapInUse, answer)
+
+    async def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:
+        """The cells of a map; without a ``name`` of the one in use. ``on_progress`` counts its parts."""
+        from chefbotd.client import models
+
+        wanted: dict[str, Any] = {} if name is None else {"name": name}
+        parts: list[models.MapPart] = []
+        while not parts or len(parts) < parts[0].parts:
+            part = parse(models.MapPart, await self.call("get_map", **wanted, part=len(parts)))
+            if parts and (part.name, part.version) != (parts[0].name, parts[0].version):
+                parts = []  # it was saved anew meanwhile
+                continue
+            parts.append(part)
+            if on_progress is not None:
+                on_progress(len(parts), part.parts, "receiving")
+        return _image(parts)
+
+    async def import_map(
+        self,
+        yaml: str,
+        name: str | None = None,
+        *,
+        replace: bool = False,
+        on_progress: ProgressListener | None = None,
+    ) -> models.MapInUse:
+        """Store the map of map_server's files: ``yaml`` is a path on the robot's computer."""
+        from chefbotd.client import models
+
+        named: dict[str, Any] = {} if name is None else {"name": name}
+        listener = on_progress or _ignore
+        answer = await self.call("import_map", on_progress=listener, yaml=yaml, replace=replace, **named)
+        return parse(models.MapInUse, answer)
+
+    async def rename_map(self, name: str, new_name: str) -> None:
+        """Give a map another name."""
+        await self.call("rename_map", name=name, new_name=new_name)
+
+    async def delete_map(self, name: str) -> None:
+        """Remove a map with all its versions and places."""
+        await self.call("delete_map", name=name)
+
+    async def save_place(
+        self,
+        name: str,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        heading_rad: float | None = None,
+        *,
+        of_map: str | None = None,
+    ) -> models.PlaceData:
+        """Give a pose a name, or move the place of this name; without a pose, it is where the robot is."""
+        from chefbotd.client import models
+
+        pose = {"x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "map": of_map}
+        given: dict[str, Any] = {key: value for key, value in pose.items() if value is not None}
+        return parse(models.PlaceData, await self.call("save_place", name=name, **given))
+
+    async def list_places(self, of_map: str | None = None) -> models.PlaceList:
+        """The places of a map; without one, of the map in use."""
+        from chefbotd.client import models
+
+        return parse(models.PlaceList, await self.call("list_places", **_of(of_map)))
+
+    async def delete_place(self, name: str, of_map: str | None = None) -> None:
+        """Remove a place."""
+        await self.call("delete_place", name=name, **_of(of_map))
+
+
+def _ignore(_done: float, _total: float, _text: str) -> None:
+    """Take a report, which allows the request more time."""
+
+
+def _of(of_map: str | None) -> dict[str, Any]:
+    return {} if of_map is None else {"map": of_map}
+
+
+def _image(parts: list[models.MapPart]) -> MapImage:
+    first = parts[0]
+    expected = first.rows * first.columns
+    try:
+        packed = base64.b64decode("".join(part.data for part in parts), validate=True)
+        cells = zlib.decompressobj().decompress(packed, expected + 1)
+    except (ValueError, zlib.error) as error:
+        raise ProtocolError(f"get_map: the cells cannot be unpacked: {error}") from error
+    if len(cells) != expected:
+        raise ProtocolError(f"get_map: {expected} cells were told, {len(cells)} or more came")
+    return MapImage(
+        first.name,
+        first.version,
+        first.saved_at_s,
+        first.resolution_m,
+        first.columns,
+        first.rows,
+        first.x_m,
+        first.y_m,
+        first.heading_rad,
+        cells,
+    )

@@ -1,0 +1,66 @@
+"""Starts the program that imports a map, tells how far it is, and ends it when nobody wants it any more."""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.importing import Order
+
+Report = Callable[[float, float, str], None]
+MOST_LINE_BYTES = 65_536
+REPEAT_S = 1.0
+
+
+async def run_import(order: Order, report: Report) -> int:
+    """Run it; the number of the version that it saved.
+
+    When it is cancelled the program is killed, and what was stored before is as it was.
+
+    Raises:
+        MapStoreError: the files are no map, or could not be saved.
+    """
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "chefbotd.maps.importing", order.model_dump_json()),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,
+        limit=MOST_LINE_BYTES,
+    )
+    assert process.stdout is not None  # noqa: S101 - it is a pipe
+    told: dict[str, Any] = {}
+    latest: list[tuple[float, float, str]] = []
+    repeating = asyncio.create_task(_repeat(latest, report))
+    try:
+        async for line in process.stdout:
+            told = json.loads(line)
+            if "text" in told:
+                latest[:] = [(told["done"], told["total"], told["text"])]
+                report(*latest[0])
+        code = await process.wait()
+    finally:
+        repeating.cancel()
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    if "version" in told:
+        return int(told["version"])
+    if "error" in told:
+        raise MapStoreError(RefusalKind(told["error"]), told["message"])
+    raise MapStoreError(
+        RefusalKind.MAP_UNREADABLE, f"{order.yaml}: the program that reads it has failed (exit code {code})"
+    )
+
+
+async def _repeat(latest: list[tuple[float, float, str]], report: Report) -> None:
+    """Say now and then that it is still at work, so that a client goes on waiting."""
+    while True:
+        await asyncio.sleep(REPEAT_S)
+        for progress in latest:
+            report(*progress)

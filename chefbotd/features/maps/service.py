@@ -1,0 +1,216 @@
+"""The stored maps, in the daemon: the map in use, and every change in order, none of it in the event loop's time."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.geometry import Pose2D
+from chefbotd.features.maps import parts
+from chefbotd.features.maps.importer import Report, run_import
+from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
+from chefbotd.features.maps.summary import summary
+from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.importing import Order
+from chefbotd.maps.names import map_name, place_name
+from chefbotd.maps.places import PLACES, Place, parse_places, to_file, with_place, without_place
+from chefbotd.maps.store import MapStore
+from chefbotd.maps.versions import Version
+from chefbotd.rpc.jobs import Progress
+
+log = structlog.get_logger(component="maps")
+
+T = TypeVar("T")
+InThread = Callable[..., Awaitable[Any]]
+Locate = Callable[[], Pose2D | None]
+
+
+def _nowhere() -> None:
+    """The robot's pose where nothing localizes it."""
+    return
+
+
+class MapsService:
+    """The maps of a store; ``in_use`` is the name of the map in use.
+
+    ``locate`` says where in that map the robot is, or None. ``in_thread`` runs what waits for the disk.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        store: MapStore,
+        versions_kept: int,
+        *,
+        locate: Locate = _nowhere,
+        in_thread: InThread = asyncio.to_thread,
+    ) -> None:
+        self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
+        self._locate, self._in_thread = locate, in_thread
+        self._order = asyncio.Lock()
+        self._cells = parts.Cache()
+        self.in_use: str | None = None
+
+    async def run(self) -> None:
+        """Use the map that was in use before; then there is nothing to do until somebody asks."""
+        try:
+            await self._load_last()
+        except MapStoreError as problem:
+            log.warning("the map that was in use cannot be loaded", error=str(problem))
+        await asyncio.Event().wait()
+
+    async def _load_last(self) -> None:
+        name = await self._in_thread(self.store.current)
+        if name is not None and self.in_use is None:
+            async with self._order:
+                await self._changing(self.store.repair)
+                await self._use(name)
+
+    async def list_maps(self) -> MapList:
+        """Every map."""
+
+        def read() -> list[Any]:
+            return [summary(self.store.describe(name), self.in_use) for name in self.store.names()]
+
+        maps = await self._in_thread(read)
+        return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
+
+    async def load(self, name: str, progress: Progress) -> MapInUse:
+        """Use a map; what somebody put there or has edited is imported first."""
+        name = map_name(name)
+        async with self._order:
+            if await self._in_thread(self.store.needs_import, name):
+                yaml = self.store.folder / f"{name}.yaml"
+                await self._import(yaml, name, "edited files", progress.report, keeps_graph=True)
+            return await self._use(name)
+
+    async def _use(self, name: str) -> MapInUse:
+        version, damage = await self._in_thread(self.store.read, name)
+        await self._changing(self.store.set_current, name)
+        self.in_use = name
+        self._announce(name, version)
+        warning = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or None
+        return MapInUse(name=name, version=version.manifest.version, warning=warning)
+
+    def _announce(self, name: str, version: Version) -> None:
+        folder, number = str(self.store.folder), version.manifest.version
+        log.info("map in use", map=name, version=number)
+        self._bus.publish(MapLoaded(self._clock.now_s(), folder, name, number))
+
+    async def part(self, name: str | None, part: int) -> MapPart:
+        """A part of a map's cells."""
+        name = self._named(name)
+        now_s = self._clock.now_s()
+        found: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
+        return found
+
+    async def import_files(self, yaml: str, name: str | None, replace: bool, progress: Progress) -> MapInUse:
+        """Take somebody's files into the store."""
+        path = self.store.folder / yaml
+        name = map_name(path.stem if name is None else name)
+        async with self._order:
+            known = await self._in_thread(self.store.names)
+            if name in known and not replace:
+                raise MapStoreError(
+                    RefusalKind.MAP_EXISTS,
+                    f"there is a map {name!a} already; replace makes this its next version",
+                )
+            version = await self._import(path, name, str(path), progress.report)
+            return MapInUse(name=name, version=version)
+
+    async def _import(
+        self, yaml: Path, name: str, source: str, report: Report, *, keeps_graph: bool = False
+    ) -> int:
+        order = Order(
+            folder=self.store.folder,
+            versions_kept=self._kept,
+            name=name,
+            yaml=yaml,
+            source=source,
+            keeps_graph=keeps_graph,
+        )
+        return await run_import(order, report)
+
+    async def rename(self, name: str, new_name: str) -> None:
+        """Give a map another name; one in use stays in use."""
+        async with self._order:
+            await self._changing(self.store.rename, name, new_name)
+            if self.in_use == map_name(name):
+                self.in_use = map_name(new_name)
+                version, _ = await self._in_thread(self.store.read, self.in_use)
+                self._announce(self.in_use, version)
+
+    async def delete(self, name: str) -> None:
+        """Remove a map; after the one in use, none is."""
+        async with self._order:
+            await self._changing(self.store.delete, name)
+            if self.in_use == map_name(name):
+                self._bus.publish(MapUnloaded(self._clock.now_s(), self.in_use))
+                self.in_use = None
+
+    # places
+
+    async def save_place(self, params: SavePlaceParams) -> PlaceData:
+        """Keep a place: the given pose, or the robot's in the map in use."""
+        of_map = self._named(params.map)
+        place = self._place(params, of_map)
+        name = place_name(params.name)
+        await self._change_places(of_map, lambda places: with_place(places, name, place))
+        return PlaceData(name=name, **place.model_dump())
+
+    def _place(self, params: SavePlaceParams, of_map: str) -> Place:
+        if params.x_m is not None and params.y_m is not None:
+            return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=params.heading_rad or 0.0)
+        pose = self._locate() if of_map == self.in_use else None
+        if pose is None:
+            raise MapStoreError(
+                RefusalKind.POSE_UNKNOWN,
+                f"where the robot is in the map {of_map!a} is not known: give x_m, y_m and heading_rad",
+            )
+        return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
+
+    async def places(self, of_map: str | None) -> PlaceList:
+        """The places of a map."""
+        name = self._named(of_map)
+        places = parse_places(await self._in_thread(self.store.read_beside, name, PLACES), name)
+        rows = tuple(PlaceData(name=each, **place.model_dump()) for each, place in places.items())
+        return PlaceList(map=name, places=rows)
+
+    async def delete_place(self, of_map: str | None, name: str) -> None:
+        """Remove a place."""
+        await self._change_places(self._named(of_map), lambda places: without_place(places, name))
+
+    async def _change_places(
+        self, of_map: str, change: Callable[[dict[str, Place]], dict[str, Place]]
+    ) -> None:
+        def rewritten(data: bytes | None) -> bytes:
+            return to_file(change(parse_places(data, of_map)))
+
+        async with self._order:
+            await self._changing(self.store.change_beside, of_map, PLACES, rewritten)
+
+    # inside
+
+    def _named(self, name: str | None) -> str:
+        """The map of this name, or else the one in use."""
+        if name is not None:
+            return map_name(name)
+        if self.in_use is None:
+            raise MapStoreError(RefusalKind.NO_MAP_LOADED, "no map is in use: load one, or name one")
+        return self.in_use
+
+    async def _changing(self, change: Callable[..., object], *arguments: object) -> None:
+        """Change the store. It is not given up half-way: the next change waits, also where this one is cancelled."""
+        work = asyncio.ensure_future(self._in_thread(change, *arguments))
+        try:
+            await asyncio.shield(work)
+        except asyncio.CancelledError:
+            await asyncio.wait([work])
+            raise

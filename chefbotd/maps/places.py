@@ -1,0 +1,72 @@
+"""Named places of a map, as the file beside its versions has them: read, changed, written."""
+
+import json
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.core.parameters import Parameters
+from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.names import place_name
+
+PLACES = "places.json"
+MOST_PLACES = 1000
+FARTHEST_M = 1e6
+
+
+class Place(Parameters):
+    """A pose in ``map``; the heading is CCW positive."""
+
+    x_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
+    y_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
+    heading_rad: float
+
+
+class _File(Parameters):
+    format: Literal[1] = 1
+    places: dict[str, Place]
+
+
+def parse_places(data: bytes | None, map_name: str) -> dict[str, Place]:
+    """The places by name, in the order in which they were saved; of a file that is not there, none.
+
+    Raises:
+        MapStoreError: it is no such file. It is left as it is, for somebody to look at.
+    """
+    if data is None:
+        return {}
+    try:
+        return dict(_File.model_validate_json(data).places)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = ".".join(map(str, problem["loc"]))
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE,
+            f"the places of the map {map_name!a} cannot be read: {PLACES}: "
+            f"{where + ': ' if where else ''}{problem['msg']}",
+        ) from error
+
+
+def to_file(places: Mapping[str, Place]) -> bytes:
+    """The file's content, which people can read and edit."""
+    rows = {name: place.model_dump() for name, place in places.items()}
+    return json.dumps({"format": 1, "places": rows}, indent=2, ensure_ascii=False).encode() + b"\n"
+
+
+def with_place(places: Mapping[str, Place], name: str, place: Place) -> dict[str, Place]:
+    """These places, and one more or a changed one; raises ``MapStoreError`` for a bad name or too many."""
+    changed = {**places, place_name(name): place}
+    if len(changed) > MOST_PLACES:
+        raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"a map has at most {MOST_PLACES} places")
+    return changed
+
+
+def without_place(places: Mapping[str, Place], name: str) -> dict[str, Place]:
+    """These places but one; raises ``MapStoreError`` if it is not among them."""
+    name = place_name(name)
+    if name not in places:
+        there = f"there are {', '.join(places)}" if places else "there is none at all"
+        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!a}; {there}")
+    return {other: place for other, place in places.items() if other != name}

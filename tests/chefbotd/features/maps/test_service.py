@@ -1,0 +1,312 @@
+"""The socket's methods for maps, in a daemon with a folder of maps, called by the client that users have."""
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chefbotd.bus import Bus
+from chefbotd.client import CallError, Client
+from chefbotd.clock import LoopClock
+from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.geometry import Pose2D
+from chefbotd.features.maps import parts
+from chefbotd.features.maps.feature import maps
+from chefbotd.features.maps.service import MapsService
+from chefbotd.mapping.map_server import to_description, to_image
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.maps.contents import read_slam, save
+from chefbotd.maps.disk import locked
+from chefbotd.maps.parameters import MapsParameters
+from chefbotd.maps.store import MapStore
+from chefbotd.settings import load
+from chefbotd.testing.daemon import running_daemon
+from chefbotd.testing.transport import FakeSerialDevice
+from tests.chefbotd.maps.test_store import grid, same
+
+Scenario = Callable[[Client], Awaitable[None]]
+
+
+def with_daemon(folder: Path, scenario: Scenario) -> None:
+    """Run it against a daemon that keeps its maps in this folder, in real time: threads and processes take theirs."""
+    settings = load().model_copy(update={"maps": MapsParameters(folder=folder)})
+
+    async def run() -> None:
+        async with running_daemon(FakeSerialDevice(), settings) as client:
+            await scenario(client)
+
+    asyncio.run(run())
+
+
+def write_files(folder: Path, name: str, of_grid: OccupancyGrid) -> Path:
+    """map_server's files, as somebody brings them."""
+    (folder / f"{name}.pgm").write_bytes(to_image(of_grid))
+    path = folder / f"{name}.yaml"
+    path.write_text(to_description(of_grid, f"{name}.pgm"), encoding="utf-8")
+    return path
+
+
+def test_a_map_is_imported_loaded_and_sent(tmp_path: Path) -> None:
+    """Every cell arrives, and the daemon knows after a restart which map was in use."""
+    yaml = write_files(tmp_path, "flat", grid(1))
+    reports: list[tuple[float, float, str]] = []
+
+    async def first(client: Client) -> None:
+        assert (await client.list_maps()).maps == ()
+        imported = await client.import_map(str(yaml), on_progress=lambda *told: reports.append(told))
+        assert (imported.name, imported.version) == ("flat", 1)
+        loaded = await client.load_map("flat")
+        assert (loaded.version, loaded.warning) == (1, None)
+        image = await client.get_map()
+        assert same(image.grid(), grid(1))
+
+    async def second(client: Client) -> None:
+        await asyncio.sleep(0.1)
+        listed = await client.list_maps()
+        assert listed.in_use == "flat"
+        (only,) = listed.maps
+        assert (only.name, only.condition, only.in_use, only.can_go_on) == ("flat", "whole", True, False)
+        assert (only.columns, only.rows, only.source) == (11, 7, str(yaml))
+
+    with_daemon(tmp_path / "maps", first)
+    assert reports[0] == (0.0, 2.0, "reading")
+    assert reports[-1] == (2.0, 2.0, "saved")
+    with_daemon(tmp_path / "maps", second)
+
+
+def test_a_map_comes_in_parts_which_fit_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise is hard to compress: 300 by 200 percentages in parts of 3000 bytes."""
+    monkeypatch.setattr(parts, "PART_BYTES", 3000)
+    percent = np.random.default_rng(3).integers(-1, 101, (200, 300)).astype(np.int8)
+    noise = OccupancyGrid(0.05, Pose2D(1.0, -2.0, 0.5), percent)
+    save(MapStore(tmp_path), "noise", noise)
+    counted: list[tuple[float, float, str]] = []
+
+    async def scenario(client: Client) -> None:
+        image = await client.get_map("noise", on_progress=lambda *told: counted.append(told))
+        assert same(image.grid(), noise)
+        last = counted[-1]
+        assert (last[0], last[1] > 10) == (last[1], True)
+        with pytest.raises(CallError, match=r"has \d+ parts, counted from 0, got 999") as refused:
+            await client.call("get_map", name="noise", part=999)
+        assert refused.value.kind == "out_of_range"
+
+    with_daemon(tmp_path, scenario)
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        ({}, "x.yaml: cannot be read: No such file or directory"),
+        ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "resolution: Input should be greater than 0"),
+        ({"x.yaml": b"image: x.pgm\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.pgm: cannot be read: No such file"),
+        ({"x.yaml": b"image: x.yaml\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.yaml: cannot be read as an image"),
+        ({"x.yaml": b"\xff\xfe\x00"}, "x.yaml: is not text"),
+        ({"x.yaml": b"[" * 100}, "x.yaml: not valid YAML"),
+    ],
+)  # fmt: skip
+def test_files_that_are_no_map_are_refused_with_what_is_wrong(
+    tmp_path: Path, files: dict[str, bytes], told: str
+) -> None:
+    """The file is named, and nothing is stored."""
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+
+    async def scenario(client: Client) -> None:
+        with pytest.raises(CallError) as refused:
+            await client.import_map(str(tmp_path / "x.yaml"), "flat")
+        assert refused.value.kind == "map_unreadable"
+        assert told in refused.value.message
+        assert (await client.list_maps()).maps == ()
+
+    with_daemon(tmp_path / "maps", scenario)
+
+
+def test_an_existing_map_is_not_imported_over_unless_that_is_said(tmp_path: Path) -> None:
+    """Then it becomes the next version, and the places stay."""
+    save(MapStore(tmp_path / "maps"), "flat", grid(1))
+    yaml = write_files(tmp_path, "flat", grid(2))
+
+    async def scenario(client: Client) -> None:
+        await client.save_place("kitchen", 1.5, -2.25, 0.75, of_map="flat")
+        with pytest.raises(CallError, match="there is a map 'flat' already") as refused:
+            await client.import_map(str(yaml))
+        assert refused.value.kind == "map_exists"
+        assert same((await client.get_map("flat")).grid(), grid(1))
+        assert (await client.import_map(str(yaml), replace=True)).version == 2
+        assert same((await client.get_map("flat")).grid(), grid(2))
+        assert len((await client.list_places("flat")).places) == 1
+
+    with_daemon(tmp_path / "maps", scenario)
+
+
+def test_files_put_into_the_folder_or_edited_there_are_read_when_they_are_loaded(tmp_path: Path) -> None:
+    """Files of somebody else's first; then a change with an editor, which keeps what SLAM needs to go on."""
+    write_files(tmp_path, "theirs", grid(1))
+    store = MapStore(tmp_path)
+    save(store, "ours", grid(1), {"seed": np.array(1)})
+
+    async def scenario(client: Client) -> None:
+        conditions = {each.name: each.condition for each in (await client.list_maps()).maps}
+        assert conditions == {"ours": "whole", "theirs": "foreign"}
+        with pytest.raises(CallError, match="was put there by somebody else: load it first"):
+            await client.get_map("theirs")
+        assert (await client.load_map("theirs")).version == 1
+        assert same((await client.get_map()).grid(), grid(1))
+        write_files(tmp_path, "ours", grid(2))
+        assert (await client.load_map("ours")).version == 2
+        assert same((await client.get_map()).grid(), grid(2))
+        slam = read_slam(store, "ours")
+        assert slam is not None
+        assert int(slam["seed"]) == 1
+
+    with_daemon(tmp_path, scenario)
+
+
+def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
+    """Saved, moved, listed in their order, renamed with their map, deleted; each wrong name names what there is."""
+    save(MapStore(tmp_path), "flat", grid(1))
+
+    async def scenario(client: Client) -> None:
+        with pytest.raises(CallError, match="no map is in use") as refused:
+            await client.save_place("kitchen", 1.0, 2.0)
+        assert refused.value.kind == "no_map_loaded"
+        await client.load_map("flat")
+        with pytest.raises(CallError, match="where the robot is in the map 'flat' is not known") as refused:
+            await client.save_place("kitchen")
+        assert refused.value.kind == "pose_unknown"
+        await client.save_place("Küche #2", 1.5, -2.25, 0.75)
+        await client.save_place("table 3", 3.0, 0.5)
+        await client.save_place("Ku\u0308che #2", 1.75, -2.0, -0.5)
+        await client.rename_map("flat", "home")
+        listed = await client.list_places()
+        assert listed.map == "home"
+        assert [(p.name, p.x_m, p.y_m, p.heading_rad) for p in listed.places] == [
+            ("Küche #2", 1.75, -2.0, -0.5),
+            ("table 3", 3.0, 0.5, 0.0),
+        ]
+        await client.delete_place("table 3")
+        with pytest.raises(CallError, match="no place named 'table 3'; there are Küche #2") as refused:
+            await client.delete_place("table 3")
+        assert refused.value.kind == "unknown_place"
+        with pytest.raises(CallError, match="cannot be a place's name"):
+            await client.save_place("\n", 1.0, 1.0)
+
+    with_daemon(tmp_path, scenario)
+
+
+def test_damaged_places_are_told_and_left_alone(tmp_path: Path) -> None:
+    """Saving another one does not overwrite what a person may still repair."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    path = tmp_path / "flat.map" / "places.json"
+    path.write_bytes(b'{"format": 1, "places": {"kitchen": {"x_m": 1')
+
+    async def scenario(client: Client) -> None:
+        for request in (client.list_places("flat"), client.save_place("door", 1.0, 2.0, of_map="flat")):
+            with pytest.raises(
+                CallError, match=r"the places of the map 'flat' cannot be read: places\.json: "
+            ) as told:
+                await request
+            assert told.value.kind == "map_unreadable"
+
+    with_daemon(tmp_path, scenario)
+    assert path.read_bytes().endswith(b'"x_m": 1')
+
+
+def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp_path: Path) -> None:
+    """Whoever localizes the robot hears of each of these."""
+    save(MapStore(tmp_path), "flat", grid(1))
+
+    async def run() -> None:
+        bus = Bus()
+        events = bus.subscribe(MapLoaded, MapUnloaded)
+        service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
+        await service.load("flat", None)  # type: ignore[arg-type]
+        await service.rename("flat", "home")
+        await service.delete("home")
+        assert service.in_use is None
+        told = [await anext(aiter(events)) for _ in range(3)]
+        assert [(type(event), event.name) for event in told] == [
+            (MapLoaded, "flat"),
+            (MapLoaded, "home"),
+            (MapUnloaded, "home"),
+        ]
+        assert (told[0].folder, told[0].version) == (str(tmp_path), 1)
+
+    asyncio.run(run())
+
+
+def test_where_the_robot_stands_becomes_a_place(tmp_path: Path) -> None:
+    """Where something localizes it; only in the map in use."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    save(MapStore(tmp_path), "cellar", grid(2))
+
+    async def run() -> None:
+        def located(bus: Bus, clock: LoopClock) -> object:
+            store = MapStore(tmp_path)
+            return maps(MapsService(bus, clock, store, 3, locate=lambda: Pose2D(1.25, -0.5, 2.0)))
+
+        async with running_daemon(FakeSerialDevice(), features=[located]) as client:  # type: ignore[list-item]
+            await client.load_map("flat")
+            place = await client.save_place("here")
+            assert (place.x_m, place.y_m, place.heading_rad) == (1.25, -0.5, 2.0)
+            with pytest.raises(CallError, match="where the robot is in the map 'cellar' is not known"):
+                await client.save_place("here", of_map="cellar")
+
+    asyncio.run(run())
+
+
+def test_a_cancelled_import_ends_its_program_and_leaves_nothing(tmp_path: Path) -> None:
+    """Somebody else changes the folder, and so it waits when it is cancelled."""
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    yaml = write_files(tmp_path, "x", grid(1))
+
+    async def scenario(client: Client) -> None:
+        saving = asyncio.Event()
+
+        def note(_done: float, _total: float, text: str) -> None:
+            if text == "saving":
+                saving.set()
+
+        with locked(folder):
+            work = asyncio.create_task(client.import_map(str(yaml), on_progress=note))
+            await asyncio.wait_for(saving.wait(), 20.0)
+            work.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await work
+            await asyncio.sleep(0.1)
+        assert (await client.import_map(str(yaml), "y")).version == 1
+        assert [each.name for each in (await client.list_maps()).maps] == ["y"]
+
+    with_daemon(folder, scenario)
+
+
+@pytest.mark.parametrize("which", ["x.yaml", "x.pgm"])
+def test_what_is_no_regular_file_is_not_read(tmp_path: Path, which: str) -> None:
+    """A FIFO would keep it waiting for ever, a device would never end."""
+    write_files(tmp_path, "x", grid(1))
+    (tmp_path / which).unlink()
+    os.mkfifo(tmp_path / which)
+
+    async def scenario(client: Client) -> None:
+        with pytest.raises(CallError, match=f"{which}: expected a regular file"):
+            await client.import_map(str(tmp_path / "x.yaml"))
+
+    with_daemon(tmp_path / "maps", scenario)
+
+
+def test_without_the_section_there_are_no_maps() -> None:
+    """The methods are not there, and the greeting does not name them."""
+
+    async def run() -> None:
+        async with running_daemon(FakeSerialDevice()) as client:
+            assert "method.list_maps" not in client.hello.capabilities
+            with pytest.raises(CallError) as refused:
+                await client.list_maps()
+            assert refused.value.kind == "method_not_found"
+
+    asyncio.run(run())
