@@ -118,8 +118,8 @@ def _fill(into: LocalMap, sensor_m: Floats, points: Singles, placed: Floats, fac
         if into.seen[row, column, 0] < MOST:
             into.seen[row, column, 0] += 1
         nx, ny = facing[i, 0], facing[i, 1]
-        _smear(into.likelihood, into.coarse, x, y)
-        _gather(into.surfels, x, y, nx, ny, 1.0)
+        smear(into.likelihood, into.coarse, x, y)
+        gather(into.surfels, x, y, nx, ny, 1.0)
         if i == 0 or nx * facing[i - 1, 0] + ny * facing[i - 1, 1] < 0.9:
             continue
         if not joined(points[i - 1, 0] - sx, points[i - 1, 1] - sy, points[i, 0] - sx, points[i, 1] - sy):
@@ -128,12 +128,12 @@ def _fill(into: LocalMap, sensor_m: Floats, points: Singles, placed: Floats, fac
         steps = int(math.hypot(dx, dy) / SURFEL_M)
         for k in range(1, steps + 1):
             part = k / (steps + 1)
-            _smear(into.likelihood, into.coarse, x + part * dx, y + part * dy)
-            _gather(into.surfels, x + part * dx, y + part * dy, nx, ny, FILL_WEIGHT)
+            smear(into.likelihood, into.coarse, x + part * dx, y + part * dy)
+            gather(into.surfels, x + part * dx, y + part * dy, nx, ny, FILL_WEIGHT)
 
 
 @kernel
-def _smear(likelihood: Bytes, coarse: Bytes, x: float, y: float) -> None:
+def smear(likelihood: Bytes, coarse: Bytes, x: float, y: float) -> None:
     """Raise the likelihoods about a point, and the bounds on them."""
     row, column = int(y / CELL_M), int(x / CELL_M)
     off_x, off_y = column + 0.5 - x / CELL_M, row + 0.5 - y / CELL_M
@@ -154,7 +154,7 @@ def _smear(likelihood: Bytes, coarse: Bytes, x: float, y: float) -> None:
 
 
 @kernel
-def _gather(surfels: Singles, x: float, y: float, nx: float, ny: float, weight: float) -> None:
+def gather(surfels: Singles, x: float, y: float, nx: float, ny: float, weight: float) -> None:
     """Add a point to its cell: to the second layer if its normal looks away from what is in the first."""
     j, i = int(y / SURFEL_M), int(x / SURFEL_M)
     layer = 1 if surfels[j, i, 0, 4] * nx + surfels[j, i, 0, 5] * ny < 0.0 else 0

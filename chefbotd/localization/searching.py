@@ -1,0 +1,158 @@
+"""A search of the whole map and what came of it: places that are followed until one is sure, or none is left."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.localization import global_search
+from chefbotd.localization.global_search import GlobalSearch, GlobalSearchParameters
+from chefbotd.localization.hypotheses import (
+    CertaintyParameters,
+    Hypothesis,
+    confronted,
+    hypotheses,
+    is_look,
+    merged,
+    moved,
+    sure,
+)
+from chefbotd.localization.pyramid import Pyramid
+from chefbotd.localization.states import Event
+from chefbotd.localization.surface_map import SurfaceMap
+from chefbotd.localization.tracking import TrackingParameters
+from chefbotd.mapping.poses import Floats, between
+from chefbotd.mapping.state import Scan
+
+
+class SearchingParameters(Parameters):
+    """When a search begins again."""
+
+    by_itself: bool = True
+    """Whether the robot searches when it is lost, without being asked to."""
+    again_after_s: float = Field(default=2.0, gt=0, le=600)
+    again_after_m: float = Field(default=0.3, gt=0, le=10)
+    again_after_rad: float = Field(default=0.6, gt=0, le=3.2)
+    """A search that did not leave exactly one place begins again after so long, or after such a motion."""
+    settle_s: float = Field(default=3.0, gt=0, le=600)
+    """If the best place fits badly for so long, nothing was found."""
+
+
+class LocalizationMap(NamedTuple):
+    """A map made ready: its surfaces, and the levels for a search."""
+
+    surfaces: SurfaceMap
+    pyramid: Pyramid
+
+
+class SearchSettings(NamedTuple):
+    """The parameters of all that a search needs."""
+
+    tracking: TrackingParameters
+    search: GlobalSearchParameters
+    certainty: CertaintyParameters
+    searching: SearchingParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Searching:
+    """For which scan the whole map is searched, where the odometry was then (``began_at``), and when.
+
+    ``search`` is None once it is done. ``candidates`` are where the robot may be now, the best first; ``is_complete``
+    is false if there were too many places to follow all.
+    """
+
+    search: GlobalSearch | None
+    scan: Scan
+    began_at: Floats
+    began_s: float
+    candidates: tuple[Hypothesis, ...]
+    is_complete: bool
+    looked_at: Floats
+
+    @property
+    def share_done(self) -> float:
+        """About how much of the search is done, from 0 to 1."""
+        return 1.0 if self.search is None else self.search.share_done
+
+
+def begun(
+    settings: SearchSettings,
+    within: LocalizationMap,
+    scan: Scan,
+    odometry: Floats,
+    stamp_s: float,
+    candidates: tuple[Hypothesis, ...] = (),
+) -> Searching:
+    """A search for this scan; nothing is computed yet."""
+    search = global_search.begun(settings.search, within.pyramid, scan.points)
+    return Searching(search, scan, odometry, stamp_s, candidates, is_complete=False, looked_at=odometry)
+
+
+def advanced(
+    settings: SearchSettings, within: LocalizationMap, searching: Searching, odometry: Floats
+) -> Searching:
+    """The search a bounded bit further; ``odometry`` is where the robot is now."""
+    if searching.search is None:
+        return searching
+    search = global_search.searched(settings.search, searching.search)
+    if not search.is_done:
+        return replace(searching, search=search)
+    places, is_complete = global_search.places(settings.search, search)
+    found = hypotheses(settings.certainty, settings.tracking, within.surfaces.grids, places, searching.scan)
+    now = moved(settings.tracking, found, between(searching.began_at, odometry), None)
+    candidates = merged(searching.candidates, now)
+    return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
+
+
+def looked(
+    settings: SearchSettings, within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan
+) -> Searching:
+    """The candidates after a scan."""
+    new_look = is_look(settings.certainty, between(searching.looked_at, odometry))
+    left = confronted(
+        settings.certainty,
+        settings.tracking,
+        within.surfaces.grids,
+        searching.candidates,
+        scan,
+        is_look=new_look,
+    )
+    return replace(searching, candidates=left, looked_at=odometry if new_look else searching.looked_at)
+
+
+class Verdict(NamedTuple):
+    """What a search says: ``found`` (which), ``not_found``, or ``search_started`` if it has to begin again."""
+
+    event: Event | None
+    found: Hypothesis | None = None
+
+
+def verdict(settings: SearchSettings, searching: Searching, odometry: Floats, stamp_s: float) -> Verdict:
+    """What can be said by now."""
+    if searching.search is not None:
+        return Verdict(None)
+    best = sure(settings.certainty, searching.candidates)
+    if best is not None and searching.is_complete:
+        return Verdict(Event.FOUND, best)
+    badly = not searching.candidates or searching.candidates[0].fit < settings.certainty.moving_fit
+    if badly and (not searching.candidates or stamp_s - searching.began_s >= settings.searching.settle_s):
+        return Verdict(Event.NOT_FOUND)
+    if has_moved_on(settings.searching, searching, odometry):
+        return Verdict(Event.SEARCH_STARTED)
+    return Verdict(None)
+
+
+def is_due(params: SearchingParameters, last: Searching, odometry: Floats, stamp_s: float) -> bool:
+    """Whether it is time to search again after one that found nothing."""
+    return stamp_s - last.began_s >= params.again_after_s or has_moved_on(params, last, odometry)
+
+
+def has_moved_on(params: SearchingParameters, last: Searching, odometry: Floats) -> bool:
+    """Whether another search would begin from somewhere else."""
+    motion = between(last.began_at, odometry)
+    far = math.hypot(motion[0], motion[1]) >= params.again_after_m
+    return far or bool(np.abs(motion[2]) >= params.again_after_rad)

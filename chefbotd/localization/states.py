@@ -1,0 +1,83 @@
+"""Whether the robot knows where it is: the states of localization as a table, and what changes them."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+
+class State(StrEnum):
+    """``unknown``: nothing looked at yet. ``searching``: looking everywhere, or telling look-alike places apart.
+
+    ``localized``: the scans fit. ``doubtful``: they do not fit just now, or a pose was given and is not confirmed yet.
+    ``lost``: it knows that it does not know, and will look again.
+    """
+
+    UNKNOWN = "unknown"
+    SEARCHING = "searching"
+    LOCALIZED = "localized"
+    DOUBTFUL = "doubtful"
+    LOST = "lost"
+
+
+class Event(StrEnum):
+    """What happens to localization.
+
+    ``pose_given``: by a person, or kept from before a restart. ``found``: a search leaves one place only.
+    ``not_found``: it leaves none. ``fits`` and ``misfits``: some scans in a row. ``given_up``: they misfit for long.
+    ``map_loaded``: another map.
+    """
+
+    POSE_GIVEN = "pose_given"
+    SEARCH_STARTED = "search_started"
+    FOUND = "found"
+    NOT_FOUND = "not_found"
+    FITS = "fits"
+    MISFITS = "misfits"
+    GIVEN_UP = "given_up"
+    MAP_LOADED = "map_loaded"
+
+
+NEXT: Mapping[tuple[State, Event], State] = {
+    (State.UNKNOWN, Event.POSE_GIVEN): State.DOUBTFUL,
+    (State.UNKNOWN, Event.SEARCH_STARTED): State.SEARCHING,
+    (State.UNKNOWN, Event.FOUND): State.UNKNOWN,
+    (State.UNKNOWN, Event.NOT_FOUND): State.UNKNOWN,
+    (State.UNKNOWN, Event.FITS): State.UNKNOWN,
+    (State.UNKNOWN, Event.MISFITS): State.UNKNOWN,
+    (State.UNKNOWN, Event.GIVEN_UP): State.UNKNOWN,
+    (State.UNKNOWN, Event.MAP_LOADED): State.UNKNOWN,
+    (State.SEARCHING, Event.POSE_GIVEN): State.DOUBTFUL,
+    (State.SEARCHING, Event.SEARCH_STARTED): State.SEARCHING,
+    (State.SEARCHING, Event.FOUND): State.LOCALIZED,
+    (State.SEARCHING, Event.NOT_FOUND): State.LOST,
+    (State.SEARCHING, Event.FITS): State.SEARCHING,
+    (State.SEARCHING, Event.MISFITS): State.SEARCHING,
+    (State.SEARCHING, Event.GIVEN_UP): State.SEARCHING,
+    (State.SEARCHING, Event.MAP_LOADED): State.UNKNOWN,
+    (State.LOCALIZED, Event.POSE_GIVEN): State.DOUBTFUL,
+    (State.LOCALIZED, Event.SEARCH_STARTED): State.SEARCHING,
+    (State.LOCALIZED, Event.FOUND): State.LOCALIZED,
+    (State.LOCALIZED, Event.NOT_FOUND): State.LOCALIZED,
+    (State.LOCALIZED, Event.FITS): State.LOCALIZED,
+    (State.LOCALIZED, Event.MISFITS): State.DOUBTFUL,
+    (State.LOCALIZED, Event.GIVEN_UP): State.LOST,
+    (State.LOCALIZED, Event.MAP_LOADED): State.UNKNOWN,
+    (State.DOUBTFUL, Event.POSE_GIVEN): State.DOUBTFUL,
+    (State.DOUBTFUL, Event.SEARCH_STARTED): State.SEARCHING,
+    (State.DOUBTFUL, Event.FOUND): State.DOUBTFUL,
+    (State.DOUBTFUL, Event.NOT_FOUND): State.DOUBTFUL,
+    (State.DOUBTFUL, Event.FITS): State.LOCALIZED,
+    (State.DOUBTFUL, Event.MISFITS): State.DOUBTFUL,
+    (State.DOUBTFUL, Event.GIVEN_UP): State.LOST,
+    (State.DOUBTFUL, Event.MAP_LOADED): State.UNKNOWN,
+    (State.LOST, Event.POSE_GIVEN): State.DOUBTFUL,
+    (State.LOST, Event.SEARCH_STARTED): State.SEARCHING,
+    (State.LOST, Event.FOUND): State.LOST,
+    (State.LOST, Event.NOT_FOUND): State.LOST,
+    (State.LOST, Event.FITS): State.LOST,
+    (State.LOST, Event.MISFITS): State.LOST,
+    (State.LOST, Event.GIVEN_UP): State.LOST,
+    (State.LOST, Event.MAP_LOADED): State.UNKNOWN,
+}
+
+HAS_POSE = frozenset({State.LOCALIZED, State.DOUBTFUL})
+"""The states in which there is one pose that is tracked."""

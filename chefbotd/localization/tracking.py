@@ -1,0 +1,219 @@
+"""Where the robot is now, from where it was: odometry, then the scan matched against the map, each with its covariance.
+
+The match starts where the odometry leads. If the scan fits there as usual, it is only polished (Gauss-Newton); if not, a
+window is searched: three sigmas of the prediction, and then a metre around. What a scan says of the pose is weighed
+against the prediction as in a Kalman filter. Along a bare corridor a scan says nothing, and the covariance grows.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.localization.agreement import Agreement, agreement
+from chefbotd.mapping.correlate import Window, search
+from chefbotd.mapping.local_map import LocalMap
+from chefbotd.mapping.poses import Floats, compose, inverted, turned, wrap
+from chefbotd.mapping.refine import Fit, Prior, polish
+from chefbotd.mapping.state import Scan
+
+
+class TrackingParameters(Parameters):
+    """How far laser, odometry and map are believed.
+
+    Odometry's errors are one sigma and grow with the root of the way. They are wide on purpose: scrubbing tyres cost a
+    tenth of a motion.
+    """
+
+    laser_noise_m: float = Field(default=0.03, gt=0, le=0.5)
+    odometry_m_per_root_m: float = Field(default=0.1, gt=0, le=1)
+    odometry_m_per_root_rad: float = Field(default=0.03, ge=0, le=1)
+    odometry_rad_per_root_rad: float = Field(default=0.1, gt=0, le=1)
+    odometry_rad_per_root_m: float = Field(default=0.05, ge=0, le=1)
+    jump_at_most_m: float = Field(default=5.0, gt=0, le=100)
+    """No odometry is believed that says more between two scans."""
+    map_m: float = Field(default=0.012, gt=0, le=0.5)
+    map_rad: float = Field(default=0.004, gt=0, le=0.5)
+    """One sigma of the map's own errors, which more beams do not average out."""
+    normal_rad: float = Field(default=0.1, gt=0, le=0.5)
+    """One sigma of a surface's direction in the map: what a wall tells along itself is less than this."""
+    fits: float = Field(default=0.55, gt=0, le=1)
+    """A fit below is one of a wrong pose, or of a map that is no longer true."""
+    least_overlap: float = Field(default=0.15, ge=0, le=1)
+    """With less of the scan on known ground, it says nothing about where it is."""
+    suspicious_drop: float = Field(default=0.08, gt=0, le=1)
+    """A fit that is so much worse than lately has the pose looked for further around."""
+    better_fit: float = Field(default=0.1, ge=0, le=1)
+    """What is found a metre around must fit so much better."""
+    slipped_fit: float = Field(default=0.75, gt=0, le=1)
+    slipped_window_m: float = Field(default=1.0, gt=0, le=5)
+    slipped_window_rad: float = Field(default=0.7, gt=0, le=3.2)
+    polish_within_m: float = Field(default=0.08, gt=0, le=1)
+    polish_within_rad: float = Field(default=0.08, gt=0, le=1)
+    """A prediction that is surer than this needs no search."""
+    window_at_most_m: float = Field(default=1.5, gt=0, le=5)
+    window_at_most_rad: float = Field(default=1.0, gt=0, le=3.2)
+
+
+PENALTY = 0.01
+"""What a pose one sigma off the prediction loses in score."""
+
+CAPTURE = 0.3
+"""A match of a search that scores less is none."""
+
+LEAST_WINDOW_M, LEAST_WINDOW_RAD = 0.15, 0.15
+
+
+class Estimate(NamedTuple):
+    """A pose (x, y, heading) with its covariance (3, 3), in ``map``."""
+
+    pose: Floats
+    covariance: Floats
+
+
+class Tracked(NamedTuple):
+    """Where the robot is and how the scan agrees there; ``moved`` tells a pose found away from the prediction.
+
+    ``matched`` is whether the scan was used. If it was not, the estimate is the prediction.
+    """
+
+    estimate: Estimate
+    agreement: Agreement
+    matched: bool
+    moved: bool = False
+
+
+def motion_noise(params: TrackingParameters, moved: Floats) -> Floats:
+    """The covariance (3, 3) of such a motion, in the frame it began in, where odometry does not tell its own."""
+    way_m, turn_rad = math.hypot(moved[0], moved[1]), abs(float(moved[2]))
+    place = params.odometry_m_per_root_m**2 * way_m + params.odometry_m_per_root_rad**2 * turn_rad
+    turn = params.odometry_rad_per_root_rad**2 * turn_rad + params.odometry_rad_per_root_m**2 * way_m
+    return np.diag([place, place, turn])
+
+
+def motion_covariance(
+    before: Floats, before_covariance: Floats, after: Floats, after_covariance: Floats
+) -> Floats:
+    """What odometry's covariance grew by between two poses, in the frame of the first: that of the motion alone."""
+    carried = _carried(before_covariance, after[0] - before[0], after[1] - before[1])
+    return turned(after_covariance - carried, -float(before[2]))
+
+
+def _carried(covariance: Floats, dx_m: float, dy_m: float) -> Floats:
+    """What is uncertain about a pose, at a place that lies (dx, dy) from it."""
+    by = np.array([[1.0, 0.0, -dy_m], [0.0, 1.0, dx_m], [0.0, 0.0, 1.0]])
+    result: Floats = by @ covariance @ by.T
+    return result
+
+
+def predicted(
+    params: TrackingParameters, last: Estimate, moved: Floats, noise: Floats | None = None
+) -> Estimate:
+    """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
+    if math.hypot(moved[0], moved[1]) > params.jump_at_most_m:
+        return last
+    pose = compose(last.pose, moved)
+    added = motion_noise(params, moved) if noise is None else noise
+    grown = _carried(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
+    return Estimate(pose, grown + turned(added, float(last.pose[2])))
+
+
+def tracked(
+    params: TrackingParameters,
+    grids: LocalMap,
+    expected: Estimate,
+    scan: Scan,
+    usual_fit: float = 1.0,
+    *,
+    may_search: bool = True,
+) -> Tracked:
+    """The scan matched against the map about the prediction; ``may_search`` allows a look further around."""
+    found = _near(params, grids, expected, scan)
+    at_least = max(usual_fit - params.suspicious_drop, params.fits)
+    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= params.least_overlap:
+        for elsewhere in (_in_window(params, grids, expected, scan), _around(params, grids, expected, scan)):
+            if elsewhere is not None and elsewhere.agreement.fit >= found.agreement.fit + params.better_fit:
+                found = elsewhere
+                break
+    if found.agreement.fit < params.fits or found.agreement.overlap < params.least_overlap:
+        return Tracked(expected, found.agreement, matched=False)
+    return found
+
+
+def _near(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked:
+    sigma_m, sigma_rad = sigmas(expected.covariance)
+    if sigma_m > params.polish_within_m or sigma_rad > params.polish_within_rad:
+        found = _in_window(params, grids, expected, scan)
+        if found is not None:
+            return found
+    return _polished(params, grids, expected, expected.pose, scan)
+
+
+def sigmas(covariance: Floats) -> tuple[float, float]:
+    """The largest sigma of the place in any direction (m), and that of the heading (rad)."""
+    middle, half = (covariance[0, 0] + covariance[1, 1]) / 2, (covariance[0, 0] - covariance[1, 1]) / 2
+    largest = middle + math.hypot(half, covariance[0, 1])
+    return math.sqrt(max(largest, 0.0)), math.sqrt(max(float(covariance[2, 2]), 0.0))
+
+
+def _in_window(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+    """Search three sigmas of the prediction."""
+    sigma_m, sigma_rad = sigmas(expected.covariance)
+    half_m, half_rad = max(3 * sigma_m, LEAST_WINDOW_M), max(3 * sigma_rad, LEAST_WINDOW_RAD)
+    window = Window(
+        min(half_m, params.window_at_most_m),
+        min(half_rad, params.window_at_most_rad),
+        PENALTY * 9 / half_m**2,
+        PENALTY * 9 / half_rad**2,
+    )
+    found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
+    return None if found is None else _polished(params, grids, expected, found.pose, scan)
+
+
+def _around(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+    """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
+    window = Window(params.slipped_window_m, params.slipped_window_rad)
+    found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
+    if found is None:
+        return None
+    vague = np.diag([params.slipped_window_m**2, params.slipped_window_m**2, params.slipped_window_rad**2])
+    at = Estimate(found.pose, vague)
+    told = _polished(params, grids, at, found.pose, scan)
+    sound = told.agreement.fit >= params.slipped_fit and told.agreement.overlap >= 2 * params.least_overlap
+    return told._replace(moved=True) if sound else None
+
+
+def _polished(
+    params: TrackingParameters, grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan
+) -> Tracked:
+    information = inverted(expected.covariance + 1e-8 * np.eye(3))
+    fit = polish(
+        grids, scan.points, scan.facing, begin, Prior(expected.pose, information), params.laser_noise_m
+    )
+    estimate = fused(params, expected, fit)
+    return Tracked(estimate, agreement(grids, estimate.pose, scan), matched=True)
+
+
+def fused(params: TrackingParameters, expected: Estimate, fit: Fit) -> Estimate:
+    """The prediction corrected by the match: as far as the scan says something, and no further."""
+    measured = _measured(params, fit.information)
+    information = inverted(expected.covariance + 1e-8 * np.eye(3)) + measured
+    covariance = inverted(information)
+    off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
+    pose = expected.pose + covariance @ measured @ off
+    return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), (covariance + covariance.T) / 2)
+
+
+def _measured(params: TrackingParameters, information: Floats) -> Floats:
+    """What a match says of the pose (its information), with the errors of the map and of its normals taken off.
+
+    A wall whose direction is known to ``normal_rad`` seems to tell something along itself, too: nothing that counts.
+    """
+    told = information.copy()
+    told[:2, :2] -= math.sin(params.normal_rad) ** 2 * np.trace(information[:2, :2]) * np.eye(2)
+    values, axes = np.linalg.eigh((told + told.T) / 2)
+    told = (axes * np.maximum(values, 1e-9)) @ axes.T
+    spread = inverted(told) + np.diag([params.map_m**2, params.map_m**2, params.map_rad**2])
+    return inverted(spread)

@@ -1,0 +1,109 @@
+"""Buildings drawn by hand, their maps, and drives through them: independent of the code under test."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.localization.localizer import (
+    Localization,
+    LocalizationMap,
+    LocalizationParameters,
+    Odometry,
+    Report,
+    advanced,
+    step,
+)
+from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.mapping.poses import between
+from chefbotd.mapping.state import Scan
+from chefbotd.mapping.surfaces import Singles, normals
+from tests.chefbotd.mapping.slam.flat import Floats, box, wall
+
+PARAMS = LocalizationParameters()
+CENTER = np.zeros(2)
+PERIOD_S = 0.1
+MARGIN_M = 0.4
+
+
+def drawn(walls: Floats, resolution_m: float = 0.05, at: Pose2D | None = None) -> OccupancyGrid:
+    """The map of walls (x, y, x, y): cells that a wall passes are occupied, the rest of their extent is free.
+
+    The grid's first corner is a bit beyond the lowest x and y, at no multiple of the resolution; ``at`` is where it lies.
+    """
+    placed = at or Pose2D(float(walls[:, ::2].min()) - 0.413, float(walls[:, 1::2].min()) - 0.427)
+    cos, sin = math.cos(placed.heading_rad), math.sin(placed.heading_rad)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    start, end = ((walls[:, k : k + 2] - [placed.x_m, placed.y_m]) @ turn for k in (0, 2))
+    size = np.ceil((np.maximum(start, end).max(axis=0) + MARGIN_M) / resolution_m).astype(int)
+    percent = np.full((size[1], size[0]), UNKNOWN, np.int8)
+    part = np.linspace(0, 1, 2000)[None, :, None]
+    cells = np.floor((start[:, None] + part * (end - start)[:, None]) / resolution_m).astype(int)
+    low, high = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
+    percent[low[1] : high[1] + 1, low[0] : high[0] + 1] = FREE
+    percent[cells[..., 1], cells[..., 0]] = OCCUPIED
+    return OccupancyGrid(resolution_m, placed, percent)
+
+
+def mirrored(grid: OccupancyGrid) -> OccupancyGrid:
+    """The same map with left and right exchanged, as an image that was flipped by mistake."""
+    flipped = np.ascontiguousarray(grid.percent[:, ::-1])
+    return OccupancyGrid(grid.resolution_m, grid.map_from_grid, flipped)
+
+
+def twin_rooms() -> Floats:
+    """Two rooms of 4 by 3 m that are the same but for their place; each has a box, and a door to a corridor that has none."""
+    rooms = [
+        np.vstack([box(x, 0, 4, 3)[1:2], box(x, 0, 4, 3)[3:], box(x + 0.5, 0.4, 1.1, 0.5), wall((x, 0), (x + 4, 0))])
+        for x in (0.0, 4.0)
+    ]
+    doors = [wall((x, 3), (x + 0.8, 3)) for x in (0.0, 4.0)] + [wall((x + 1.7, 3), (x + 4, 3)) for x in (0.0, 4.0)]
+    corridor = [wall((0, 3), (0, 4.6), (11, 4.6), (11, 3), (8, 3)), box(9.2, 3.4, 0.6, 0.6, 0.5)]
+    return np.vstack([*rooms, *doors, *corridor])
+
+
+def scan_of(points: Singles) -> Scan:
+    """A scan seen from the robot's center."""
+    return Scan(points, normals(points, CENTER), CENTER)
+
+
+@dataclass
+class Robot:
+    """A robot that localizes: it takes a turn of its lidar every 0.1 s."""
+
+    within: LocalizationMap
+    params: LocalizationParameters = PARAMS
+    now: Localization = field(default_factory=Localization)
+    stamp_s: float = 0.0
+    reports: list[Report] = field(default_factory=list)
+
+    def take(self, odometry: Floats, points: Singles | None, covariance: Floats | None = None) -> Report:
+        """A turn of the lidar, or only odometry; between two turns there is time for some of a search."""
+        self.stamp_s += PERIOD_S
+        scan = None if points is None else scan_of(points)
+        told = Odometry(odometry, covariance)
+        self.now, report = step(self.params, self.within, self.now, self.stamp_s, told, scan)
+        self.now = advanced(self.params, self.within, self.now)
+        self.reports.append(report)
+        return report
+
+    def drive(self, odometry: Floats, seen: Callable[[int], Singles | None]) -> Iterator[Report]:
+        """A turn at each pose of the odometry."""
+        for k, pose in enumerate(odometry):
+            yield self.take(pose, seen(k))
+
+    def look(self, odometry: Floats, seen: Callable[[], Singles], turns: int) -> Report:
+        """Stand still and look."""
+        for _ in range(turns):
+            report = self.take(odometry, seen())
+        return report
+
+
+def off(report: Report, truth: Floats) -> tuple[float, float]:
+    """How far the pose is from the truth, in metres and degrees; infinite if there is none."""
+    if report.map_from_base is None:
+        return math.inf, math.inf
+    error = between(truth, report.map_from_base.pose)
+    return math.hypot(error[0], error[1]), abs(math.degrees(error[2]))
