@@ -74,17 +74,22 @@ def run(*, quick: bool = False, folder: Path = FOLDER, out: Path | None = None) 
     return Outcome(tuple(figures), remarks=tuple(remarks))
 
 
-def _mapped(recording: Recording, scans: int) -> Run:
-    """The recording, scan by scan."""
+def points_of(recording: Recording, scans: int) -> list[Singles]:
+    """What the first scans show, in the robot's frame."""
     chosen = [
         usable(BEAMS, LaserScan(0.0, recording.bearings_rad, ranges, np.zeros_like(ranges)))
         for ranges in recording.ranges_m[:scans]
     ]
     directions = np.stack([np.cos(recording.bearings_rad), np.sin(recording.bearings_rad)], axis=1)
-    points = [
+    return [
         (directions[good] * ranges[good, None]).astype(np.float32)
         for good, ranges in zip(chosen, recording.ranges_m[:scans], strict=True)
     ]
+
+
+def _mapped(recording: Recording, scans: int) -> Run:
+    """The recording, scan by scan."""
+    points = points_of(recording, scans)
     rows = list(recording.rows[:scans])
     _run(points[:WARM_SCANS], recording.odometry[rows[:WARM_SCANS]])
     return _run(points, recording.odometry[rows])

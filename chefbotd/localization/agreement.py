@@ -50,9 +50,6 @@ class Agreement(NamedTuple):
         return told / (told + self.unknown) if told else 0.0
 
 
-NOTHING_SEEN = Agreement(0, 0, 0, 0)
-
-
 def agreement(grids: LocalMap, pose: Floats, scan: Scan) -> Agreement:
     """How a scan taken at ``pose`` agrees with the map."""
     counts = np.zeros(4, np.int64)

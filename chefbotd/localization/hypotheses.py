@@ -129,8 +129,13 @@ def is_look(params: CertaintyParameters, motion: Floats) -> bool:
     return math.hypot(motion[0], motion[1]) >= params.look_m or abs(float(motion[2])) >= params.look_rad
 
 
-def sure(params: CertaintyParameters, among: tuple[Hypothesis, ...]) -> Hypothesis | None:
-    """The place that is believed, if there is one; the best is first."""
+def sure(
+    params: CertaintyParameters, among: tuple[Hypothesis, ...], *, is_complete: bool
+) -> Hypothesis | None:
+    """The place that is believed, if there is one; the best is first.
+
+    If there were more places than can be followed (not ``is_complete``), only motion makes one sure.
+    """
     if not among:
         return None
     best = among[0]
@@ -138,6 +143,6 @@ def sure(params: CertaintyParameters, among: tuple[Hypothesis, ...]) -> Hypothes
         return None
     if best.overlap < params.least_overlap or sigmas(best.estimate.covariance)[0] > params.vague_m:
         return None
-    standing = best.fit >= params.sure_fit and best.scans >= params.scans
+    standing = is_complete and best.fit >= params.sure_fit and best.scans >= params.scans
     moving = best.fit >= params.moving_fit and best.looks >= params.looks
     return best if standing or moving else None

@@ -12,7 +12,6 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.localization import searching as search_room
-from chefbotd.localization.agreement import NOTHING_SEEN, Agreement
 from chefbotd.localization.global_search import GlobalSearchParameters
 from chefbotd.localization.hypotheses import CertaintyParameters, Hypothesis, moved
 from chefbotd.localization.pyramid import pyramid
@@ -93,7 +92,8 @@ class Localization:
     odometry: Odometry | None = None
     searching: Searching | None = None
     usual_fit: float = 1.0
-    agreement: Agreement = NOTHING_SEEN
+    fit: float = 0.0
+    overlap: float = 0.0
     misfits: int = 0
     misfit_since_s: float | None = None
     fits: int = 0
@@ -232,7 +232,7 @@ def _follow(
     grids = within.surfaces.grids
     found = tracked(tracking, grids, expected, scan, now.usual_fit, may_search=around)
     told = found.agreement
-    now = replace(now, estimate=found.estimate, agreement=told)
+    now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
     if told.overlap < tracking.least_overlap:
         return now, None
     if not found.matched:
@@ -293,9 +293,12 @@ def _look(
         last = search_room.begun(settings, within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)
     if found is not None:
-        usual = found.fit
         now = replace(
-            now, estimate=found.estimate, searching=None, usual_fit=usual, misfits=0, misfit_since_s=None
+            _forgotten(now),
+            estimate=found.estimate,
+            usual_fit=found.fit,
+            fit=found.fit,
+            overlap=found.overlap,
         )
     return (now, None) if event is None else (_on(now, event), event)
 
@@ -324,8 +327,8 @@ def _report(now: Localization, stamp_s: float, event: Event | None, jumped: bool
         map_from_base=now.estimate if has_pose else None,
         map_from_odom=now.told,
         jumped=jumped,
-        fit=now.agreement.fit if has_pose else max((one.fit for one in candidates), default=0.0),
-        overlap=now.agreement.overlap,
+        fit=now.fit if has_pose else max((one.fit for one in candidates), default=0.0),
+        overlap=now.overlap if has_pose else max((one.overlap for one in candidates), default=0.0),
         alternatives=candidates,
         searched=0.0 if searching is None else searching.share_done,
     )

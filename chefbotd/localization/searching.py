@@ -132,16 +132,17 @@ class Verdict(NamedTuple):
 
 
 def verdict(settings: SearchSettings, searching: Searching, odometry: Floats, stamp_s: float) -> Verdict:
-    """What can be said by now."""
+    """What can be said by now; candidates of an earlier search count while the next one is under way."""
+    candidates, certainty = searching.candidates, settings.certainty
+    best = sure(certainty, candidates, is_complete=searching.is_complete)
+    if best is not None:
+        return Verdict(Event.FOUND, best)
     if searching.search is not None:
         return Verdict(None)
-    best = sure(settings.certainty, searching.candidates)
-    if best is not None and searching.is_complete:
-        return Verdict(Event.FOUND, best)
-    badly = not searching.candidates or searching.candidates[0].fit < settings.certainty.moving_fit
-    if badly and (not searching.candidates or stamp_s - searching.began_s >= settings.searching.settle_s):
+    badly = not candidates or candidates[0].fit < certainty.moving_fit
+    if badly and (not candidates or stamp_s - searching.began_s >= settings.searching.settle_s):
         return Verdict(Event.NOT_FOUND)
-    if has_moved_on(settings.searching, searching, odometry):
+    if (badly or not searching.is_complete) and has_moved_on(settings.searching, searching, odometry):
         return Verdict(Event.SEARCH_STARTED)
     return Verdict(None)
 

@@ -24,8 +24,8 @@ Flags: TypeAlias = NDArray[np.bool_]
 NORMAL_X, NORMAL_Y = (1, 0, -1, 0), (0, 1, 0, -1)
 """The four sides of a cell, counter-clockwise."""
 
-FLAT = 0.12
-"""The most that the variance across a line may be of that along it."""
+STRAIGHT, FLAT = 0.03, 0.12
+"""The variance across a line as a share of that along it: up to where it surely is one, and may be one at most."""
 
 
 class SurfaceMapParameters(Parameters):
@@ -108,7 +108,7 @@ def _borders(
     )
     cells = np.argwhere(sides)
     points, facing = np.empty((len(cells), 2)), np.zeros((len(cells), 2))
-    reach = max(round(params.line_m / resolution_m), 2)
+    reach = max(round(params.line_m / resolution_m), 3)
     _lines(padded, cells, reach, points, facing)
     behind = params.depth_cells * facing
     return (points - behind) * resolution_m, facing
@@ -130,14 +130,14 @@ def _lines(occupied: Flags, cells: NDArray[np.int64], reach: int, points: Floats
             first = reach if part == 1 else 0
             last = reach if part == 2 else 2 * reach
             _fit_line(chain, first, last, line)
-            if line[4] >= (best if part == 0 else 0.5 * best):
+            if line[4] >= best:
                 continue
             best = line[4]
             nx, ny = line[2], line[3]
             off = nx * (line[0] - x) + ny * (line[1] - y)
             points[i, 0], points[i, 1] = x + off * nx, y + off * ny
             facing[i, 0], facing[i, 1] = nx, ny
-            if part == 0:
+            if part == 0 and best < STRAIGHT:
                 break
 
 

@@ -31,7 +31,7 @@ MARGIN_M = 0.4
 def drawn(walls: Floats, resolution_m: float = 0.05, at: Pose2D | None = None) -> OccupancyGrid:
     """The map of walls (x, y, x, y): cells that a wall passes are occupied, the rest of their extent is free.
 
-    The grid's first corner is a bit beyond the lowest x and y, at no multiple of the resolution; ``at`` is where it lies.
+    The grid's first corner is a bit beyond the lowest x and y, at no multiple of a cell, unless ``at`` says where.
     """
     placed = at or Pose2D(float(walls[:, ::2].min()) - 0.413, float(walls[:, 1::2].min()) - 0.427)
     cos, sin = math.cos(placed.heading_rad), math.sin(placed.heading_rad)
@@ -54,12 +54,16 @@ def mirrored(grid: OccupancyGrid) -> OccupancyGrid:
 
 
 def twin_rooms() -> Floats:
-    """Two rooms of 4 by 3 m that are the same but for their place; each has a box, and a door to a corridor that has none."""
+    """Two rooms of 4 by 3 m that are the same but for their place, each with a box, and a corridor that differs."""
     rooms = [
-        np.vstack([box(x, 0, 4, 3)[1:2], box(x, 0, 4, 3)[3:], box(x + 0.5, 0.4, 1.1, 0.5), wall((x, 0), (x + 4, 0))])
+        np.vstack(
+            [box(x, 0, 4, 3)[1:2], box(x, 0, 4, 3)[3:], box(x + 0.5, 0.4, 1.1, 0.5), wall((x, 0), (x + 4, 0))]
+        )
         for x in (0.0, 4.0)
     ]
-    doors = [wall((x, 3), (x + 0.8, 3)) for x in (0.0, 4.0)] + [wall((x + 1.7, 3), (x + 4, 3)) for x in (0.0, 4.0)]
+    doors = [wall((x, 3), (x + 0.8, 3)) for x in (0.0, 4.0)] + [
+        wall((x + 1.7, 3), (x + 4, 3)) for x in (0.0, 4.0)
+    ]
     corridor = [wall((0, 3), (0, 4.6), (11, 4.6), (11, 3), (8, 3)), box(9.2, 3.4, 0.6, 0.6, 0.5)]
     return np.vstack([*rooms, *doors, *corridor])
 
