@@ -107,13 +107,15 @@ class Daemon:
             board_buffer_bytes=settings.link.board_buffer_bytes,
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
-        self._link = PortLink(settings.link, self.session, opener, clock, rng or random.Random())
+        rng = rng or random.Random()
+        self._link = PortLink(settings.link, self.session, opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         let_go_s = settings.safety.held_until_silent_s
         self._leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
         built = [feature(self.bus, clock) for feature in features]
+        built += _lidars(settings, self.bus, clock, opener, rng)
         self.features = [*built, *self._own_features(settings, simulated=simulated)]
         methods, topics = methods_and_topics(self.features)
         guard = load_guard(settings.api, os.environ)
@@ -216,6 +218,15 @@ class Daemon:
             finally:
                 self.driving.detach()
                 self.session.close()
+
+
+def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: random.Random) -> list[Feature]:
+    """Loaded only where there is one: scans need numpy."""
+    if not settings.lidar:
+        return []
+    from chefbotd.features.lidars.feature import lidars
+
+    return [lidars(settings.lidar, bus, clock, opener, rng)]
 
 
 def _description(settings: Settings) -> str | None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextData
 from chefbotd.features.description.methods import RobotDescription
 from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
+from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
 from chefbotd.features.odometry.methods import OdometryData
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
@@ -29,6 +30,8 @@ __all__ = [
     "Driven",
     "ImuData",
     "Known",
+    "LidarData",
+    "LidarsData",
     "Limited",
     "LinkData",
     "MapInUse",
@@ -46,6 +49,7 @@ __all__ = [
     "Result",
     "RobotDescription",
     "SafetyData",
+    "ScanData",
     "SimData",
     "StatsData",
     "Taken",
@@ -70,5 +74,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "raw": RawData,
     "stats": StatsData,
     "sim": SimData,
+    "scan": ScanData,
+    "lidars": LidarsData,
 }
 """What a client reads each topic as."""

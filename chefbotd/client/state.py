@@ -10,6 +10,7 @@ from chefbotd.client.models import (
     DATA_BY_TOPIC,
     BatteryData,
     ImuData,
+    LidarsData,
     LinkData,
     OdometryData,
     RangesData,
@@ -90,6 +91,11 @@ class State:
     def battery(self) -> BatteryData:
         """Volts and percent."""
         return self._latest("battery", BatteryData)
+
+    @property
+    def lidars(self) -> LidarsData:
+        """The health of each lidar."""
+        return self._latest("lidars", LidarsData)
 
     @property
     def sim(self) -> SimData:

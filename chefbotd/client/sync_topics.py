@@ -66,6 +66,14 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.SimData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["scan"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.ScanData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["lidars"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.LidarsData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[Any]: ...
 

@@ -65,6 +65,14 @@ class Topics(ABC):
     ) -> Subscription[t.SimData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["scan"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.ScanData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["lidars"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.LidarsData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> Subscription[Any]: ...
 

@@ -1,10 +1,9 @@
 """A serial device in memory: an asyncio transport without a pty, for tests on a virtual clock."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.reconnect import Opener
 
 
 class FakeSerialTransport(asyncio.Transport):
@@ -135,15 +134,3 @@ class FakeSerialDevice:
     def plug(self) -> None:
         """Put the cable back."""
         self.plugged = True
-
-
-def open_by_device(devices: Mapping[str, FakeSerialDevice]) -> Opener:
-    """An opener that finds the fake device by the configured one; of another it says that it is not there."""
-
-    async def open_one(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> asyncio.Transport:
-        device = devices.get(parameters.device)
-        if device is None:
-            raise FileNotFoundError(f"could not open port {parameters.device}: no such device")
-        return await device.open(parameters, protocol)
-
-    return open_one

@@ -17,6 +17,7 @@ from chefbotd.features.driving.methods import DrivingMethods
 from chefbotd.features.driving.methods import methods as driving_methods
 from chefbotd.features.driving.methods import topics as driving_topics
 from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.lidars.feature import topics as lidar_topics
 from chefbotd.features.maps.feature import maps
 from chefbotd.features.maps.service import MapsService
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
@@ -34,9 +35,12 @@ from chefbotd.rpc.method import Method, methods_of
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
+from chefbotd.sensing.lidar import LidarModel, LidarParameters
 
 WHEELS = ("left", "right")
 NO_FOLDER = Path("/nonexistent/maps")
+
+LIDAR = LidarParameters(name="top", model=LidarModel.LD19, device="/dev/ttyUSB0")
 
 STATS = StatsSampled(
     stamp_s=1.0,
@@ -140,7 +144,7 @@ class FakeRobot:
         return replace(STATS, figures={**STATS.figures, "control_steps": len(self.calls)})
 
     def features(self, leases: ControlLeases, clock: Clock, *, simulated: bool = False) -> list[Feature]:
-        """The methods and topics of every feature, over this robot."""
+        """The methods and topics of every feature, over this robot; a simulated one has a lidar as well."""
         driving = DrivingMethods(
             self, leases, clock, sources=self.sources, default_source=self.default_source
         )
@@ -154,7 +158,7 @@ class FakeRobot:
             statistics_without_service(self, Metrics()),
             description(self.description),
             maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
-            *([SIMULATION] if simulated else []),
+            *([SIMULATION, Feature("lidars", topics=lidar_topics([LIDAR]))] if simulated else []),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
         ]
 

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import click
+from msgspec.structs import asdict as as_dictionary
 
 from chefbotd.cli.common import output, state_text
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finite, positive
@@ -44,7 +45,12 @@ def drive(
     allowed = state_text.twist(done.allowed.linear_m_s, done.allowed.angular_rad_s)
     output.say(
         context.as_json,
-        {"moved": moved, "happened": done.happened, "allowed": asdict(done.allowed), **asdict(done.told)},
+        {
+            "moved": moved,
+            "happened": done.happened,
+            "allowed": as_dictionary(done.allowed),
+            **asdict(done.told),
+        },
         f"{done.told.limit_line(allowed)}Moved, seen from the start: {state_text.pose(done.moved)}",
     )
     if not done.happened:

@@ -9,7 +9,10 @@ from chefbotd.cli.common.arguments import positive
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.client import Client
 
-TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "text", "raw", "stats", "sim")
+TOPICS = (
+    *("odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "text", "raw", "stats"),
+    *("sim", "scan", "lidars"),
+)
 """For shell completion only; the daemon knows which topics exist."""
 
 

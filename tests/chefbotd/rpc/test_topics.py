@@ -35,7 +35,7 @@ def data_of(name: str, *seen: Any) -> dict[str, Any]:
 
 
 def test_topics_are_those_of_the_contract() -> None:
-    """The names; the truth only where it is simulated."""
+    """The names; the truth only where it is simulated, lidars only where there is one."""
     contract = [
         "odometry",
         "wheels",
@@ -50,7 +50,7 @@ def test_topics_are_those_of_the_contract() -> None:
         "stats",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
-    assert set(TABLE) == {*contract, "sim"}
+    assert set(TABLE) == {*contract, "sim", "scan", "lidars"}
 
 
 def test_odometry() -> None:
