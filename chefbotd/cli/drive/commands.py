@@ -1,10 +1,9 @@
 """The commands of chefbotctl that drive: for a while, by keyboard, along a square."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
-from msgspec.structs import asdict as as_dictionary
+from msgspec import to_builtins
 
 from chefbotd.cli.common import output, state_text
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, configuration, finite, positive
@@ -48,8 +47,8 @@ def drive(
         {
             "moved": moved,
             "happened": done.happened,
-            "allowed": as_dictionary(done.allowed),
-            **asdict(done.told),
+            "allowed": to_builtins(done.allowed),
+            **to_builtins(done.told),
         },
         f"{done.told.limit_line(allowed)}Moved, seen from the start: {state_text.pose(done.moved)}",
     )

@@ -4,9 +4,9 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from typing import Any
 
+from msgspec import to_builtins
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -83,7 +83,7 @@ def as_json(result: CourseResult, problems: Sequence[str]) -> dict[str, Any]:
         kind: {f"p{p}_ms": 1000 * percentile(of(result.latencies), p) for p in PERCENTS}
         for kind, of in KINDS.items()
     }
-    marks = [asdict(mark) for mark in result.marks]
+    marks = [to_builtins(mark) for mark in result.marks]
     return {"marks": marks, "seconds": result.seconds, "latencies": late, "problems": list(problems)}
 
 

@@ -1,10 +1,10 @@
 """The command of chefbotctl that turns single wheels."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
+from msgspec import to_builtins
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import positive, wheel_speed
@@ -56,7 +56,7 @@ def wheels(
             "velocity_rad_s": done.turned_rad_s,
             "happened": not done.stuck,
             "allowed_rad_s": done.allowed_rad_s,
-            **asdict(done.told),
+            **to_builtins(done.told),
         },
         f"{done.told.limit_line(allowed)}Turned at the end: {turned}",
     )
