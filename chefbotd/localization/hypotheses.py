@@ -28,7 +28,7 @@ class CertaintyParameters(Parameters):
 
     least_fit: float = Field(default=0.5, gt=0, le=1)
     """A place whose scans fit worse is refuted."""
-    refuted_by: float = Field(default=0.3, gt=0, le=1)
+    refuted_by: float = Field(default=0.2, gt=0, le=1)
     """So is one that fits so much worse than the best."""
     rival_within: float = Field(default=0.1, gt=0, le=1)
     """While another place fits worse by less than this, none is sure."""
@@ -129,6 +129,11 @@ def is_look(params: CertaintyParameters, motion: Floats) -> bool:
     return math.hypot(motion[0], motion[1]) >= params.look_m or abs(float(motion[2])) >= params.look_rad
 
 
+def likely(params: CertaintyParameters, among: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
+    """The places that fit as well as the best, or nearly: where the robot may well be."""
+    return tuple(one for one in among if one.fit > among[0].fit - params.rival_within)
+
+
 def sure(
     params: CertaintyParameters, among: tuple[Hypothesis, ...], *, is_complete: bool
 ) -> Hypothesis | None:
@@ -139,7 +144,7 @@ def sure(
     if not among:
         return None
     best = among[0]
-    if any(one.fit > best.fit - params.rival_within for one in among[1:]):
+    if len(likely(params, among)) > 1:
         return None
     if best.overlap < params.least_overlap or sigmas(best.estimate.covariance)[0] > params.vague_m:
         return None

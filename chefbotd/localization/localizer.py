@@ -13,7 +13,7 @@ from pydantic import Field
 from chefbotd.core.parameters import Parameters
 from chefbotd.localization import searching as search_room
 from chefbotd.localization.global_search import GlobalSearchParameters
-from chefbotd.localization.hypotheses import CertaintyParameters, Hypothesis, moved
+from chefbotd.localization.hypotheses import CertaintyParameters, Hypothesis, likely, moved
 from chefbotd.localization.pyramid import pyramid
 from chefbotd.localization.searching import LocalizationMap, Searching, SearchingParameters, SearchSettings
 from chefbotd.localization.smoothing import SmoothingParameters, corrected
@@ -41,7 +41,7 @@ LOOK_AROUND_EVERY = 3
 class WatchParameters(Parameters):
     """When scans that fit or misfit change the state."""
 
-    doubtful_after_s: float = Field(default=0.25, ge=0, le=10)
+    doubtful_after_s: float = Field(default=0.5, ge=0, le=10)
     lost_after_s: float = Field(default=1.5, gt=0, le=60)
     lost_after_scans: int = Field(default=5, ge=1, le=1000)
     """A pose is given up when its scans misfit for so long, and are so many."""
@@ -105,7 +105,7 @@ class Report(NamedTuple):
     """What a step found: ``map_from_base`` is None while there is no one pose.
 
     ``map_from_odom`` follows it smoothly; where it could not, ``jumped`` says so. While it searches or is lost,
-    ``alternatives`` are the places where the robot might be, and ``searched`` is the share of the search that is done.
+    ``alternatives`` are the places where the robot may well be, and ``searched`` is the share of the search that is done.
     """
 
     stamp_s: float
@@ -182,7 +182,7 @@ def step(
     if now.state is State.LOCALIZED and now.estimate is not None and not _is_sure(params.watch, now.estimate):
         now, event = _on(now, Event.MISFITS), Event.MISFITS
     now, jumped = _told(params, now, stamp_s)
-    return now, _report(now, stamp_s, event, jumped)
+    return now, _report(params, now, stamp_s, event, jumped)
 
 
 def advanced(params: LocalizationParameters, within: LocalizationMap, now: Localization) -> Localization:
@@ -316,9 +316,11 @@ def _told(params: LocalizationParameters, now: Localization, stamp_s: float) -> 
     return replace(now, told=told, told_s=stamp_s), jumped
 
 
-def _report(now: Localization, stamp_s: float, event: Event | None, jumped: bool) -> Report:
+def _report(
+    params: LocalizationParameters, now: Localization, stamp_s: float, event: Event | None, jumped: bool
+) -> Report:
     searching = None if now.state in HAS_POSE else now.searching
-    candidates = () if searching is None else searching.candidates
+    candidates = () if searching is None else likely(params.certainty, searching.candidates)
     has_pose = now.state in HAS_POSE
     return Report(
         stamp_s=stamp_s,
