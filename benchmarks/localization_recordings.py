@@ -12,12 +12,12 @@ from benchmarks.figures import Figure
 from benchmarks.slam import points_of
 from chefbotd.localization.localizer import (
     Localization,
-    LocalizationParameters,
     Odometry,
     Report,
     localization_map,
     step,
 )
+from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.states import State
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from chefbotd.core.compiled import kernel
 from chefbotd.core.parameters import Parameters
-from chefbotd.localization.pyramid import BLOCK, CELL_M, LEVELS, Pyramid
-from chefbotd.mapping.local_map import Bytes
+from chefbotd.localization.branch_and_bound import bound, divide
+from chefbotd.localization.pyramid import BLOCK, CELL_M, Pyramid
 from chefbotd.mapping.poses import Floats, wrap
 from chefbotd.mapping.surfaces import Singles
 
@@ -126,12 +125,12 @@ def searched(params: GlobalSearchParameters, search: GlobalSearch) -> GlobalSear
         return search
     if search.bounded < len(search.bounds):
         end = min(search.bounded + params.bounds_a_step, len(search.bounds))
-        _bound(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1],
+        bound(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1],
                search.bounded, end, search.bounds)  # fmt: skip
         return _changed(search, bounded=end)
     order = search.order if len(search.order) else np.argsort(-search.bounds, kind="stable")
     state = np.array([search.best, float(search.divided), float(search.count), 0.0])
-    _divide(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1], search.bounds, order,
+    divide(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1], search.bounds, order,
             params.nearly, params.bounds_a_step, search.found, state)  # fmt: skip
     return _changed(
         search,
@@ -168,138 +167,3 @@ def is_same(params: GlobalSearchParameters, a: Floats, b: Floats) -> bool:
     """Whether two poses are so near to each other that they are one place."""
     turn = abs(math.remainder(float(a[2] - b[2]), math.tau))
     return math.hypot(a[0] - b[0], a[1] - b[1]) < params.apart_m and turn < params.apart_rad
-
-
-@kernel
-def _place(within: Pyramid, points: Singles, heading: float, cells: NDArray[np.int64]) -> None:
-    """The cells that the points fall into from the middle of the first cell."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    for i in range(points.shape[0]):
-        cells[i, 0] = math.floor((cos * points[i, 0] - sin * points[i, 1]) / CELL_M + 0.5)
-        cells[i, 1] = math.floor((sin * points[i, 0] + cos * points[i, 1]) / CELL_M + 0.5)
-
-
-@kernel
-def _mean(level: Bytes, cells: NDArray[np.int64], x: int, y: int) -> float:
-    total, rows, columns = 0, level.shape[0], level.shape[1]
-    count: int = cells.shape[0]
-    for i in range(count):
-        column, row = cells[i, 0] + x, cells[i, 1] + y
-        # A window that begins before the grid may reach into it: the padding is wider than any window.
-        if 0 <= column < columns and 0 <= row < rows:
-            total += int(level[row, column])
-    return total / (255.0 * count)
-
-
-@kernel
-def _bound(
-    within: Pyramid,
-    points: Singles,
-    turns: Floats,
-    across: int,
-    up: int,
-    begin: int,
-    end: int,
-    bounds: Floats,
-) -> None:
-    """Bound the blocks from number ``begin`` to ``end``; a block in which no cell is free scores nothing."""
-    cells = np.empty((points.shape[0], 2), np.int64)
-    placed = -1
-    for k in range(begin, end):
-        turn, block = k // (across * up), k % (across * up)
-        if turn != placed:
-            _place(within, points, turns[turn], cells)
-            placed = turn
-        x, y = BLOCK * (block % across), BLOCK * (block // across)
-        bounds[k] = -1.0
-        if within.is_free[LEVELS, y, x] > 0:
-            bounds[k] = _mean(within.levels[LEVELS], cells, x, y)
-
-
-@kernel
-def _divide(
-    within: Pyramid,
-    points: Singles,
-    turns: Floats,
-    across: int,
-    up: int,
-    bounds: Floats,
-    order: NDArray[np.int64],
-    nearly: float,
-    budget: int,
-    found: Floats,
-    state: Floats,
-) -> None:
-    """Divide blocks in their order until none is left that counts, or the budget is used up.
-
-    ``state`` is the best score, how many blocks are divided, how many poses are found, and 1 when done (2: no room
-    for all).
-    """
-    cells = np.empty((points.shape[0], 2), np.int64)
-    best_leaf, used = np.empty(3), np.zeros(1, np.int64)
-    while int(state[1]) < order.shape[0]:
-        k = order[int(state[1])]
-        if bounds[k] < nearly * state[0]:
-            state[3] = max(state[3], 1.0)
-            return
-        if used[0] >= budget:
-            return
-        turn, block = k // (across * up), k % (across * up)
-        _place(within, points, turns[turn], cells)
-        best_leaf[2] = nearly * state[0]
-        x, y = BLOCK * (block % across), BLOCK * (block // across)
-        _descend(within, cells, x, y, best_leaf, used)
-        state[1] += 1
-        if best_leaf[2] <= nearly * state[0]:
-            continue
-        state[0] = max(state[0], best_leaf[2])
-        if int(state[2]) == found.shape[0] and not _emptied(found, state, nearly):
-            state[3] = 2.0
-            return
-        row = int(state[2])
-        found[row, 0] = within.origin_m[0] + (best_leaf[0] + 0.5) * CELL_M
-        found[row, 1] = within.origin_m[1] + (best_leaf[1] + 0.5) * CELL_M
-        found[row, 2], found[row, 3] = turns[turn], best_leaf[2]
-        state[2] += 1
-    state[3] = max(state[3], 1.0)
-
-
-@kernel
-def _emptied(found: Floats, state: Floats, nearly: float) -> bool:
-    """Drop what no longer counts; whether that made room."""
-    kept = 0
-    for row in range(int(state[2])):
-        if found[row, 3] >= nearly * state[0]:
-            found[kept, :] = found[row, :]
-            kept += 1
-    state[2] = kept
-    return bool(kept < found.shape[0])
-
-
-@kernel
-def _descend(
-    within: Pyramid, cells: NDArray[np.int64], x: int, y: int, best: Floats, used: NDArray[np.int64]
-) -> None:
-    """The best pose of a block, depth first; ``best`` (x, y, score) begins with the score to be above."""
-    stack = np.empty((4 * LEVELS + 4, 3), np.int64)
-    stack[0, 0], stack[0, 1], stack[0, 2] = LEVELS, x, y
-    size = 1
-    while size > 0:
-        size -= 1
-        level, bx, by = stack[size, 0], stack[size, 1], stack[size, 2]
-        if by >= within.is_free.shape[1] or bx >= within.is_free.shape[2]:
-            continue
-        if within.is_free[level, by, bx] == 0:
-            continue
-        score = _mean(within.levels[level], cells, bx, by)
-        used[0] += 1
-        if score <= best[2]:
-            continue
-        if level == 0:
-            best[0], best[1], best[2] = bx, by, score
-            continue
-        half = 1 << (level - 1)
-        for part in range(4):
-            stack[size, 0] = level - 1
-            stack[size, 1], stack[size, 2] = bx + half * (part % 2), by + half * (part // 2)
-            size += 1

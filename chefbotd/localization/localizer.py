@@ -8,20 +8,17 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.localization import searching as search_room
-from chefbotd.localization.global_search import GlobalSearchParameters
-from chefbotd.localization.hypotheses import CertaintyParameters, Hypothesis, likely, moved
+from chefbotd.localization.hypotheses import Hypothesis, likely, moved
+from chefbotd.localization.parameters import LocalizationParameters, WatchParameters
 from chefbotd.localization.pyramid import pyramid
-from chefbotd.localization.searching import LocalizationMap, Searching, SearchingParameters, SearchSettings
-from chefbotd.localization.smoothing import SmoothingParameters, corrected
+from chefbotd.localization.searching import LocalizationMap, Searching
+from chefbotd.localization.smoothing import corrected
 from chefbotd.localization.states import HAS_POSE, NEXT, Event, State
-from chefbotd.localization.surface_map import SurfaceMapParameters, surface_map
+from chefbotd.localization.surface_map import surface_map
 from chefbotd.localization.tracking import (
     Estimate,
-    TrackingParameters,
     motion_covariance,
     predicted,
     sigmas,
@@ -36,41 +33,6 @@ USUAL_SHARE = 0.05
 
 LOOK_AROUND_EVERY = 3
 """Of scans that fit badly in a row, every third is searched further around: that takes long."""
-
-
-class WatchParameters(Parameters):
-    """When scans that fit or misfit change the state."""
-
-    doubtful_after_s: float = Field(default=0.5, ge=0, le=10)
-    lost_after_s: float = Field(default=1.5, gt=0, le=60)
-    lost_after_scans: int = Field(default=5, ge=1, le=1000)
-    """A pose is given up when its scans misfit for so long, and are so many."""
-    confirmed_fit: float = Field(default=0.65, gt=0, le=1)
-    confirmed_scans: int = Field(default=3, ge=1, le=100)
-    """So many scans in a row that fit so well end a doubt."""
-    doubtful_m: float = Field(default=0.5, gt=0, le=10)
-    doubtful_rad: float = Field(default=0.5, gt=0, le=3.2)
-    """An estimate that is less sure than this is doubtful, whatever fits."""
-    given_m: float = Field(default=0.3, gt=0, le=5)
-    given_rad: float = Field(default=0.2, gt=0, le=3.2)
-    """One sigma of a pose that a person gives."""
-
-
-class LocalizationParameters(Parameters):
-    """All of it."""
-
-    surfaces: SurfaceMapParameters = SurfaceMapParameters()
-    tracking: TrackingParameters = TrackingParameters()
-    search: GlobalSearchParameters = GlobalSearchParameters()
-    searching: SearchingParameters = SearchingParameters()
-    certainty: CertaintyParameters = CertaintyParameters()
-    watch: WatchParameters = WatchParameters()
-    smoothing: SmoothingParameters = SmoothingParameters()
-
-    @property
-    def for_search(self) -> SearchSettings:
-        """What a search needs of it."""
-        return SearchSettings(self.tracking, self.search, self.certainty, self.searching)
 
 
 class Odometry(NamedTuple):
@@ -105,7 +67,7 @@ class Report(NamedTuple):
     """What a step found: ``map_from_base`` is None while there is no one pose.
 
     ``map_from_odom`` follows it smoothly; where it could not, ``jumped`` says so. While it searches or is lost,
-    ``alternatives`` are the places where the robot may well be, and ``searched`` is the share of the search that is done.
+    ``alternatives`` are where the robot may well be, and ``searched`` is the share of the search that is done.
     """
 
     stamp_s: float

@@ -10,12 +10,12 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import (
     Localization,
     LocalizationMap,
-    LocalizationParameters,
     Odometry,
     Report,
     advanced,
     step,
 )
+from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import between
 from chefbotd.mapping.state import Scan
