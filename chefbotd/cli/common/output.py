@@ -1,7 +1,7 @@
 """What the commands print: JSON for scripts, tables for people. rich is imported only to draw."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,20 @@ def _table(*columns: str) -> "Table":
 
     folding = [Column(header, overflow="fold") for header in columns]
     return Table(*folding, box=box.SIMPLE_HEAD, pad_edge=False)
+
+
+def table(as_json: bool, value: object, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a JSON object, or a table."""
+
+    def draw() -> "Table":
+        from rich.text import Text
+
+        drawn = _table(*columns)
+        for row in rows:
+            drawn.add_row(*map(Text, row))
+        return drawn
+
+    _show(as_json, value, draw)
 
 
 def status(as_json: bool, answer: Data) -> None:

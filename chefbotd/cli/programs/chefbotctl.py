@@ -13,6 +13,8 @@ from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
 from chefbotd.cli.drive.wheel_commands import wheels
 from chefbotd.cli.look import commands as looking
+from chefbotd.cli.maps.commands import map_group
+from chefbotd.cli.maps.places import places
 from chefbotd.cli.programs.completion import completion
 from chefbotd.cli.programs.program import Program, wants_json
 from chefbotd.cli.tune.commands import pid
@@ -103,6 +105,8 @@ COMMANDS: tuple[click.Command, ...] = (
     stop_arm_reset.estop,
     stop_arm_reset.arm,
     pid,
+    map_group,
+    places,
     stop_arm_reset.reset_odometry,
     stop_arm_reset.reset_board,
     completion,

@@ -1,0 +1,51 @@
+"""How the commands for maps ask the daemon: one that keeps no maps is told so, and files are written whole."""
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TypeVar
+
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.client import CallError, Client
+
+T = TypeVar("T")
+
+
+def ask(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
+    """Run ``action`` with a connected client.
+
+    Raises:
+        ProgramError: any failure, with its exit code.
+    """
+
+    async def asking(robot: Client) -> T:
+        try:
+            return await action(robot)
+        except CallError as error:
+            if error.kind != "method_not_found":
+                raise
+            raise ProgramError(
+                Exit.REFUSED,
+                f"{error.kind}: this daemon keeps no maps: its configuration has no section [maps]",
+                kind=error.kind,
+            ) from error
+
+    return context.run_with_client(asking)
+
+
+def write_file(path: Path, data: bytes, *, force: bool) -> None:
+    """Write a file, whole or not at all; one that exists only by ``force``.
+
+    Raises:
+        ProgramError: it exists, or cannot be written.
+    """
+    if path.exists() and not force:
+        raise ProgramError(Exit.FAILED, f"{path} exists already; --force replaces it")
+    new = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new.write_bytes(data)
+        new.replace(path)
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise ProgramError(Exit.FAILED, f"cannot write {path}: {error.strerror}") from error
