@@ -274,5 +274,5 @@ def _drive_service(
         reader=WheelReader(settings.chassis, settings.encoders, settings.same_side),
         wheel_names=names,
         control=settings.control,
-        duty_ceiling=lambda: session.duty_ceiling,
+        duty_ceiling=session.duty_ceiling,
     )

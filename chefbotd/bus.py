@@ -119,6 +119,7 @@ class Bus:
         self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
         self._of_all: tuple[Inbox[Any], ...] = ()
         self._handlers: dict[type[Any], tuple[tuple[Handler, OnError], ...]] = {}
+        self._routes: dict[type[Any], tuple[tuple[Inbox[Any], ...], tuple[tuple[Handler, OnError], ...]]] = {}
         self._undelivered: list[object] = []
         self._is_held = False
         self.handler_errors: Counter[str] = Counter()
@@ -141,6 +142,7 @@ class Bus:
         inbox = Inbox(self, topics, size, kept)
         for topic in topics:
             self._inboxes[topic] = (*self._inboxes.get(topic, self._of_all), inbox)
+        self._routes.clear()
         return inbox
 
     def subscribe_all(self, size: int) -> Inbox[Any]:
@@ -148,12 +150,14 @@ class Bus:
         inbox: Inbox[Any] = Inbox(self, (), size, ())
         self._of_all = (*self._of_all, inbox)
         self._inboxes = {topic: (*inboxes, inbox) for topic, inboxes in self._inboxes.items()}
+        self._routes.clear()
         return inbox
 
     def unsubscribe(self, inbox: Inbox[Any]) -> None:
         """Take an inbox off the bus; doing it twice is harmless."""
         self._of_all = _without(inbox, self._of_all)
         self._inboxes = {topic: _without(inbox, inboxes) for topic, inboxes in self._inboxes.items()}
+        self._routes.clear()
 
     def add_handler(
         self, handler: Callable[[E], None], *topics: type[E], on_error: OnError | None = None
@@ -171,23 +175,27 @@ class Bus:
         entry = (handler, on_error or _log_error)
         for topic in topics:
             self._handlers[topic] = (*self._handlers.get(topic, ()), entry)
+        self._routes.clear()
 
         def remove() -> None:
             for topic in topics:
                 self._handlers[topic] = _without(entry, self._handlers[topic])
+            self._routes.clear()
 
         return remove
 
     def publish(self, event: object) -> None:
         """Put the event into every inbox of its class, and call every handler of its class."""
         topic = type(event)
-        for inbox in self._inboxes.get(topic, self._of_all):
+        if topic not in self._routes:
+            self._find_route(topic)
+        inboxes, handlers = self._routes[topic]
+        for inbox in inboxes:
             inbox.put(event)
-        if topic not in self._handlers:
-            return
-        self._undelivered.append(event)
-        if not self._is_held:
-            self.deliver()
+        if handlers:
+            self._undelivered.append(event)
+            if not self._is_held:
+                self.deliver()
 
     def hold(self) -> None:
         """Keep what is published from its handlers until ``deliver``: for events that belong together."""
@@ -198,25 +206,34 @@ class Bus:
         self._is_held = True
         try:
             for event in self._undelivered:  # it grows meanwhile
-                self._deliver(event)
+                topic = type(event)
+                if topic not in self._routes:  # somebody came or went meanwhile
+                    self._find_route(topic)
+                for handler, on_error in self._routes[topic][1]:
+                    try:
+                        handler(event)
+                    except Exception as error:  # noqa: BLE001 (handed on)
+                        self._report(event, error, on_error)
         finally:
             self._undelivered.clear()
             self._is_held = False
 
-    def _deliver(self, event: object) -> None:
-        for handler, on_error in self._handlers[type(event)]:
-            try:
-                handler(event)
-            except Exception as error:  # noqa: BLE001 (handed on)
-                self.handler_errors[type(event).__name__] += 1
-                try:
-                    on_error(error)
-                except Exception as another:  # noqa: BLE001 (logged)
-                    _log_error(another)
+    def _report(self, event: object, error: Exception, on_error: OnError) -> None:
+        self.handler_errors[type(event).__name__] += 1
+        try:
+            on_error(error)
+        except Exception as another:  # noqa: BLE001 (logged)
+            _log_error(another)
 
     def wanted(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
-        return bool(self._inboxes.get(topic, self._of_all) or self._handlers.get(topic))
+        if topic not in self._routes:
+            self._find_route(topic)
+        return self._routes[topic] != ((), ())
+
+    def _find_route(self, topic: type[Any]) -> None:
+        """Note who takes a class, until somebody comes or goes: events are published far more often."""
+        self._routes[topic] = self._inboxes.get(topic, self._of_all), self._handlers.get(topic, ())
 
     def drops(self) -> dict[str, int]:
         """Events given up so far, by class name, over all present inboxes."""

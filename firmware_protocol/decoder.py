@@ -1,6 +1,6 @@
 """Bytes -> lines and what they mean: sans-IO, with a bounded buffer."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import Any, TypeAlias
 
 from firmware_protocol.line_codec import LineCodec
@@ -24,7 +24,7 @@ class Decoder:
         self._partial = b""
         self._skipping = False
         self._may_be_cut = False
-        self._classes: dict[type[Any], int] = {}
+        self._classes: defaultdict[type[Any], int] = defaultdict(int)
         self.malformed: Counter[Reason] = Counter()
 
     @property
@@ -66,15 +66,15 @@ class Decoder:
                 continue
             meaning = decode(line) if len(line) <= limit else self._overlong(line)
             meant = type(meaning)
-            first, self._may_be_cut = self._may_be_cut, False
-            if first and meant is Malformed:
-                continue
-            classes[meant] = classes.get(meant, 0) + 1
+            if self._may_be_cut:
+                self._may_be_cut = False
+                if meant is Malformed:
+                    continue
+            classes[meant] += 1
             if type(meaning) is Malformed:  # isinstance would cost every good line three times as much
                 self.malformed[meaning.reason] += 1
-                decoded.append((meaning.line, meaning))
-            else:
-                decoded.append((line, meaning))
+                line = meaning.line
+            decoded.append((line, meaning))
         return decoded
 
     def _overlong(self, line: bytes) -> Malformed:

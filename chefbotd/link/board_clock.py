@@ -73,17 +73,19 @@ class BoardClock:
 
     def observe(self, micros: int, cycle_s: float, host_s: float) -> Verdict:
         """Take a `t` line: µs since boot (uint32), seconds since the cycle before, and when it was read."""
-        if self._last is None:
+        last = self._last
+        if last is None:
             self._accept(_Reading(micros, host_s, host_s))
             return Verdict.GOOD
-        if _follows(self._last, micros, cycle_s, host_s):
-            self._accept(_Reading(micros, self._last.board_s + _step_s(self._last.micros, micros), host_s))
+        if _follows(last, micros, cycle_s, host_s):
+            step_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
+            self._accept(_Reading(micros, last.board_s + step_s, host_s))
             return Verdict.GOOD
         if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
-            return self._reanchor(self._last, micros, host_s)
+            return self._reanchor(last, micros, host_s)
         self.suspects += 1
         self.late_s = 0.0
-        self._suspect = _Reading(micros, self._last.board_s, host_s)
+        self._suspect = _Reading(micros, last.board_s, host_s)
         return Verdict.SUSPECT
 
     def board_s(self, host_s: float) -> float:
@@ -107,7 +109,9 @@ class BoardClock:
     def _accept(self, reading: _Reading) -> None:
         self._last, self._suspect = reading, None
         self.relation.observe(reading.board_s, reading.host_s)
-        self.stamp_s = min(reading.host_s, max(self.stamp_s, self.relation.host_s(reading.board_s)))
+        made_s = self.relation.host_s(reading.board_s)
+        if made_s > self.stamp_s:
+            self.stamp_s = made_s if made_s < reading.host_s else reading.host_s
         self.late_s = reading.host_s - self.stamp_s
 
     def _reanchor(self, last: _Reading, micros: int, host_s: float) -> Verdict:
@@ -115,7 +119,8 @@ class BoardClock:
 
         A board that can have started since the last good reading has, unless it is as far ahead as the host is.
         """
-        ahead_s, elapsed_s = _step_s(last.micros, micros), max(0.0, host_s - last.host_s)
+        ahead_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
+        elapsed_s = max(0.0, host_s - last.host_s)
         restarted = micros * 1e-6 < elapsed_s + RESTART_SLACK_S and not _agree(ahead_s, elapsed_s)
         if ahead_s <= LONGEST_GAP_S and not restarted:
             self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
@@ -125,13 +130,9 @@ class BoardClock:
         return Verdict.RESTARTED if restarted else Verdict.RESYNCED
 
 
-def _step_s(earlier_micros: int, later_micros: int) -> float:
-    return ((later_micros - earlier_micros) % MICROS_PER_TURN) * 1e-6
-
-
 def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> bool:
     """Whether the step since an earlier reading is what the line itself says it is, or what the host saw pass."""
-    step_s = _step_s(earlier.micros, micros)
+    step_s = ((micros - earlier.micros) % MICROS_PER_TURN) * 1e-6
     if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
         return True
     return step_s > 0.0 and _agree(step_s, host_s - earlier.host_s)
@@ -161,31 +162,33 @@ class ClockRelation:
     def _clear(self) -> None:
         self._weight = self._mean_board = self._mean_host = 0.0
         self._var_board = self._covariance = 0.0
+        self._rate = 1.0
         self._newest_board_s = self._scatter_s = 0.0
         self._count = self._left_out_in_a_row = 0
 
     def observe(self, board_s: float, host_s: float) -> None:
         """Fit one more pair of simultaneous readings, unless it came too late to say anything."""
-        if self._count >= self.FIRST_READINGS and self._is_late(host_s - self.host_s(board_s)):
-            return
         if self._count > 1:
-            residual_s = abs(host_s - self.host_s(board_s))
-            self._scatter_s += (residual_s - self._scatter_s) / min(self._count, 200)
+            residual_s = host_s - self.host_s(board_s)
+            if self._count >= self.FIRST_READINGS:
+                if residual_s > self.LATE_FLOOR_S and residual_s > 6 * self._scatter_s:
+                    self._leave_out()
+                    return
+                self._left_out_in_a_row = 0
+            count = self._count if self._count < 200 else 200
+            self._scatter_s += (abs(residual_s) - self._scatter_s) / count
         self._fit(board_s, host_s)
 
-    def _is_late(self, residual_s: float) -> bool:
-        if residual_s <= max(self.LATE_FLOOR_S, 6 * self._scatter_s):
-            self._left_out_in_a_row = 0
-            return False
+    def _leave_out(self) -> None:
         self.excluded += 1
         self._left_out_in_a_row += 1
         if self._left_out_in_a_row >= self.MOST_LEFT_OUT:
             self._clear()
-        return True
 
     def _fit(self, board_s: float, host_s: float) -> None:
-        if self._count:
-            keep = math.exp(-max(0.0, board_s - self._newest_board_s) / self.MEMORY_S)
+        since_s = board_s - self._newest_board_s
+        if self._count and since_s > 0:
+            keep = math.exp(-since_s / self.MEMORY_S)
             self._weight *= keep
             self._var_board *= keep
             self._covariance *= keep
@@ -195,12 +198,9 @@ class ClockRelation:
         self._mean_host += (host_s - self._mean_host) / self._weight
         self._var_board += from_mean_s * (board_s - self._mean_board)
         self._covariance += from_mean_s * (host_s - self._mean_host)
+        self._rate = self._covariance / self._var_board if self._var_board > 1.0 else 1.0
         self._newest_board_s = board_s
         self._count += 1
-
-    @property
-    def _rate(self) -> float:
-        return self._covariance / self._var_board if self._var_board > 1.0 else 1.0
 
     def host_s(self, board_s: float) -> float:
         """Host time at a board time; the board's own before there is anything to go by."""

@@ -1,7 +1,6 @@
 """The lines that go to the board, and above all the stop: at the beginning, before whatever is unsent, at the end."""
 
 import threading
-from collections.abc import Callable
 from typing import Protocol
 
 from chefbotd.bus import Bus
@@ -61,29 +60,31 @@ class BoardWriter:
         with self._port_lock:
             self._port = None
 
-    @property
     def has_drained(self) -> bool:
         """Whether there is a port to speak to, and nothing is unsent there."""
-        return self._port is not None and self._port.get_write_buffer_size() == 0
+        return self._port is not None and not self._port.get_write_buffer_size()
 
-    def say(self, line: bytes) -> None:
+    def say(self, line: bytes, now_s: float) -> None:
         """Write a line after all that is unsent; without a port it is dropped."""
         if self._port is not None:
-            self._pass(self._port.write, line, 1)
+            self._port.write(line)
+            self._note(line, now_s, 1)
 
-    def stop_first(self) -> None:
+    def stop_first(self, now_s: float) -> None:
         """Write a stop before all that is unsent, which is dropped."""
-        self.say_first(self._stop)
+        self.say_first(self._stop, now_s)
 
-    def say_first(self, line: bytes) -> None:
+    def say_first(self, line: bytes, now_s: float) -> None:
         """Write a line before all that is unsent, which is dropped; twice, as what it cuts short takes the first."""
         if self._port is not None:
-            self._pass(self._port.overtake, line, FIRST_STOPS)
+            self._port.overtake(line * FIRST_STOPS)
+            self._note(line, now_s, FIRST_STOPS)
 
     def stop_last(self) -> None:
         """The shutdown stop on this port, which is closed then: stops, instead of all that is unsent."""
         if self._port is not None:
-            self._pass(self._port.close_saying, self._stop, LAST_STOPS)
+            self._port.close_saying(self._stop * LAST_STOPS)
+            self._note(self._stop, self._clock.now_s(), LAST_STOPS)
             self.end()
 
     def stop_from_thread(self) -> bool:
@@ -91,9 +92,8 @@ class BoardWriter:
         with self._port_lock:
             return self._port is not None and self._port.write_from_thread(self._stop * FIRST_STOPS)
 
-    def _pass(self, send: Callable[[bytes], None], line: bytes, times: int) -> None:
-        send(line * times)
-        now_s, text = self._clock.now_s(), line.rstrip(b"\r\n")
+    def _note(self, line: bytes, now_s: float, times: int) -> None:
+        text = line.rstrip(b"\r\n")
         self.lines_out += times
         for _ in range(times):
             self._lines.said.append((now_s, text))

@@ -29,6 +29,7 @@ LAST_WORDS_S = 1.2
 """The sketch may wait a second for an echo, and a board with USB of its own takes nothing meanwhile."""
 
 LOOK_S = 0.001
+READ_BYTES = 4096
 
 
 class LinkParameters(Parameters):
@@ -83,23 +84,30 @@ class BriefSerial(serial.Serial):  # type: ignore[misc]
 
 
 class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
-    """pyserial-asyncio's transport, writing straight to the device while it takes bytes.
+    """pyserial-asyncio's transport, which reads and writes the device itself while that gives and takes bytes.
 
     The library's own ``write`` waits for the loop to say that the device is writable, which costs a turn of the
-    loop for every motor command; its ``abort`` must not be called twice.
+    loop for every motor command; its ``read`` asks the kernel anew what the loop knows; its ``abort`` must not be called
+    twice.
     """
 
     _overtaken = False  # by another thread: what is unsent must not go
 
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, protocol: asyncio.BaseProtocol, port: serial.Serial
+    ) -> None:
+        super().__init__(loop, protocol, port)
+        self._descriptor: int = port.fileno()  # good for as long as this is not closing
+
     def write(self, data: bytes) -> None:
         """Write now what the device takes; the rest follows as soon as it takes more."""
-        if self.is_closing():
+        if self._closing:
             return
         if self._overtaken:
             self.flush()
-        if self.get_write_buffer_size() == 0:
+        if not self._write_buffer:
             try:
-                data = data[os.write(self.serial.fileno(), data) :]
+                data = data[os.write(self._descriptor, data) :]
             except BlockingIOError:
                 pass
             except OSError:
@@ -107,6 +115,23 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
                 return
         if data:
             super().write(data)
+
+    def get_write_buffer_size(self) -> int:
+        """How many bytes are unsent."""
+        return sum(map(len, self._write_buffer)) if self._write_buffer else 0
+
+    def _read_ready(self) -> None:
+        try:
+            data = os.read(self._descriptor, READ_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as error:
+            self._close(error)
+            return
+        if data:
+            self._protocol.data_received(data)
+        else:
+            self._close(OSError("device reports readiness to read but returned no data: was it unplugged?"))
 
     def overtake(self, words: bytes) -> None:
         """Write instead of all that is unsent, in the kernel too where the driver can drop it.

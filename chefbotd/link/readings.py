@@ -9,38 +9,31 @@ from chefbotd.core.events import (
     InertialCounted,
     LineRefused,
     OrientationReported,
+    TextReceived,
     UltrasonicEchoed,
 )
 from chefbotd.core.record import Record
+from chefbotd.link.board_clock import BoardClock
 from firmware_protocol import messages as wire
 
-READINGS: Mapping[type[Any], tuple[type[Record], Callable[[Any, float, float], Record]]] = {
-    wire.UltrasonicDistance: (
-        UltrasonicEchoed,
-        lambda frame, stamp_s, arrival_s: UltrasonicEchoed(stamp_s, arrival_s, frame.distance_cm),
-    ),
-    wire.Orientation: (
-        OrientationReported,
-        lambda frame, stamp_s, arrival_s: OrientationReported(
-            stamp_s, arrival_s, frame.x, frame.y, frame.z, frame.w
+Reading = Callable[[Any, float], Record | None]
+"""The event that a frame stands for, from when its bytes were read; None where it stands for none."""
+
+
+def readings(clock: BoardClock) -> Mapping[type[Any], Reading]:
+    """How each frame of a sensor becomes its measurement: made as long before it was read as the clock's last line."""
+    return {
+        wire.UltrasonicDistance: lambda frame, s: UltrasonicEchoed(s - clock.late_s, s, frame.distance_cm),
+        wire.Orientation: lambda frame, s: OrientationReported(
+            s - clock.late_s, s, frame.x, frame.y, frame.z, frame.w
         ),
-    ),
-    wire.RawImu: (
-        InertialCounted,
-        lambda frame, stamp_s, arrival_s: InertialCounted(
-            stamp_s, arrival_s, frame.acceleration, frame.angular_rate
+        wire.RawImu: lambda frame, s: InertialCounted(
+            s - clock.late_s, s, frame.acceleration, frame.angular_rate
         ),
-    ),
-    wire.BatteryLevel: (
-        BatteryCounted,
-        lambda frame, stamp_s, arrival_s: BatteryCounted(stamp_s, arrival_s, frame.adc),
-    ),
-    wire.AnalogueLevel: (
-        AnalogueCounted,
-        lambda frame, stamp_s, arrival_s: AnalogueCounted(stamp_s, arrival_s, frame.channel, frame.adc),
-    ),
-}
-"""The measurement that each frame becomes, and how: from when it was made and when its bytes were read."""
+        wire.BatteryLevel: lambda frame, s: BatteryCounted(s - clock.late_s, s, frame.adc),
+        wire.AnalogueLevel: lambda frame, s: AnalogueCounted(s - clock.late_s, s, frame.channel, frame.adc),
+        wire.Text: lambda frame, s: TextReceived(s, frame.text),
+    }
 
 
 def refusal(line: wire.Malformed, now_s: float) -> LineRefused:

@@ -52,21 +52,29 @@ class RestartWatch:
 
         A board that has a clock shows it by that, so its counts prove nothing more.
         """
+        if has_clock:
+            if self._said_s is not None:
+                self._count_line()
+            return None
         before = self._before
         silent_s = 0.0 if before is None else now_s - before.stamp_s
-        cause = None if has_clock else self._cause(counts, silent_s)
+        cause = self._cause(counts, silent_s)
         if cause is not None:
             self.restarted()
         elif self._said_s is not None:
-            self._lines_since += 1
-            if self._lines_since >= GONE_ON_LINES:
-                self._said_s, self.has_gone_on = None, True
+            self._count_line()
         if before is not None and cause is None and 0 < silent_s < SILENCE_S:
             moved = zip(before.counts, counts, strict=True)
             self._rates = tuple([(new - old) / silent_s for old, new in moved])
         if before is None or silent_s > 0 or cause is not None:
             self._before = _Counted(now_s, counts)
         return cause
+
+    def _count_line(self) -> None:
+        """A line came after `Reset Done`: enough of them, and the board has gone on."""
+        self._lines_since += 1
+        if self._lines_since >= GONE_ON_LINES:
+            self._said_s, self.has_gone_on = None, True
 
     def _cause(self, counts: tuple[int, ...], silent_s: float) -> str | None:
         if silent_s < SILENCE_S:

@@ -99,8 +99,8 @@ class Restarts:
         if self._reset.is_overdue(now_s):
             self._end(ResetStage.NO_ANSWER)
             return
-        if self._reset.may_ask(now_s) and self._writer.has_drained:
-            self._writer.say(self._request_line)
+        if self._reset.may_ask(now_s) and self._writer.has_drained():
+            self._writer.say(self._request_line, now_s)
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)

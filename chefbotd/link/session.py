@@ -1,7 +1,6 @@
 """The board as seen from the wire: bytes in, stamped events out; duties in, bytes out."""
 
 import asyncio
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, cast
 
@@ -15,6 +14,7 @@ from chefbotd.core.events import (
     DutyWritten,
     EdgesSeen,
     EncodersCounted,
+    LineRefused,
     LineSeen,
     LinkClosed,
     LinkHealthChanged,
@@ -22,14 +22,13 @@ from chefbotd.core.events import (
     LinkOpened,
     TextReceived,
 )
-from chefbotd.core.record import Record
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
 from chefbotd.link.cycle_clock import CycleClock
 from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import Condition, show
 from chefbotd.link.link_monitor import LinkMonitor
-from chefbotd.link.readings import READINGS, refusal
+from chefbotd.link.readings import Reading, readings, refusal
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.ring import LineRing
 from chefbotd.link.send_window import SendWindow
@@ -72,13 +71,14 @@ class BoardSession(asyncio.Protocol):
         self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._still = (0,) * variant.wheels
         self._line = lru_cache(maxsize=LINES_CACHED)(self._encode_duty)
+        size_of = lru_cache(maxsize=LINES_CACHED)(lambda duty: len(self._line(duty)))
         self.lines = LineRing()
         self._writer = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
         self._restarts = Restarts(bus, clock, self._writer, self._encoder.encode(wire.ResetBoard()))
-        self._window = SendWindow(board_buffer_bytes, variant.wheels, lambda duty: len(self._line(duty)))
+        self._window = SendWindow(board_buffer_bytes, variant.wheels, size_of)
         self._setpoints = SetpointWriter(
             self._write_duty,
-            lambda: self._writer.has_drained,
+            self._writer.has_drained,
             clock.now_s,
             interval_s=1.0 / setpoints_per_s,
             window=self._window,
@@ -89,14 +89,13 @@ class BoardSession(asyncio.Protocol):
         self.monitor = LinkMonitor(self._decoder, health_after_s=health_after_s)
         self.is_open = False  # whether a port is connected
         self.opens = 0
-        self._handlers: dict[type[Any], Callable[[Any, float], None]] = {
-            **{frame: self._passing_on(*reading) for frame, reading in READINGS.items()},
+        self._events: dict[type[Any], Reading] = {
+            **readings(self.board_clock),
             wire.BoardTime: self._on_time,
             wire.EncoderCounts: self._on_encoders,
             wire.DutyEcho: self._on_echo,
             wire.QuadratureEdges: self._on_edges,
             wire.QuadratureStill: self._on_edges,
-            wire.Text: self._on_text,
             wire.Banner: self._on_banner,
             wire.ResetDone: self._on_reset_done,
             wire.Malformed: self._on_malformed,
@@ -113,8 +112,8 @@ class BoardSession(asyncio.Protocol):
         self.opens += 1
         now_s = self._clock.now_s()
         self.monitor.begin(now_s)
-        self._writer.stop_first()
-        self._wrote(self._still, FIRST_STOPS)
+        self._writer.stop_first(now_s)
+        self._wrote(self._still, now_s, FIRST_STOPS)
         self._bus.publish(LinkOpened(now_s, self._device))
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -135,14 +134,17 @@ class BoardSession(asyncio.Protocol):
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
         self.monitor.take(data)
-        listened, keep = self._bus.wanted(LineSeen), self.lines.heard.append
-        self._bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
+        told = self._decoder.feed(data)
+        self.lines.heard.extend([(now_s, line) for line, _ in told])
+        bus, events, listened = self._bus, self._events, self._bus.wanted(LineSeen)
+        bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
         try:
-            for line, message in self._decoder.feed(data):
-                keep((now_s, line))
+            for line, message in told:
                 if listened:
-                    self._bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
-                self._handlers[type(message)](message, now_s)
+                    bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
+                event = events[type(message)](message, now_s)
+                if event is not None:
+                    bus.publish(event)
         finally:
             self._bus.deliver()
         self._setpoints.heard()
@@ -186,12 +188,11 @@ class BoardSession(asyncio.Protocol):
         if self.is_open:
             self._setpoints.offer(self._still if self._restarts.holds_motion else duty)
 
-    @property
-    def duty_ceiling(self) -> tuple[int, ...] | None:
+    def duty_ceiling(self, now_s: float) -> tuple[int, ...] | None:
         """How hard each wheel may be pushed while the board takes nothing that is faster; None: no such limit."""
         if not self.is_open:
             return None
-        return self._still if self._restarts.holds_motion else self._setpoints.ceiling
+        return self._still if self._restarts.holds_motion else self._setpoints.ceiling(now_s)
 
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
@@ -219,59 +220,55 @@ class BoardSession(asyncio.Protocol):
         self._setpoints.forget()
         self._writer.stop_last()
 
-    def _write_duty(self, duty: tuple[int, ...]) -> None:
-        if self._writer.has_drained:
-            self._writer.say(self._line(duty))
-            self._wrote(duty, 1)
-        else:  # only what slows is written all the same
-            self._writer.say_first(self._line(duty))
-            self._wrote(duty, FIRST_STOPS)
+    def _write_duty(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
+        if first:  # only what slows
+            self._writer.say_first(self._line(duty), now_s)
+            self._wrote(duty, now_s, FIRST_STOPS)
+        else:
+            self._writer.say(self._line(duty), now_s)
+            self._wrote(duty, now_s, 1)
 
     def _encode_duty(self, duty: tuple[int, ...]) -> bytes:
         return self._encoder.encode(wire.SetDuty(duty))
 
-    def _wrote(self, duty: tuple[int, ...], times: int) -> None:
-        now_s = self._clock.now_s()
+    def _wrote(self, duty: tuple[int, ...], now_s: float, times: int) -> None:
         self._window.note(duty, now_s, times)
-        self._bus.publish(DutyWritten(now_s, duty))
+        if self._bus.wanted(DutyWritten):
+            self._bus.publish(DutyWritten(now_s, duty))
 
     # What the board says
 
-    def _on_time(self, message: wire.BoardTime, now_s: float) -> None:
+    def _on_time(self, message: wire.BoardTime, now_s: float) -> EdgesSeen | None:
         verdict = self.board_clock.observe(message.micros, message.cycle_s, now_s)
         self._cycle_has_time = verdict is not Verdict.SUSPECT
         if verdict is Verdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
-        if self._edges is not None and not self.board_clock.in_doubt:
-            self._window.cycle(now_s)
-            bursts = self._edges.empty()
-            totals = {burst.wheel: burst.total for burst in bursts}
-            if len(totals) == len(self._still):
-                self._restarts.turned(tuple(totals[wheel] for wheel in sorted(totals)), now_s)
-            board_s = self.board_clock.board_s(now_s)
-            self._bus.publish(EdgesSeen(self.board_clock.stamp_s, now_s, board_s, bursts))
+        if self._edges is None or self.board_clock.in_doubt:
+            return None
+        self._window.cycle(now_s)
+        board_s = self.board_clock.board_s(now_s)
+        return EdgesSeen(self.board_clock.stamp_s, now_s, board_s, self._edges.empty())
 
-    def _on_echo(self, message: wire.DutyEcho, now_s: float) -> None:
+    def _on_echo(self, message: wire.DutyEcho, now_s: float) -> DutyEchoed:
         self._window.echoed(message.duty)
         self._restarts.echoed(message.duty, now_s)
-        self._bus.publish(DutyEchoed(now_s - self.board_clock.late_s, now_s, message.duty))
+        return DutyEchoed(now_s - self.board_clock.late_s, now_s, message.duty)
 
     def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
         if self._edges is not None:
             self._edges.put(message)
 
-    def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> None:
+    def _on_encoders(self, message: wire.EncoderCounts, now_s: float) -> EncodersCounted | None:
         """Counts are stamped with their cycle's own time; in doubt about it they wait for the next cycle."""
         self._window.cycle(now_s)
         if self.board_clock.in_doubt:
-            return
+            return None
         stamp_s, board_s = self._printed_s(now_s)
         cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
         if cause is not None:
             self._restarted(now_s, cause)
-        self._restarts.turned(message.counts, now_s)
-        self._bus.publish(EncodersCounted(stamp_s, now_s, board_s, message.counts))
+        return EncodersCounted(stamp_s, now_s, board_s, message.counts)
 
     def _printed_s(self, now_s: float) -> tuple[float, float]:
         """By the host and by the board: the cycle's own time; the read's where that was lost; else by even cycles."""
@@ -284,36 +281,22 @@ class BoardSession(asyncio.Protocol):
             return self.board_clock.stamp_s, clock_s
         return now_s - self.board_clock.late_s, self.board_clock.board_s(now_s)
 
-    def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> None:
+    def _on_reset_done(self, message: wire.ResetDone, now_s: float) -> TextReceived:
         self._restarts.reset_done(now_s)
-        self._bus.publish(TextReceived(now_s, RESET_DONE))
+        return TextReceived(now_s, RESET_DONE)
 
-    def _on_text(self, message: wire.Text, now_s: float) -> None:
-        self._bus.publish(TextReceived(now_s, message.text))
-
-    def _on_banner(self, message: wire.Banner, now_s: float) -> None:
+    def _on_banner(self, message: wire.Banner, now_s: float) -> TextReceived:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
         if self.board_clock.latest_s is not None:
             self.board_clock.restart()
             self._restarted(now_s, f"it printed {message.text!r}")
-        self._bus.publish(TextReceived(now_s, message.text))
+        return TextReceived(now_s, message.text)
 
-    def _on_malformed(self, message: wire.Malformed, now_s: float) -> None:
+    def _on_malformed(self, message: wire.Malformed, now_s: float) -> LineRefused:
         self._log.warning(
             "line refused", reason=message.reason, line=show(message.line), detail=message.detail
         )
-        self._bus.publish(refusal(message, now_s))
-
-    def _passing_on(
-        self, topic: type[Record], event_of: Callable[[Any, float, float], Record]
-    ) -> Callable[[Any, float], None]:
-        bus, clock = self._bus, self.board_clock
-
-        def pass_on(message: Any, now_s: float) -> None:
-            if bus.wanted(topic):
-                bus.publish(event_of(message, now_s - clock.late_s, now_s))
-
-        return pass_on
+        return refusal(message, now_s)
 
     def _restarted(self, now_s: float, cause: str) -> None:
         self._window.restarted()

@@ -14,14 +14,15 @@ class SetpointWriter:
 
     Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
 
-    ``write`` puts one command on the wire. ``idle`` tells whether the transport has nothing left to send: a command that
-    makes a wheel faster waits for that, one that slows goes instead of what is unsent. ``window`` says what the board
-    can take. Call ``resume`` when the transport has drained, or the board has spoken.
+    ``write`` puts one command on the wire at a time, before what is unsent if it is told so. ``idle`` tells whether the
+    transport has nothing left to send: a command that makes a wheel faster waits for that, one that slows goes instead
+    of what is unsent. ``window`` says what the board can take. Call ``resume`` when the transport has drained, or the
+    board has spoken.
     """
 
     def __init__(
         self,
-        write: Callable[[Duty], None],
+        write: Callable[[Duty, float, bool], None],
         idle: Callable[[], bool],
         now_s: Callable[[], float],
         interval_s: float,
@@ -35,38 +36,39 @@ class SetpointWriter:
         self._window = window
         self.replaced = 0
 
-    @property
-    def ceiling(self) -> Duty | None:
+    def ceiling(self, now_s: float) -> Duty | None:
         """What was last written, while something waits that is faster, or would; None while nothing is held back."""
         waits = self._pending is not None and self._timer is None
-        if waits or self._window.echo_is_stuck(self._now_s()):
-            return self._window.newest
-        return None
+        return self._window.newest if waits or self._window.echo_is_stuck(now_s) else None
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
         if self._pending not in (None, duty):
             self.replaced += 1
-        self._pending = duty
-        wait_s = 0.0 if self._ends_motion(duty) else self._paid_s - self._interval_s - self._now_s()
-        if wait_s > 0:
+        self._pending, now_s = duty, self._now_s()
+        wait_s = self._paid_s - self._interval_s - now_s
+        if wait_s > 0 and not self._ends_motion(duty):
             self._wake_in(wait_s)
         else:
-            self.resume()
+            self._send(now_s)
 
     def resume(self) -> None:
         """Send what waits, if nothing holds it back."""
-        self._cancel_timer()
-        duty, now_s = self._pending, self._now_s()  # another thread may withdraw what waits at any moment
-        if duty is None or not (self._idle() or self._overtakes(duty)):
+        self._send(self._now_s())
+
+    def _send(self, now_s: float) -> None:
+        if self._timer is not None:
+            self._cancel_timer()
+        duty, idle = self._pending, self._idle()  # another thread may withdraw what waits at any moment
+        if duty is None or not (idle or self._overtakes(duty)):
             return
         if not self._window.admit(duty, now_s):
             if duty == self._window.newest:  # it was said already
                 self._pending = None
             return
         self._pending, self._written = None, duty
-        self._paid_s = max(self._paid_s, now_s) + self._interval_s
-        self._write(duty)
+        self._paid_s = (self._paid_s if self._paid_s > now_s else now_s) + self._interval_s
+        self._write(duty, now_s, not idle)
 
     def heard(self) -> None:
         """The board said something: what it had to wait for may go."""

@@ -60,7 +60,7 @@ class DriveService:
         reader: WheelReader,
         wheel_names: tuple[str, ...],
         control: ControlParameters,
-        duty_ceiling: Callable[[], tuple[int, ...] | None] = lambda: None,
+        duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, clock, send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
@@ -236,7 +236,7 @@ class DriveService:
             apart=apart,
             substitutes=seen.same_side.substitutes,
         )
-        self._state = ceiling.under(self._duty_ceiling(), before, after)
+        self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, excluded = event.stamp_s, seen.same_side.excluded
@@ -268,7 +268,7 @@ class DriveService:
         else:
             apart = decision.limited_by is not None
             after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
-            self._state = ceiling.under(self._duty_ceiling(), before, after)
+            self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
         if repeat or self._state.duty != before.duty or not any(self._state.duty):
             self._send_duty(self._state.duty)
         self._keeper.announce(now_s)

@@ -93,7 +93,7 @@ def said_last(variant: Variant) -> bytes:
 def said_first(variant: Variant) -> bytes:
     """What opens, and what overtakes."""
     speech, port, _, _ = speaking(variant)
-    speech.stop_first()
+    speech.stop_first(5.0)
     return port.taken
 
 
@@ -130,8 +130,8 @@ def test_every_line_is_counted_kept_and_published():
     """A command, the stop that overtakes it and the shutdown stop: each line of them, with its time."""
     speech, _, bus, lines = speaking()
     seen = bus.subscribe(LineSeen)
-    speech.say(b"s 1 2\r")
-    speech.stop_first()
+    speech.say(b"s 1 2\r", 5.0)
+    speech.stop_first(5.0)
     speech.stop_last()
     told = [b"s 1 2", *[b"s 0 0"] * 6]
     assert [seen.take().line for _ in range(len(seen))] == told
@@ -144,10 +144,10 @@ def test_after_the_shutdown_stop_nothing_is_said():
     speech, port, _, _ = speaking()
     speech.stop_last()
     taken = port.taken
-    speech.say(b"s 1 2\r")
-    speech.stop_first()
+    speech.say(b"s 1 2\r", 5.0)
+    speech.stop_first(5.0)
     speech.stop_last()
     assert not speech.stop_from_thread()
     assert port.closed
     assert port.taken == taken
-    assert not speech.has_drained
+    assert not speech.has_drained()

@@ -302,7 +302,7 @@ def test_a_reset_waits_until_the_stop_is_in_force():
         assert told(bench) == ["stopping", "asked"]
         await asyncio.sleep(1.0)
         bench.session.send_duty((70, 60))
-        assert bench.session.duty_ceiling == (0, 0)
+        assert bench.session.duty_ceiling(LoopClock().now_s()) == (0, 0)
         assert {duty for _, duty in bench.board.duties} == {(100, -80), (0, 0)}
 
     on_bench(scenario)
@@ -366,7 +366,7 @@ def test_a_reset_ends_when_the_board_is_back():
         assert bench.session.board_restarts == 1
         bench.session.send_duty((70, 60))
         assert bench.board.duty == (70, 60)
-        assert bench.session.duty_ceiling is None
+        assert bench.session.duty_ceiling(LoopClock().now_s()) is None
 
     on_bench(scenario)
 
@@ -514,7 +514,7 @@ def test_a_board_whose_echo_stands_still_is_told_nothing_faster():
             bench.board.say(wire.DutyEcho((-5.0, 5.0)))
             await asyncio.sleep(0.02)
         held = bench.board.duty
-        assert held == bench.session.duty_ceiling
+        assert held == bench.session.duty_ceiling(LoopClock().now_s())
         assert -18 <= held[0] <= -15
         bench.session.send_duty((held[0] + 2, held[1] - 3))
         assert bench.board.duty == (held[0] + 2, held[1] - 3)

@@ -19,8 +19,8 @@ class Wire:
             self._take, lambda: not self.busy, LoopClock().now_s, interval_s=0.005, window=self.window
         )
 
-    def _take(self, duty: tuple[int, ...]) -> None:
-        self.window.note(duty, LoopClock().now_s())
+    def _take(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
+        self.window.note(duty, now_s)
         self.written.append((round(LoopClock().now_s() - self.start_s, 6), duty))
 
 
@@ -121,12 +121,12 @@ def test_behind_a_full_board_the_newest_waits_for_a_sign():
             wire.writer.offer((number, -number))
             await asyncio.sleep(0.01)
         first = [duty for _, duty in wire.written]
-        assert wire.writer.ceiling == first[-1]
+        assert wire.writer.ceiling(LoopClock().now_s()) == first[-1]
         for _ in range(3):
             wire.window.cycle(LoopClock().now_s())
             wire.writer.heard()
             await asyncio.sleep(0.02)
-        assert wire.writer.ceiling is None
+        assert wire.writer.ceiling(LoopClock().now_s()) is None
         return [duty for _, duty in wire.written]
 
     assert run_virtual(scenario()) == [(1, -1), (2, -2), (3, -3), (30, -30)]
@@ -210,11 +210,11 @@ def test_behind_a_busy_wire_what_slows_goes_at_once_and_what_is_faster_waits():
     async def scenario() -> list[tuple[int, ...]]:
         wire = Wire()
         wire.writer.offer((55, -40))
-        assert wire.writer.ceiling is None
+        assert wire.writer.ceiling(LoopClock().now_s()) is None
         wire.busy = True
         await asyncio.sleep(0.01)
         wire.writer.offer((60, -45))
-        assert wire.writer.ceiling == (55, -40)
+        assert wire.writer.ceiling(LoopClock().now_s()) == (55, -40)
         await asyncio.sleep(0.01)
         wire.writer.offer((50, -30))
         await asyncio.sleep(0.01)
