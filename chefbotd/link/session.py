@@ -246,8 +246,11 @@ class BoardSession(asyncio.Protocol):
         if self._edges is None or self.board_clock.in_doubt:
             return None
         self._window.cycle(now_s)
-        board_s = self.board_clock.board_s(now_s)
-        return EdgesSeen(self.board_clock.stamp_s, now_s, board_s, self._edges.empty())
+        bursts = self._edges.empty()
+        totals = {burst.wheel: burst.total for burst in bursts}
+        if len(totals) == len(self._still):
+            self._restarts.turned(tuple(totals[wheel] for wheel in sorted(totals)), now_s)
+        return EdgesSeen(self.board_clock.stamp_s, now_s, self.board_clock.board_s(now_s), bursts)
 
     def _on_echo(self, message: wire.DutyEcho, now_s: float) -> DutyEchoed:
         self._window.echoed(message.duty)
@@ -268,6 +271,7 @@ class BoardSession(asyncio.Protocol):
         cause = self._restarts.counted(now_s, message.counts, has_clock=self.board_clock.latest_s is not None)
         if cause is not None:
             self._restarted(now_s, cause)
+        self._restarts.turned(message.counts, now_s)
         return EncodersCounted(stamp_s, now_s, board_s, message.counts)
 
     def _printed_s(self, now_s: float) -> tuple[float, float]:

@@ -6,6 +6,7 @@ needs no measurement: limiter, feedforward and the proportional term (``retarget
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import truediv
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelVelocities
@@ -92,7 +93,7 @@ class Drive:
         asked = Asked(dt_s, state.setpoint_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)
-        if is_rest(target) and not any(state.setpoint_m_s):
+        if not any(state.setpoint_m_s) and is_rest(target):
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.longest_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
@@ -145,18 +146,15 @@ class Drive:
 
     def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
         """What each wheel is asked to turn at."""
-        return tuple([v / r for v, r in zip(state.setpoint_m_s, self._kinematics.radii_m, strict=True)])
+        return tuple(map(truediv, state.setpoint_m_s, self._kinematics.radii_m))
 
     def effort(self, state: DriveState) -> tuple[float, ...]:
         """The duty in force per wheel, less what scrubbing may take, as a share of the range; forward is positive."""
-        scrub_duty = STICTION * self._scrub_duty(state)
-        wheels = zip(state.duty, self._motor_signs, strict=True)
-        return tuple(
-            [
-                math.copysign(max(0.0, abs(duty) - scrub_duty), duty * sign) / self._parameters.max_duty
-                for duty, sign in wheels
-            ]
-        )
+        scrub_duty, full = STICTION * self._scrub_duty(state), self._parameters.max_duty
+        forward = [duty * sign / full for duty, sign in zip(state.duty, self._motor_signs, strict=True)]
+        if scrub_duty:
+            forward = [math.copysign(max(0.0, abs(share) - scrub_duty / full), share) for share in forward]
+        return tuple(forward)
 
     def _scrub_duty(self, state: DriveState) -> float:
         """What a commanded turn adds to each wheel's friction; 0 where the setpoints of a side differ."""
@@ -168,8 +166,8 @@ class Drive:
 
     def _duty(self, outputs: Sequence[float]) -> tuple[int, ...]:
         most = self._parameters.max_duty
-        wheels = zip(outputs, self._motor_signs, strict=True)
-        return tuple([min(most, max(-most, round(output))) * sign for output, sign in wheels])
+        wheels = zip(map(round, outputs), self._motor_signs, strict=True)
+        return tuple([(most if d > most else -most if d < -most else d) * sign for d, sign in wheels])
 
     def _share_left(
         self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float
@@ -179,6 +177,8 @@ class Drive:
         for gains, output, setpoint, speed in zip(
             self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
         ):
-            if abs(output) >= gains.output_limit and abs(setpoint) - abs(speed) > LAGGING_M_S:
+            saturated = not -gains.output_limit < output < gains.output_limit
+            if saturated and abs(setpoint) - abs(speed) > LAGGING_M_S:
                 change = -self._parameters.yield_per_s
-        return min(1.0, max(LEAST_SHARE, state.share + change * dt_s))
+        share = state.share + change * dt_s
+        return 1.0 if share > 1.0 else LEAST_SHARE if share < LEAST_SHARE else share

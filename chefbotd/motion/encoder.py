@@ -7,7 +7,7 @@ nothing is lost. One that is possible and far from where the wheels were heading
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from operator import add, mul
 
 from pydantic import Field
 
@@ -34,7 +34,7 @@ class EncoderParameters(Parameters):
     max_acceleration_rad_s2: float | None = Field(default=None, gt=0, le=1e5)
 
 
-class Sample(NamedTuple):
+class Sample(Record, frozen=True):
     """All wheels' counts at one board time."""
 
     board_s: float
@@ -46,13 +46,14 @@ class EncodersState(Record, frozen=True):
 
     ``base`` is the last good reading as on the wire (None: the next reading becomes the reference).
     ``totals`` are the signed counts since the start, integers so that positions are exact. ``window`` holds
-    the latest totals, newest last. ``suspect`` is the last refused reading and ``agreeing`` how many before
-    it, itself included, fit together.
+    the latest totals, newest last, and ``velocity_rad_s`` is the mean over it. ``suspect`` is the last refused
+    reading and ``agreeing`` how many before it, itself included, fit together.
     """
 
     base: Sample | None = None
     totals: tuple[int, ...] = ()
     window: tuple[Sample, ...] = ()
+    velocity_rad_s: tuple[float, ...] = ()
     suspect: Sample | None = None
     agreeing: int = 0
 
@@ -102,13 +103,15 @@ def decode(
     without a good reading that a wheel may have gone half round the counter, its way is ambiguous: the reading is a new
     reference. Raises ``ValueError`` unless there is one count per sign.
     """
-    sample = Sample(board_s, counts)
-    if state.base is None or _may_have_gone_round(params, board_s - state.base.board_s):
+    sample, base = Sample(board_s, counts), state.base
+    if base is None:
         return _take_reference(params, signs, state, sample)
-    deltas = _deltas(params, state.base, sample)
-    jumped = _impossible(params, deltas, board_s - state.base.board_s)
-    if jumped:
-        return _refuse(params, state, sample, jumped)
+    most = _most_counts(params, board_s - base.board_s)
+    if most >= 1 << (params.width_bits - 1):
+        return _take_reference(params, signs, state, sample)
+    deltas = _deltas(params, base, sample)
+    if max(map(abs, deltas)) > most:
+        return _refuse(params, state, sample, tuple([i for i, d in enumerate(deltas) if abs(d) > most]))
     if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state.suspect, sample):
         waiting = replace(state, suspect=sample, agreeing=0)
         return waiting, replace(_no_travel(params, waiting), unconfirmed=True)
@@ -117,7 +120,7 @@ def decode(
         return turned, reading
     signed = tuple([sign * rate for sign, rate in zip(signs, rate_counts_s, strict=True)])
     velocity_rad_s = _standing_still(params, _radians(params, signed))
-    since_last_s = max(0.0, board_s - state.base.board_s)
+    since_last_s = max(0.0, board_s - base.board_s)
     return turned, replace(reading, velocity_rad_s=velocity_rad_s, measured_over_s=since_last_s)
 
 
@@ -127,8 +130,7 @@ def _take_reference(
     if len(sample.counts) != len(signs):
         raise ValueError(f"expected {len(signs)} counts, got {sample.counts}")
     totals = state.totals or (0,) * len(signs)
-    window = (Sample(sample.board_s, totals),)
-    rebased = EncodersState(base=sample, totals=totals, window=window)
+    rebased = _standing(sample, totals)
     return rebased, _no_travel(params, rebased, rebased=True)
 
 
@@ -139,17 +141,22 @@ def _accept(
     sample: Sample,
     deltas: tuple[int, ...],
 ) -> tuple[EncodersState, Reading]:
-    steps = tuple([sign * delta for sign, delta in zip(signs, deltas, strict=True)])
-    totals = tuple([total + step for total, step in zip(state.totals, steps, strict=True)])
+    steps = tuple(map(mul, signs, deltas))
+    totals = tuple(map(add, state.totals, steps))
     window = _extend(state.window, Sample(sample.board_s, totals), params.velocity_window)
-    turned = EncodersState(base=sample, totals=totals, window=window)
+    velocity_rad_s = _velocity(params, window)
     reading = Reading(
         _radians(params, steps),
         _radians(params, totals),
-        _velocity(params, window),
+        velocity_rad_s,
         measured_over_s=sample.board_s - window[0].board_s,
     )
-    return turned, reading
+    return EncodersState(sample, totals, window, velocity_rad_s), reading
+
+
+def _standing(sample: Sample, totals: tuple[int, ...]) -> EncodersState:
+    """The state after a reading that is a new reference."""
+    return EncodersState(sample, totals, (Sample(sample.board_s, totals),), (0.0,) * len(totals))
 
 
 def _refuse(
@@ -159,9 +166,7 @@ def _refuse(
     if agreeing < params.confirmations:
         waiting = replace(state, suspect=sample, agreeing=agreeing)
         return waiting, _no_travel(params, waiting, jumped)
-    window = (Sample(sample.board_s, state.totals),)
-    moved = EncodersState(base=sample, totals=state.totals, window=window)
-    return moved, replace(_no_travel(params, state, jumped), rebased=True)
+    return _standing(sample, state.totals), replace(_no_travel(params, state, jumped), rebased=True)
 
 
 def _no_travel(
@@ -170,7 +175,7 @@ def _no_travel(
     """The position and velocity that the state already had."""
     nothing = (0.0,) * len(state.totals)
     position_rad = _radians(params, state.totals)
-    return Reading(nothing, position_rad, _velocity(params, state.window), jumped, rebased)
+    return Reading(nothing, position_rad, state.velocity_rad_s, jumped, rebased)
 
 
 def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[int, ...]:
@@ -183,18 +188,9 @@ def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[i
 
 def _most_counts(params: EncoderParameters, elapsed_s: float) -> float:
     """How far a wheel can have turned; time that went back is no time at all."""
-    turns = params.max_speed_rad_s * max(elapsed_s, 0.0) / math.tau
-    return turns * params.counts_per_turn + params.slack_counts
-
-
-def _may_have_gone_round(params: EncoderParameters, elapsed_s: float) -> bool:
-    return _most_counts(params, elapsed_s) >= 1 << (params.width_bits - 1)
-
-
-def _impossible(params: EncoderParameters, deltas: tuple[int, ...], elapsed_s: float) -> tuple[int, ...]:
-    """The wheels that cannot have turned that far."""
-    most = _most_counts(params, elapsed_s)
-    return tuple([i for i, delta in enumerate(deltas) if abs(delta) > most])
+    if elapsed_s <= 0:
+        return params.slack_counts
+    return params.max_speed_rad_s * elapsed_s / math.tau * params.counts_per_turn + params.slack_counts
 
 
 def _surprises(
@@ -215,8 +211,8 @@ def _surprises(
     radians_per_count = math.tau / params.counts_per_turn
     tolerance_rad = params.max_acceleration_rad_s2 * elapsed_s * span_s / 2
     tolerance = tolerance_rad / radians_per_count + params.slack_counts
-    for sign, delta, velocity_rad_s in zip(signs, deltas, _velocity(params, state.window), strict=True):
-        if abs(sign * delta - velocity_rad_s * elapsed_s / radians_per_count) > tolerance:
+    for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True):
+        if not -tolerance <= sign * delta - velocity_rad_s * elapsed_s / radians_per_count <= tolerance:
             return True
     return False
 
@@ -224,7 +220,9 @@ def _surprises(
 def _fits(params: EncoderParameters, before: Sample | None, after: Sample) -> bool:
     if before is None:
         return False
-    return not _impossible(params, _deltas(params, before, after), after.board_s - before.board_s)
+    return max(map(abs, _deltas(params, before, after))) <= _most_counts(
+        params, after.board_s - before.board_s
+    )
 
 
 def _extend(window: tuple[Sample, ...], newest: Sample, size: int) -> tuple[Sample, ...]:
@@ -239,13 +237,15 @@ def _velocity(params: EncoderParameters, window: tuple[Sample, ...]) -> tuple[fl
     if oldest is newest:
         return (0.0,) * len(newest.counts)
     scale = math.tau / params.counts_per_turn / (newest.board_s - oldest.board_s)
-    velocity = [(new - old) * scale for old, new in zip(oldest.counts, newest.counts, strict=True)]
-    return _standing_still(params, velocity)
+    return _standing_still(
+        params, [(new - old) * scale for old, new in zip(oldest.counts, newest.counts, strict=True)]
+    )
 
 
 def _standing_still(params: EncoderParameters, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
     """The velocities, with those too slow to be told from none at zero."""
-    return tuple([v if abs(v) >= params.standstill_rad_s else 0.0 for v in velocity_rad_s])
+    least = params.standstill_rad_s
+    return tuple([0.0 if -least < v < least else v for v in velocity_rad_s])
 
 
 def _radians(params: EncoderParameters, counts: Sequence[float]) -> tuple[float, ...]:

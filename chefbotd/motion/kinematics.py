@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from enum import StrEnum
-from statistics import fmean
+from operator import mul
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -77,7 +77,7 @@ class Kinematics:
 
     def rims_at_m_s(self, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
         """How fast the rims of wheels go that turn so fast."""
-        return tuple([w * r for w, r in zip(velocity_rad_s, self.radii_m, strict=True)])
+        return tuple(map(mul, velocity_rad_s, self.radii_m))
 
     def rim_speeds_m_s(self, twist: Twist2D) -> tuple[float, ...]:
         """How fast each wheel's rim must roll over the ground for the robot to move so."""
@@ -96,7 +96,7 @@ class Kinematics:
         left, right = self.left, self.right
         if excluded:
             left, right = without(left, excluded), without(right, excluded)
-        return fmean([rolled_m[i] for i in left]), fmean([rolled_m[i] for i in right])
+        return _mean(rolled_m, left), _mean(rolled_m, right)
 
     def twist(self, velocity_rad_s: Sequence[float], excluded: tuple[int, ...] = ()) -> Twist2D:
         """How the robot moves when its wheels turn so and none of them slips, but for those left out."""
@@ -105,11 +105,19 @@ class Kinematics:
 
     def saturate(self, twist: Twist2D, max_rim_speed_m_s: float) -> Twist2D:
         """The twist, slowed as a whole until its fastest rim can follow: the path keeps its curvature."""
-        fastest_m_s = max(map(abs, self.rim_speeds_m_s(twist)))
+        fastest_m_s = abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self.track_width_m / 2
         if fastest_m_s <= max_rim_speed_m_s:
             return twist
         scale = max_rim_speed_m_s / fastest_m_s
         return Twist2D(twist.linear_m_s * scale, twist.angular_rad_s * scale)
+
+
+def _mean(values: Sequence[float], wheels: tuple[int, ...]) -> float:
+    if len(wheels) == 1:
+        return values[wheels[0]]
+    if not wheels:
+        raise ValueError("every wheel of a side is left out: nothing says how far it rolled")
+    return sum([values[i] for i in wheels]) / len(wheels)
 
 
 def without(wheels: tuple[int, ...], excluded: tuple[int, ...]) -> tuple[int, ...]:

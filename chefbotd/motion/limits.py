@@ -128,6 +128,8 @@ def within_speeds(params: MotionLimits, target: Twist2D) -> Twist2D:
     """As much of a twist as the speed limits allow."""
     linear_share = params.linear.axis.share_of(target.linear_m_s)
     angular_share = params.angular.axis.share_of(target.angular_rad_s)
+    if linear_share == angular_share == 1.0:
+        return target
     if params.keep_curvature:
         linear_share = angular_share = min(linear_share, angular_share)
     return Twist2D(target.linear_m_s * linear_share, target.angular_rad_s * angular_share)

@@ -7,6 +7,7 @@ rotational noise of Thrun, Burgard and Fox, "Probabilistic Robotics", 5.4).
 """
 
 import math
+from collections.abc import Iterable
 from typing import TypeAlias
 
 from pydantic import Field
@@ -61,12 +62,16 @@ def integrate(
     travel_m = (left_m + right_m) / 2
     pose = state.odom_from_base.compose(_arc(travel_m, turned_rad))
     moved_x_m, moved_y_m = pose.x_m - state.odom_from_base.x_m, pose.y_m - state.odom_from_base.y_m
-    carried = _carry(state.covariance, moved_x_m, moved_y_m)
-    heading_rad = state.odom_from_base.heading_rad
-    left, right, scrub = _responses(travel_m, turned_rad, heading_rad, track_width_m)
-    grown = _add(carried, left, params.travel_variance_m2_per_m * abs(left_m))
-    grown = _add(grown, right, params.travel_variance_m2_per_m * abs(right_m))
-    return OdometryState(pose, twist, _add(grown, scrub, params.turn_variance_rad2_per_rad * abs(turned_rad)))
+    errors = zip(
+        _responses(travel_m, turned_rad, state.odom_from_base.heading_rad, track_width_m),
+        (
+            params.travel_variance_m2_per_m * abs(left_m),
+            params.travel_variance_m2_per_m * abs(right_m),
+            params.turn_variance_rad2_per_rad * abs(turned_rad),
+        ),
+        strict=True,
+    )
+    return OdometryState(pose, twist, _carry(state.covariance, moved_x_m, moved_y_m, errors))
 
 
 def _arc(travel_m: float, turned_rad: float) -> Pose2D:
@@ -76,35 +81,26 @@ def _arc(travel_m: float, turned_rad: float) -> Pose2D:
     return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), turned_rad)
 
 
-def _carry(before: PoseCovariance, moved_x_m: float, moved_y_m: float) -> PoseCovariance:
+def _carry(
+    before: PoseCovariance, moved_x_m: float, moved_y_m: float, errors: Iterable[tuple[Response, float]]
+) -> PoseCovariance:
     """The covariance at the start as it stands at the end: an error of heading swings the way between.
 
-    ``F P F^T`` with the motion's Jacobian F = [[1, 0, -moved_y], [0, 1, moved_x], [0, 0, 1]].
+    ``F P F^T`` with the motion's Jacobian F = [[1, 0, -moved_y], [0, 1, moved_x], [0, 0, 1]], and ``v r r^T`` more for
+    each independent error of variance v, which moves the pose by the response r per unit.
     """
     xx, xy, xh, yy, yh, hh = before
     swung_xh, swung_yh = xh - moved_y_m * hh, yh + moved_x_m * hh
-    return PoseCovariance(
-        xx - moved_y_m * (xh + swung_xh),
-        xy - moved_y_m * yh + moved_x_m * swung_xh,
-        swung_xh,
-        yy + moved_x_m * (yh + swung_yh),
-        swung_yh,
-        hh,
-    )
-
-
-def _add(covariance: PoseCovariance, response: Response, variance: float) -> PoseCovariance:
-    """The covariance with an independent error added, which moves the pose by ``response`` per unit."""
-    xx, xy, xh, yy, yh, hh = covariance
-    x, y, heading = response
-    return PoseCovariance(
-        xx + variance * x * x,
-        xy + variance * x * y,
-        xh + variance * x * heading,
-        yy + variance * y * y,
-        yh + variance * y * heading,
-        hh + variance * heading * heading,
-    )
+    xx, xy = xx - moved_y_m * (xh + swung_xh), xy - moved_y_m * yh + moved_x_m * swung_xh
+    yy, xh, yh = yy + moved_x_m * (yh + swung_yh), swung_xh, swung_yh
+    for (x, y, heading), variance in errors:
+        xx += variance * x * x
+        xy += variance * x * y
+        xh += variance * x * heading
+        yy += variance * y * y
+        yh += variance * y * heading
+        hh += variance * heading * heading
+    return PoseCovariance(xx, xy, xh, yy, yh, hh)
 
 
 def _responses(

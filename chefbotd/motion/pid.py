@@ -86,15 +86,35 @@ def step(
 ) -> tuple[PidState, float]:
     """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
 
-    Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated.
+    Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated. A clamped output lets the integral
+    shrink, not grow, and drains it if asked to. Written in one piece, as it runs for every wheel and encoder frame.
     """
-    dt_s = max(dt_s, 0.0)
-    seen = _observe(params, state, setpoint_m_s, measured_m_s, dt_s)
-    other_duty = _without_integral(params, seen, setpoint_m_s, acceleration_m_s2, scrub_duty)
-    growth = params.ki * _error(params, setpoint_m_s, measured_m_s) * dt_s
-    integral_duty = _integrate(params, seen.integral_duty, growth, other_duty + seen.integral_duty, dt_s)
-    stepped = replace(seen, integral_duty=integral_duty)
-    return stepped, _clamp(other_duty + integral_duty, params.output_limit)
+    derivative_duty, fading_duty, before_m_s = state.derivative_duty, 0.0, state.measured_m_s
+    if dt_s <= 0:
+        dt_s = 0.0
+    elif before_m_s is not None:  # through a first-order low-pass
+        filter_s = params.derivative_filter_s
+        change_m_s = measured_m_s - before_m_s
+        derivative_duty = (filter_s * derivative_duty - params.kd * change_m_s) / (filter_s + dt_s)
+    if state.fading_duty:
+        fading_duty = _fading(state, setpoint_m_s) * math.exp(-dt_s / FADE_S)
+    error_m_s = setpoint_m_s - measured_m_s
+    if -params.deadband <= error_m_s <= params.deadband:
+        error_m_s = 0.0
+    duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty) + fading_duty
+    duty = duty + params.kp * error_m_s + derivative_duty
+    limit, integral_duty = params.output_limit, state.integral_duty
+    demand, growth = duty + integral_duty, params.ki * error_m_s * dt_s
+    excess = demand - limit if demand > limit else demand + limit if demand < -limit else 0.0
+    if not (params.conditional_integration and growth * excess > 0):
+        integral_duty += growth
+    if params.back_calculation_s is not None:
+        integral_duty -= excess * min(dt_s / params.back_calculation_s, 1.0)
+    most = limit if params.integral_limit is None else params.integral_limit
+    integral_duty = most if integral_duty > most else -most if integral_duty < -most else integral_duty
+    duty += integral_duty
+    stepped = PidState(integral_duty, measured_m_s, derivative_duty, setpoint_m_s, fading_duty)
+    return stepped, limit if duty > limit else -limit if duty < -limit else duty
 
 
 def preview(
@@ -148,33 +168,11 @@ def let_go(state: PidState) -> PidState:
     return replace(state, fading_duty=0.0) if pushes_on else state
 
 
-def _observe(
-    params: PidParameters, state: PidState, setpoint_m_s: float, measured_m_s: float, dt_s: float
-) -> PidState:
-    """The state with the new measurement, its derivative through a first-order low-pass, and less to fade."""
-    derivative_duty = state.derivative_duty
-    if state.measured_m_s is not None and dt_s > 0:
-        change_m_s, filter_s = measured_m_s - state.measured_m_s, params.derivative_filter_s
-        derivative_duty = (filter_s * derivative_duty - params.kd * change_m_s) / (filter_s + dt_s)
-    fading_duty = _fading(state, setpoint_m_s) * math.exp(-dt_s / FADE_S) if state.fading_duty else 0.0
-    return PidState(state.integral_duty, measured_m_s, derivative_duty, setpoint_m_s, fading_duty)
-
-
 def _fading(state: PidState, setpoint_m_s: float) -> float:
     """What fades at this setpoint: the less, the nearer it has come to zero, and nothing beyond it."""
     if state.fading_duty == 0.0 or setpoint_m_s * state.setpoint_m_s <= 0:
         return 0.0
     return state.fading_duty * min(setpoint_m_s / state.setpoint_m_s, 1.0)
-
-
-def _integrate(params: PidParameters, integral: float, growth: float, demand: float, dt_s: float) -> float:
-    """The next integral: a clamped output lets it shrink, not grow, and drains it if asked to."""
-    excess = demand - _clamp(demand, params.output_limit)
-    if not (params.conditional_integration and growth * excess > 0):
-        integral += growth
-    if params.back_calculation_s is not None:
-        integral -= excess * min(dt_s / params.back_calculation_s, 1.0)
-    return _clamp(integral, _integral_limit(params))
 
 
 def _without_integral(
@@ -186,12 +184,10 @@ def _without_integral(
     )
     if state.measured_m_s is None:
         return other_duty
-    return other_duty + params.kp * _error(params, setpoint_m_s, state.measured_m_s) + state.derivative_duty
-
-
-def _error(params: PidParameters, setpoint_m_s: float, measured_m_s: float) -> float:
-    error_m_s = setpoint_m_s - measured_m_s
-    return error_m_s if abs(error_m_s) > params.deadband else 0.0
+    error_m_s = setpoint_m_s - state.measured_m_s
+    if -params.deadband <= error_m_s <= params.deadband:
+        error_m_s = 0.0
+    return other_duty + params.kp * error_m_s + state.derivative_duty
 
 
 def _integral_limit(params: PidParameters) -> float:

@@ -25,8 +25,9 @@ class AxisLimits(Record, frozen=True):
 
     def share_of(self, speed: float) -> float:
         """How much of a speed the axis may go, 0 to 1."""
-        most = self.max_forward if speed > 0 else self.max_reverse
-        return 1.0 if abs(speed) <= most else most / abs(speed)
+        if -self.max_reverse <= speed <= self.max_forward:
+            return 1.0
+        return self.max_forward / speed if speed > 0 else -self.max_reverse / speed
 
     def rate(self, speed: float, direction: float) -> float:
         """The acceleration allowed at a speed for a change up (``direction`` > 0) or down."""

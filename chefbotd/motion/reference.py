@@ -7,10 +7,10 @@ measurement and keeps to the setpoint itself. It is the idea of the Smith predic
 time", Chemical Engineering Progress 53, 1957), with the setpoint for a model: the feedforward makes the wheel follow it.
 """
 
-from typing import NamedTuple
+from chefbotd.core.record import Record
 
 
-class Asked(NamedTuple):
+class Asked(Record, frozen=True):
     """What each wheel's rim was asked for, for so long."""
 
     duration_s: float
@@ -23,24 +23,23 @@ History = tuple[Asked, ...]
 
 def remember(history: History, newest: Asked, over_s: float) -> History:
     """The history with what was asked for last, cut to what reaches into the last ``over_s``."""
-    kept, age_s = [newest], newest.duration_s
-    for asked in reversed(history):
-        if age_s >= over_s:
-            break
-        kept.append(asked)
-        age_s += asked.duration_s
-    return tuple(reversed(kept))
+    first, age_s = len(history), newest.duration_s
+    while first and age_s < over_s:
+        first -= 1
+        age_s += history[first].duration_s
+    return (*history[first:], newest)
 
 
 def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ...]:
     """Each rim's setpoint on the mean over ``over_s`` (> 0), which ended ``delay_s`` ago."""
     way_m = [0.0] * len(history[-1].setpoint_m_s)
-    age_s = 0.0
+    age_s, until_s = 0.0, delay_s + over_s
     for asked in reversed(history):
         begin_s, age_s = age_s, age_s + asked.duration_s
-        inside_s = min(age_s, delay_s + over_s) - max(begin_s, delay_s)
-        if inside_s > 0:
-            way_m = [way + inside_s * speed for way, speed in zip(way_m, asked.setpoint_m_s, strict=True)]
+        if age_s > delay_s and begin_s < until_s:
+            inside_s = (age_s if age_s < until_s else until_s) - (begin_s if begin_s > delay_s else delay_s)
+            for wheel, speed_m_s in enumerate(asked.setpoint_m_s):
+                way_m[wheel] += inside_s * speed_m_s
     return tuple([way / over_s for way in way_m])
 
 

@@ -63,7 +63,7 @@ class SameSideState(Record, frozen=True):
     @property
     def excluded(self) -> tuple[int, ...]:
         """The indices of the wheels that are not believed."""
-        return tuple([wheel for wheel, _ in self.substitutes])
+        return tuple([wheel for wheel, _ in self.substitutes]) if self.substitutes else ()
 
 
 class SameSideWheels:

@@ -7,13 +7,13 @@ keep its proportions: they are slowed together.
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from pydantic import Field
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
 
 
 class GuardParameters(Parameters):
@@ -33,7 +33,7 @@ class GuardParameters(Parameters):
     silent_is_obstacle: bool = False
 
 
-class Beam(NamedTuple):
+class Beam(Record, frozen=True):
     """What a sensor last saw: infinity is a free way.
 
     The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
@@ -66,10 +66,12 @@ def update(beams: Beams, measured: RangeMeasured) -> Beams:
     """The beams with a new reading; a sensor that was not mounted guards nothing."""
     distance_m = _distance_m(measured)
     return tuple(
-        beam._replace(distance_m=distance_m, stamp_s=measured.stamp_s, arrival_s=measured.arrival_s)
-        if beam.sensor == measured.sensor
-        else beam
-        for beam in beams
+        [
+            replace(beam, distance_m=distance_m, stamp_s=measured.stamp_s, arrival_s=measured.arrival_s)
+            if beam.sensor == measured.sensor
+            else beam
+            for beam in beams
+        ]
     )
 
 
@@ -110,14 +112,12 @@ def _limit_twist(
     What shortens one beam less may shorten another more, so there is a second round; if a beam is still too fast after
     it, the robot stands.
     """
+    allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s)) for beam in beams]
     twist, limiting = wanted, None
-    for beam in beams + beams:
-        allowed_m_s = _allowed_m_s(params, beam, now_s)
-        if _closing_m_s(beam, twist) > allowed_m_s:
-            twist, limiting = _slowed(beam, twist, allowed_m_s), beam.sensor
-    if limiting and any(
-        _closing_m_s(beam, twist) > _allowed_m_s(params, beam, now_s) + 1e-9 for beam in beams
-    ):
+    for beam, most_m_s in allowed_m_s + allowed_m_s:
+        if _closing_m_s(beam, twist) > most_m_s:
+            twist, limiting = _slowed(beam, twist, most_m_s), beam.sensor
+    if limiting and any(_closing_m_s(beam, twist) > most_m_s + 1e-9 for beam, most_m_s in allowed_m_s):
         return STANDING, limiting
     return twist, limiting
 
@@ -136,7 +136,8 @@ def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float) -> float:
         return 0.0 if params.silent_is_obstacle else math.inf
     if beam.distance_m == math.inf:
         return math.inf
-    return closing_limit_m_s(params, beam.distance_m, max(now_s - beam.stamp_s, 0.0))
+    age_s = now_s - beam.stamp_s
+    return closing_limit_m_s(params, beam.distance_m, age_s if age_s > 0 else 0.0)
 
 
 def _closing_m_s(beam: Beam, twist: Twist2D) -> float:

@@ -11,11 +11,10 @@ slows down by ``braking_m_s2``. A reading damaged on the line may look like a le
 back: neither is enough alone, and the excess has to last.
 """
 
-from typing import NamedTuple
-
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -38,7 +37,7 @@ LEAP_SHARE = 0.8
 """No reading adds more than this share of what is too much."""
 
 
-class Excess(NamedTuple):
+class Excess(Record, frozen=True):
     """How fast a wheel may be for what it was asked, how far beyond it went forwards and backwards, and since when."""
 
     asked_m_s: float = 0.0
@@ -87,20 +86,25 @@ def _add(
     params: OverspeedParameters, excess: Excess, asked_m_s: float, travel_m: float, dt_s: float
 ) -> Excess:
     """What the wheel rolled beyond what it was allowed to; less than that takes off, down to a late reading's worth."""
-    allowed_m_s = max(excess.asked_m_s, asked_m_s) * (1 + params.share) + params.margin_m_s
+    fastest_m_s = excess.asked_m_s if excess.asked_m_s > asked_m_s else asked_m_s
+    allowed_m_s = fastest_m_s * (1 + params.share) + params.margin_m_s
     allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.late_s
     most_m = params.excess_m * LEAP_SHARE
-    ahead_m = max(least_m, excess.ahead_m + min(most_m, travel_m - allowed_m))
-    back_m = max(least_m, excess.back_m + min(most_m, -travel_m - allowed_m))
-    was_beyond = max(excess.ahead_m, excess.back_m) > params.excess_m
-    is_beyond = max(ahead_m, back_m) > params.excess_m
+    ahead_m, back_m = travel_m - allowed_m, -travel_m - allowed_m
+    ahead_m = excess.ahead_m + (ahead_m if ahead_m < most_m else most_m)
+    back_m = excess.back_m + (back_m if back_m < most_m else most_m)
+    was_beyond = excess.ahead_m > params.excess_m or excess.back_m > params.excess_m
+    is_beyond = ahead_m > params.excess_m or back_m > params.excess_m
     lasted_s = excess.lasted_s + dt_s if was_beyond and is_beyond else 0.0
+    ahead_m = ahead_m if ahead_m > least_m else least_m
+    back_m = back_m if back_m > least_m else least_m
     return Excess(_slowed(params, excess, asked_m_s, dt_s), ahead_m, back_m, lasted_s)
 
 
 def _slowed(params: OverspeedParameters, excess: Excess, asked_m_s: float, dt_s: float) -> float:
     """How fast a braked wheel may still be that was asked for more before."""
-    return max(asked_m_s, excess.asked_m_s - params.braking_m_s2 * dt_s)
+    braked_m_s = excess.asked_m_s - params.braking_m_s2 * dt_s
+    return asked_m_s if asked_m_s > braked_m_s else braked_m_s
 
 
 def _explain(

@@ -18,7 +18,6 @@ rolls on is excused, for ``rolls_on_s``, until it stands or turns round.
 """
 
 import math
-from typing import NamedTuple
 
 from pydantic import Field
 
@@ -55,7 +54,7 @@ PLAY_COUNTS = 3
 """One more than a position lies apart that dithers by a count to either side."""
 
 
-class Push(NamedTuple):
+class Push(Record, frozen=True):
     """What is held against a wheel since it last did as it was told.
 
     ``direction`` is that of the latest push, however gentle (1 or -1; 0 before the first). The wheel was driven for
@@ -130,7 +129,9 @@ def _push(
 ) -> Push:
     """A reading later: what the wheel moved, and whether it rolled on or was driven to it."""
     reached_rad = push.play_rad + travel_rad
-    play_rad = min(max(reached_rad, -half_play_rad), half_play_rad)
+    play_rad = reached_rad
+    if not -half_play_rad <= reached_rad <= half_play_rad:
+        play_rad = half_play_rad if reached_rad > 0 else -half_play_rad
     moved_rad = reached_rad - play_rad
     direction = 1 if effort > 0 else -1 if effort < 0 else push.direction
     rolls_on_s = push.rolls_on_s
@@ -140,10 +141,14 @@ def _push(
     rolls_on = ahead_rad < 0 < rolls_on_s
     rolls_on_s = rolls_on_s - dt_s if rolls_on else 0.0
     pushed_s, against_rad = _charge(params, push, effort, 0.0 if rolls_on else ahead_rad, dt_s)
-    any_way = rolls_on or abs(effort) < params.driven_duty_share
-    turned_rad = max(0.0, push.turned_rad + (abs(moved_rad) if any_way else ahead_rad))
+    if rolls_on or -params.driven_duty_share < effort < params.driven_duty_share:  # any way clears it
+        turned_rad = push.turned_rad + (moved_rad if moved_rad > 0 else -moved_rad)
+    else:
+        turned_rad = push.turned_rad + ahead_rad
     if pushed_s == 0.0 or turned_rad >= params.turned_rad:
         pushed_s = turned_rad = 0.0
+    elif turned_rad < 0:
+        turned_rad = 0.0
     return Push(direction, pushed_s, turned_rad, against_rad, rolls_on_s, play_rad)
 
 
@@ -151,9 +156,11 @@ def _charge(
     params: WheelWatchParameters, push: Push, effort: float, ahead_rad: float, dt_s: float
 ) -> tuple[float, float]:
     """The time that the wheel was driven for and the way that it went wrong: more of them, or less with a pause."""
-    if abs(effort) >= params.driven_duty_share:
-        weight = max(1.0, (effort / FULL_WEIGHT_SHARE) ** 2)
-        return push.pushed_s + weight * dt_s, max(0.0, push.against_rad - ahead_rad)
+    if not -params.driven_duty_share < effort < params.driven_duty_share:
+        weight = (effort / FULL_WEIGHT_SHARE) ** 2
+        against_rad = push.against_rad - ahead_rad
+        pushed_s = push.pushed_s + (weight if weight > 1.0 else 1.0) * dt_s
+        return pushed_s, against_rad if against_rad > 0 else 0.0
     share = dt_s / params.forgotten_s
     pushed_s = max(0.0, push.pushed_s - share * params.stalled_s)
     return pushed_s, max(0.0, push.against_rad - share * params.reversed_rad)
@@ -164,7 +171,7 @@ def _first_fault(
 ) -> Fault | None:
     """Of a wheel that is driven: one that is not was judged when it was."""
     for name, push, share in zip(names, pushes, effort, strict=True):
-        if abs(share) < params.driven_duty_share:
+        if -params.driven_duty_share < share < params.driven_duty_share:
             continue
         if push.against_rad >= params.reversed_rad:
             return _explain(FaultKind.WHEEL_REVERSED, name)

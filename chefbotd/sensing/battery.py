@@ -1,5 +1,6 @@
 """Battery: ADC counts behind a divider to volts, charge and urgency."""
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
@@ -40,7 +41,7 @@ class BatteryParameters(Parameters):
                 raise ValueError(f"the curve must rise from (empty_v, 0) to (full_v, 100), got {points}")
         return self
 
-    @property
+    @cached_property
     def discharge_curve(self) -> tuple[tuple[float, float], ...]:
         """Volts and percent, from empty to full."""
         return ((self.empty_v, 0.0), *self.curve_v_percent, (self.full_v, 100.0))
@@ -67,11 +68,12 @@ def measure(
 
 
 def _percentage(curve: tuple[tuple[float, float], ...], voltage_v: float) -> float:
-    percentage = 0.0
+    if voltage_v <= curve[0][0]:
+        return curve[0][1]
     for (lower_v, less), (higher_v, more) in pairwise(curve):
-        filled = min(max((voltage_v - lower_v) / (higher_v - lower_v), 0.0), 1.0)
-        percentage += filled * (more - less)
-    return min(percentage, 100.0)
+        if voltage_v < higher_v:
+            return less + (voltage_v - lower_v) / (higher_v - lower_v) * (more - less)
+    return curve[-1][1]
 
 
 def _status(params: BatteryParameters, voltage_v: float, previous: BatteryLevelStatus) -> BatteryLevelStatus:

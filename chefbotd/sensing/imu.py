@@ -1,6 +1,7 @@
 """Inertial measurement unit (MPU-6050): quaternion or raw counts to SI, in the robot's own axes."""
 
 import math
+from functools import cached_property
 
 from pydantic import Field
 
@@ -21,6 +22,11 @@ class ImuParameters(Parameters):
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
     accel_counts_per_g: float = Field(default=16384.0, gt=0)
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
+
+    @cached_property
+    def half_mount(self) -> tuple[float, float]:
+        """Cosine and sine of half the mount's heading, turned back."""
+        return math.cos(self.mount_heading_rad / 2), -math.sin(self.mount_heading_rad / 2)
 
 
 def from_quaternion(params: ImuParameters, reported: OrientationReported) -> ImuMeasured:
@@ -56,7 +62,7 @@ def _unmount(
     params: ImuParameters, x: float, y: float, z: float, w: float
 ) -> tuple[float, float, float, float]:
     """``world_from_sensor`` times ``sensor_from_base``, which turns back by the mount's heading about z."""
-    cos, sin = math.cos(params.mount_heading_rad / 2), -math.sin(params.mount_heading_rad / 2)
+    cos, sin = params.half_mount
     return x * cos + y * sin, y * cos - x * sin, z * cos + w * sin, w * cos - z * sin
 
 

@@ -70,7 +70,6 @@ class MotorWatch:
             self._deaf = deaf.told(deaf.DRIVEN, now_s, driven=self._deaf.told_s is None)
             return
         travel_m = self._kinematics.rims_at_m_s(seen.reading.travel_rad)
-        speed_m_s = self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s)
         self._overspeed, fault = overspeed.watch(
             self._parameters.overspeed,
             self._names,
@@ -82,12 +81,14 @@ class MotorWatch:
         )
         if fault is not None:
             yield fault
+        if self._deaf.told_s is None:  # it is driven
+            return
         self._deaf, fault = deaf.watch(
             self._parameters.deaf,
             self._deaf,
             now_s,
             travel_m,
-            speed_m_s,
+            self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s),
             seen.dt_s,
             echoes_motion=self._echoes_motion(now_s),
         )

@@ -1,11 +1,11 @@
 """Encoder frames in, what the wheels did out: decoded, with the choice made between wheels of one side that disagree."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import structlog
 
 from chefbotd.core.events import EncodersCounted
+from chefbotd.core.record import Record
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
 from chefbotd.motion.encoder import EncoderParameters, Reading
@@ -15,7 +15,7 @@ from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSid
 log = structlog.get_logger(component="drive")
 
 
-class WheelsRead(NamedTuple):
+class WheelsRead(Record, frozen=True):
     """A reading, the board time since the last good one, and how the wheels of each side compare."""
 
     reading: Reading
