@@ -1,5 +1,6 @@
 """The last touch on a map: every kept scan is matched against the submaps about it, and the graph is solved again."""
 
+from collections.abc import Generator
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +21,28 @@ EXPECTED = np.diag([0.2**-2, 0.2**-2, 0.05**-2])
 
 def refined(params: SlamParameters, state: SlamState, rounds: int = 1) -> SlamState:
     """The state with more loops, between all that overlaps, and the poses that fit them."""
-    for _ in range(rounds):
+    work = refining(params, state, rounds)
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            result: SlamState = end.value
+            return result
+
+
+def refining(
+    params: SlamParameters, state: SlamState, rounds: int = 1
+) -> Generator[tuple[int, int], None, SlamState]:
+    """The same in steps: yields how many submaps are done, and of how many, and returns the state."""
+    for done_rounds in range(rounds):
         found = NO_EDGES
         submaps = [*state.submaps, *(Submap(a.first, len(state.nodes) - 1) for a in state.active)]
-        for submap, members in zip(submaps, _members(state, submaps), strict=True):
+        total = rounds * len(submaps)
+        for k, (submap, members) in enumerate(zip(submaps, _members(state, submaps), strict=True)):
+            yield done_rounds * len(submaps) + k, total
             if members:
                 found = found.joined(_matched(params, state, submap, members))
+        yield (done_rounds + 1) * len(submaps), total
         state = solved(replace(state, edges=_without(state.edges, found).joined(found)))
     return state
 

@@ -45,11 +45,12 @@ def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M, part: int = 0) -
     columns, rows = (math.ceil(size) for size in (high - origin_m) / resolution_m)
     seen = np.zeros((rows, columns, 2), np.uint16)
     for points in placed:
-        _trace(seen, points - origin_m, resolution_m)
-    return OccupancyGrid(resolution_m, Pose2D(float(origin_m[0]), float(origin_m[1])), _percent(seen))
+        trace(seen, points - origin_m, resolution_m)
+    return OccupancyGrid(resolution_m, Pose2D(float(origin_m[0]), float(origin_m[1])), percent_of(seen))
 
 
-def _percent(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
+def percent_of(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
+    """Each cell's percentage, of how many beams ended in it and how many passed (rows, columns, 2)."""
     ends, passes = seen[..., 0].astype(np.float64), seen[..., 1].astype(np.float64)
     stray = ends < STRAY_SHARE * _most_about(ends)
     ends = END_WEIGHT * np.where(stray, 0, ends)
@@ -66,7 +67,7 @@ def _most_about(ends: Floats) -> Floats:
 
 
 @kernel
-def _trace(seen: Counts, placed: Floats, cell_m: float) -> None:
+def trace(seen: Counts, placed: Floats, cell_m: float) -> None:
     """Count the ends and the passes of a scan; its first point is the sensor."""
     for i in range(1, placed.shape[0]):
         clear(seen, cell_m, placed[0, 0], placed[0, 1], placed[i, 0], placed[i, 1])

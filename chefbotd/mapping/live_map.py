@@ -1,0 +1,128 @@
+"""The occupancy grid of a map that grows: only what is new is traced, as long as nothing has moved."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.graph import Indices
+from chefbotd.mapping.local_map import Counts
+from chefbotd.mapping.occupancy import percent_of, trace
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.poses import Floats, transform
+from chefbotd.mapping.state import Nodes, Scan
+
+MARGIN_M = 2.0
+"""Room around what was seen, so that the grid does not grow with every scan."""
+
+MOVED_M, MOVED_RAD = 0.005, 0.002
+"""A scan that the graph has moved by more is traced anew, and so are all others."""
+
+Percents: TypeAlias = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveMap:
+    """What was traced: the counts of each cell, and which nodes are in them, at which poses.
+
+    ``low_m`` is the outer corner of the first cell, a multiple of the resolution.
+    """
+
+    resolution_m: float
+    low_m: Floats
+    counts: Counts
+    numbers: Indices
+    poses: Floats
+
+
+def nothing(resolution_m: float) -> LiveMap:
+    """Nothing was traced yet."""
+    counts = np.zeros((0, 0, 2), np.uint16)
+    return LiveMap(resolution_m, np.zeros(2), counts, np.zeros(0, np.int64), np.zeros((0, 3)))
+
+
+def updated(live: LiveMap, nodes: Nodes, part: int = 0) -> LiveMap:
+    """The map with all kept scans of a part. Uses up ``live``."""
+    chosen = np.flatnonzero(nodes.part == part)
+    if not _still_stands(live, nodes.number[chosen], nodes.map[chosen]):
+        live = nothing(live.resolution_m)
+    new = chosen[len(live.numbers) :]
+    placed = [_placed(nodes.map[k], nodes.scans[k]) for k in new]
+    if not placed:
+        return live
+    live = _with_room(live, placed)
+    for points in placed:
+        trace(live.counts, points - live.low_m, live.resolution_m)
+    poses = np.vstack([live.poses, nodes.map[new]])
+    numbers = np.concatenate([live.numbers, nodes.number[new]])
+    return LiveMap(live.resolution_m, live.low_m, live.counts, numbers, poses)
+
+
+def grid_of(live: LiveMap) -> OccupancyGrid | None:
+    """The grid, if there is anything in it."""
+    if not live.counts.size:
+        return None
+    origin = Pose2D(float(live.low_m[0]), float(live.low_m[1]))
+    return OccupancyGrid(live.resolution_m, origin, percent_of(live.counts))
+
+
+def _still_stands(live: LiveMap, numbers: Indices, poses: Floats) -> bool:
+    """Whether what was traced is where it was, and is still kept."""
+    count = len(live.numbers)
+    if count > len(numbers) or not np.array_equal(live.numbers, numbers[:count]):
+        return False
+    moved = np.abs(live.poses - poses[:count])
+    return bool((moved[:, :2] <= MOVED_M).all() and (moved[:, 2] <= MOVED_RAD).all())
+
+
+def _placed(pose: Floats, scan: Scan) -> Floats:
+    """The sensor and then the points, in the map."""
+    return transform(pose, np.vstack([scan.sensor_m, scan.points]))
+
+
+def _with_room(live: LiveMap, placed: list[Floats]) -> LiveMap:
+    """The same map, with cells for all these points."""
+    cell_m, (rows, columns) = live.resolution_m, live.counts.shape[:2]
+    low = np.min([points.min(axis=0) for points in placed], axis=0)
+    high = np.max([points.max(axis=0) for points in placed], axis=0)
+    old_high_m = live.low_m + cell_m * np.array([columns, rows])
+    if rows and (low > live.low_m + cell_m).all() and (high < old_high_m - cell_m).all():
+        return live
+    if rows:
+        low, high = np.minimum(low, live.low_m + MARGIN_M), np.maximum(high, old_high_m - MARGIN_M)
+    first = np.floor((low - MARGIN_M) / cell_m).astype(np.int64)
+    last = np.ceil((high + MARGIN_M) / cell_m).astype(np.int64)
+    counts = np.zeros((last[1] - first[1], last[0] - first[0], 2), np.uint16)
+    if rows:
+        column, row = np.rint(live.low_m / cell_m).astype(np.int64) - first
+        counts[row : row + rows, column : column + columns] = live.counts
+    return LiveMap(cell_m, first * cell_m, counts, live.numbers, live.poses)
+
+
+class Patch(NamedTuple):
+    """A rectangle of cells, from ``row`` and ``column`` of its grid on; ``whole``: it is all of the grid."""
+
+    row: int
+    column: int
+    percent: Percents
+    whole: bool
+
+
+def changes(before: OccupancyGrid | None, after: OccupancyGrid) -> Patch | None:
+    """The smallest rectangle with all that is different; the whole grid where its extent is; None: nothing is."""
+    same_extent = (
+        before is not None
+        and before.percent.shape == after.percent.shape
+        and before.map_from_grid == after.map_from_grid
+        and before.resolution_m == after.resolution_m
+    )
+    if before is None or not same_extent:
+        return Patch(0, 0, after.percent, whole=True)
+    different = before.percent != after.percent
+    rows, columns = np.flatnonzero(different.any(axis=1)), np.flatnonzero(different.any(axis=0))
+    if not rows.size:
+        return None
+    row, column = int(rows[0]), int(columns[0])
+    return Patch(row, column, after.percent[row : rows[-1] + 1, column : columns[-1] + 1], whole=False)
