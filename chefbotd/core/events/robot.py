@@ -47,6 +47,14 @@ class OdometryUpdated(Record, frozen=True):
     covariance: PoseCovariance
 
 
+class OdometryReset(Record, frozen=True):
+    """Somebody declared where the robot is: what was ``before`` in ``odom`` is ``after`` from now on. Nothing moved."""
+
+    stamp_s: float
+    before: Pose2D
+    after: Pose2D
+
+
 class RangeStatus(StrEnum):
     """What a range reading says; only ``OK`` carries a distance. ``AMBIGUOUS``: near or far, it cannot be told."""
 

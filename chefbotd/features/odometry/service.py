@@ -2,7 +2,7 @@
 
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
-from chefbotd.core.events import OdometryUpdated, WheelsMeasured
+from chefbotd.core.events import OdometryReset, OdometryUpdated, WheelsMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.motion import odometry
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
@@ -23,8 +23,9 @@ class OdometryService:
 
     def set_pose(self, odom_from_base: Pose2D) -> None:
         """Declare where the robot is; the covariance starts again from zero."""
+        now_s, before = self._clock.now_s(), self._state.odom_from_base
         self._state = odometry.set_pose(self._state, odom_from_base)
-        now_s = self._clock.now_s()
+        self._bus.publish(OdometryReset(now_s, before, self._state.odom_from_base))
         self._publish(now_s, now_s)
 
     async def run(self) -> None:
