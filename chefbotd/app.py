@@ -6,7 +6,7 @@ import random
 import secrets
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
@@ -51,6 +51,9 @@ from chefbotd.settings.urdf import urdf_of
 from chefbotd.transport.tcp.server import TcpServer
 from firmware_protocol.codec import VARIANTS
 
+if TYPE_CHECKING:
+    from chefbotd.worker.spawn import Spawn
+
 log = structlog.get_logger(component="app")
 
 
@@ -79,7 +82,8 @@ class Daemon:
     """One robot, ready to run: on its serial port, or through whatever ``opener`` opens.
 
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
-    ``features`` makes further ones, beside those that every robot has.
+    ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
+    with a lidar: None starts the real one.
     """
 
     def __init__(
@@ -93,6 +97,7 @@ class Daemon:
         simulated: bool = False,
         rng: random.Random | None = None,
         features: Sequence[FeatureBuilder] = (),
+        spawn_worker: "Spawn | None" = None,
     ) -> None:
         self.bus = Bus()
         self._clock = clock
@@ -116,6 +121,7 @@ class Daemon:
         self.metrics = Metrics()
         built = [feature(self.bus, clock) for feature in features]
         built += _lidars(settings, self.bus, clock, opener, rng)
+        built += self._map_features(settings, spawn_worker, simulated=simulated)
         self.features = [*built, *self._own_features(settings, simulated=simulated)]
         methods, topics = methods_and_topics(self.features)
         guard = load_guard(settings.api, os.environ)
@@ -168,10 +174,38 @@ class Daemon:
             ),
             statistics(StatsService(bus, clock, self.metrics), self.metrics, clock),
             description(_description(settings)),
-            *([maps(_maps_service(bus, clock, settings.maps))] if settings.maps else []),
             *([SIMULATION] if simulated else []),
             board(self.session, self._link, self._fault_log, self.driving.brake),
         ]
+
+    def _map_features(
+        self, settings: Settings, spawn_worker: "Spawn | None", *, simulated: bool
+    ) -> list[Feature]:
+        """Stored maps, where they are configured or made; the worker and mapping, where there is a lidar."""
+        makes_maps = bool(settings.lidar) and settings.worker.enabled
+        if settings.maps is None and not makes_maps:
+            return []
+        parameters = settings.maps or MapsParameters()
+        folder, kept = folder_of(parameters, os.environ, simulated=simulated), parameters.versions_kept
+        stored = maps(MapsService(self.bus, self._clock, MapStore(folder, kept), kept))
+        if not makes_maps:
+            return [stored]
+        from chefbotd.features.mapping.feature import mapping  # only a robot with a lidar loads numpy
+        from chefbotd.features.mapping.service import MappingService
+        from chefbotd.features.worker.feature import worker
+        from chefbotd.features.worker.service import WorkerService
+        from chefbotd.worker.skills.mapping_messages import SKILL, MappingSkillParameters
+
+        skill = MappingSkillParameters(
+            lidar=settings.mapping.lidar or settings.lidar[0].name,
+            folder=folder,
+            versions_kept=kept,
+            session=secrets.token_hex(8),
+            mapping=settings.mapping,
+        )
+        skills = {SKILL: skill.model_dump_json().encode()}
+        feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
+        return [stored, worker(feed), mapping(MappingService(self.bus, self._clock, feed))]
 
     def _add_metrics(self) -> None:
         """Add what the process itself counts, and have every part add its own."""
@@ -239,11 +273,6 @@ def _description(settings: Settings) -> str | None:
     except (OSError, UnicodeDecodeError) as error:
         log.warning("the robot's description cannot be read", path=str(path), error=str(error))
         return None
-
-
-def _maps_service(bus: Bus, clock: Clock, parameters: MapsParameters) -> MapsService:
-    kept = parameters.versions_kept
-    return MapsService(bus, clock, MapStore(folder_of(parameters, os.environ), kept), kept)
 
 
 def _drive_service(

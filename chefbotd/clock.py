@@ -3,7 +3,7 @@
 import asyncio
 import selectors
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -78,7 +78,8 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     """An event loop whose time passes only when every task waits, and then at once.
 
     Everything inside one process is exact and repeatable on it: timers, queues, in-memory transports and
-    loopback sockets with both ends in the process. What arrives from another process or thread is not waited for.
+    loopback sockets with both ends in the process. What would run in a thread (``asyncio.to_thread``) runs at once.
+    What arrives from another process or thread is not waited for.
     """
 
     def __init__(self, start_s: float = 1000.0) -> None:
@@ -89,6 +90,17 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Virtual seconds."""
         return self._start_s + self._jumping.elapsed_s
+
+    def run_in_executor(  # type: ignore[override]
+        self, executor: object, func: Callable[..., T], *args: Any
+    ) -> asyncio.Future[T]:
+        """Run it here and now, so that the result does not depend on another thread's time."""
+        future: asyncio.Future[T] = self.create_future()
+        try:
+            future.set_result(func(*args))
+        except Exception as error:  # noqa: BLE001 - whoever awaits it gets it, as from a thread
+            future.set_exception(error)
+        return future
 
 
 def run_virtual(main: Coroutine[Any, Any, T]) -> T:

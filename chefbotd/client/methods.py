@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from chefbotd.client import models
     from chefbotd.client.models import StatsData
     from chefbotd.client.state import State
+    from chefbotd.client.wire import ProgressListener
     from chefbotd.motion.pid import PidParameters
 
 MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
@@ -54,7 +55,9 @@ class Methods(ABC):
     """
 
     @abstractmethod
-    async def call(self, method: str, /, **params: Any) -> dict[str, Any]:
+    async def call(
+        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
+    ) -> dict[str, Any]:
         """Call a method by its name; returns the answer's ``result`` unchanged."""
 
     # motion
@@ -69,7 +72,7 @@ class Methods(ABC):
         """
         from chefbotd.client import models
 
-        velocity = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
+        velocity: dict[str, Any] = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
         return parse(models.Driven, await self.call("drive", **velocity, **_named(source)))
 
     async def drive_for(
@@ -116,7 +119,7 @@ class Methods(ABC):
         from chefbotd.client import models
 
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        asked = {"name": names, "velocity_rad_s": velocities}
+        asked: dict[str, Any] = {"name": names, "velocity_rad_s": velocities}
         return parse(models.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
 
     async def stop(self) -> dict[str, str]:
@@ -129,7 +132,7 @@ class Methods(ABC):
 
     async def estop(self, reason: str | None = None) -> None:
         """Stop the motors at once and keep them stopped until ``arm``. A long ``reason`` is cut."""
-        told = {} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}
+        told: dict[str, Any] = {} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}
         await self.call("estop", **told)
 
     async def arm(self) -> None:
@@ -234,6 +237,43 @@ class Methods(ABC):
         """Restart the board."""
         await self.call("reset_board")
 
+    # mapping, where the robot has a lidar
+
+    async def start_mapping(
+        self, name: str | None = None, *, unfinished: bool = False
+    ) -> models.MappingResult:
+        """Begin a map; with a ``name`` go on with that saved one, ``unfinished``: with the one never finished."""
+        from chefbotd.client import models
+
+        named: dict[str, Any] = {} if name is None else {"name": name}
+        answer = await self.call("start_mapping", **named, unfinished=unfinished)
+        return parse(models.MappingResult, answer)
+
+    async def pause_mapping(self) -> models.MappingResult:
+        """Add nothing to the map until ``start_mapping`` is called."""
+        from chefbotd.client import models
+
+        return parse(models.MappingResult, await self.call("pause_mapping"))
+
+    async def finish_mapping(
+        self, name: str, *, on_progress: ProgressListener | None = None
+    ) -> models.MapSaved:
+        """Match all scans once more and save the map; it takes seconds, for a building minutes."""
+        from chefbotd.client import models
+
+        answer = await self.call("finish_mapping", name=name, on_progress=on_progress or _ignore)
+        return parse(models.MapSaved, answer)
+
+    async def discard_mapping(self) -> models.MappingResult:
+        """Forget the map that is being made, or that was never finished; saved maps stay."""
+        from chefbotd.client import models
+
+        return parse(models.MappingResult, await self.call("discard_mapping"))
+
+
+def _ignore(done: float, total: float, text: str) -> None:
+    """Each report of progress allows the answer more time, also where nobody wants to hear it."""
+
 
 def _missing_to_move(state: State) -> str:
     if state.link.state != "up":
@@ -249,6 +289,6 @@ def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
     return parse(models.Wheels, answer).wheels
 
 
-def _named(source: str | None) -> dict[str, str]:
+def _named(source: str | None) -> dict[str, Any]:
     """The parameter ``source``, if there is one to send."""
     return {} if source is None else {"source": source}

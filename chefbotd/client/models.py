@@ -6,12 +6,14 @@ from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextDa
 from chefbotd.features.description.methods import RobotDescription
 from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
 from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
+from chefbotd.features.mapping.methods import MapData, MappingData, MappingResult, MapPoseData, MapSaved
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
 from chefbotd.features.odometry.methods import OdometryData
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
 from chefbotd.features.simulation.methods import SimData
 from chefbotd.features.statistics.methods import StatsData
 from chefbotd.features.tuning.methods import Wheels
+from chefbotd.features.worker.methods import WorkerData
 from chefbotd.rpc.models import (
     Description,
     Known,
@@ -34,10 +36,15 @@ __all__ = [
     "LidarsData",
     "Limited",
     "LinkData",
+    "MapData",
     "MapInUse",
     "MapList",
     "MapPart",
+    "MapPoseData",
+    "MapSaved",
     "MapSummary",
+    "MappingData",
+    "MappingResult",
     "OdometryData",
     "PlaceData",
     "PlaceList",
@@ -59,6 +66,7 @@ __all__ = [
     "Wheels",
     "WheelsData",
     "WheelsDriven",
+    "WorkerData",
 ]
 
 DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
@@ -76,5 +84,9 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "sim": SimData,
     "scan": ScanData,
     "lidars": LidarsData,
+    "worker": WorkerData,
+    "mapping": MappingData,
+    "map": MapData,
+    "map_pose": MapPoseData,
 }
 """What a client reads each topic as."""

@@ -215,3 +215,19 @@ class SyncClient(SyncMaps, SyncTopics):
     def reset_board(self) -> None:
         """Restart the board."""
         self._run(self._client.reset_board())
+
+    def start_mapping(self, name: str | None = None, *, unfinished: bool = False) -> models.MappingResult:
+        """Begin a map, or go on with a saved one, or with the one that was never finished."""
+        return self._run(self._client.start_mapping(name, unfinished=unfinished))
+
+    def pause_mapping(self) -> models.MappingResult:
+        """Add nothing to the map until ``start_mapping`` is called."""
+        return self._run(self._client.pause_mapping())
+
+    def finish_mapping(self, name: str, *, on_progress: ProgressListener | None = None) -> models.MapSaved:
+        """Match all scans once more and save the map. ``on_progress`` is called in another thread."""
+        return self._run(self._client.finish_mapping(name, on_progress=on_progress))
+
+    def discard_mapping(self) -> models.MappingResult:
+        """Forget the map that is being made, or that was never finished; saved maps stay."""
+        return self._run(self._client.discard_mapping())

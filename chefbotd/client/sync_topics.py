@@ -74,6 +74,22 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.LidarsData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["worker"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.WorkerData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["mapping"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.MappingData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["map"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.MapData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["map_pose"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.MapPoseData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[Any]: ...
 

@@ -73,6 +73,22 @@ class Topics(ABC):
     ) -> Subscription[t.LidarsData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["worker"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.WorkerData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["mapping"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.MappingData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["map"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.MapData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["map_pose"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.MapPoseData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> Subscription[Any]: ...
 

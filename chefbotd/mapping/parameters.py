@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 
 
 class MatchingParameters(Parameters):
@@ -81,3 +81,16 @@ class SlamParameters(Parameters):
     matching: MatchingParameters = MatchingParameters()
     submaps: SubmapParameters = SubmapParameters()
     loops: LoopParameters = LoopParameters()
+
+
+class MappingParameters(Parameters):
+    """The ``[mapping]`` section: which lidar's scans make the map, and how often it is told and saved."""
+
+    lidar: str | None = Field(default=None, min_length=1)
+    """Its name; the first one that is configured, if none is named."""
+    resolution_m: float = Field(default=0.05, gt=0, le=1)
+    told_every_s: float = Field(default=1.0, gt=0, le=60)
+    """How often changes of the map are told, at most."""
+    autosave_s: float = Field(default=10.0, gt=0, le=3600)
+    """How often a map that is being made is saved, at most; a large one less often."""
+    slam: SlamParameters = section()

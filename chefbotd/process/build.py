@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from chefbotd.app import Daemon, FeatureBuilder
 from chefbotd.clock import Clock
@@ -10,6 +11,9 @@ from chefbotd.link.reconnect import Opener
 from chefbotd.process.latch_file import LatchFile, path_of
 from chefbotd.process.supervisor import Supervisor
 from chefbotd.settings import Settings
+
+if TYPE_CHECKING:
+    from chefbotd.worker.spawn import Spawn
 
 
 def build(
@@ -20,8 +24,9 @@ def build(
     simulated: bool = False,
     rng: random.Random | None = None,
     features: Sequence[FeatureBuilder] = (),
+    spawn_worker: "Spawn | None" = None,
 ) -> Daemon:
-    """The robot of this configuration, ready to run; ``features`` are further ones."""
+    """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     return Daemon(
         settings,
         clock=clock,
@@ -31,4 +36,5 @@ def build(
         simulated=simulated,
         rng=rng,
         features=features,
+        spawn_worker=spawn_worker,
     )

@@ -31,6 +31,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _lidars(settings)
     yield from _guard(settings)
     yield from _braking(settings)
+    yield from _mapping(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:
@@ -184,3 +185,10 @@ def _braking(settings: Settings) -> Iterator[str]:
                 f"sees, and limits.linear.{key} "
                 f"{allowed_m_s2:g}{jerk} takes {needed_m:.3f} m: lower the guard's, or raise the limits"
             )
+
+
+def _mapping(settings: Settings) -> Iterator[str]:
+    named, names = settings.mapping.lidar, [lidar.name for lidar in settings.lidar]
+    if named is not None and named not in names:
+        there = f"those configured: {', '.join(names)}" if names else "none is configured"
+        yield f"mapping.lidar {named!r} is no lidar ({there})"

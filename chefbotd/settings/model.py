@@ -13,6 +13,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.driving.service import ControlParameters
 from chefbotd.link.port import LinkParameters
+from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.edge_speed import QuadratureParameters
@@ -33,6 +34,7 @@ from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.settings.body import BodyParameters
 from chefbotd.sim_parameters.simulation import SimulationParameters
+from chefbotd.worker.parameters import WorkerParameters
 from firmware_protocol.codec import VARIANTS
 
 Level = Literal["debug", "info", "warning", "error"]
@@ -88,6 +90,8 @@ class Settings(Parameters):
     imu: ImuParameters | None = None
     battery: BatteryParameters
     maps: MapsParameters | None = None
+    mapping: MappingParameters = section()
+    worker: WorkerParameters = section()
     api: ApiParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()

@@ -21,6 +21,8 @@ from chefbotd.sim.ld19 import SimulatedLd19
 from chefbotd.sim.lidar import LidarRunner
 from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
 from chefbotd.testing.transport import FakeSerialDevice
+from chefbotd.testing.worker import no_worker
+from chefbotd.worker.spawn import Spawn
 
 NO_LIDARS: Mapping[str, FakeSerialDevice] = MappingProxyType({})
 
@@ -31,18 +33,27 @@ async def running_daemon(
     settings: Settings | None = None,
     features: Sequence[FeatureBuilder] = (),
     lidars: Mapping[str, FakeSerialDevice] = NO_LIDARS,
+    spawn_worker: Spawn = no_worker,
 ) -> AsyncIterator[Client]:
     """Run the daemon (default: the packaged ChefBot) on ``device``; yields a client connected to its socket.
 
     ``features`` are further ones, beside those that every robot has. ``lidars`` are what the configured lidars are
-    plugged in with, by their names; one that is left out is not plugged in.
+    plugged in with, by their names; one that is left out is not plugged in. ``spawn_worker`` starts the worker of a
+    robot with a lidar: ``testing.worker.worker_in_process`` runs it on the same clock.
 
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
     rng = random.Random(settings.sim.seed)
     opener = _opener(settings, device, lidars)
-    daemon = build(settings, clock=LoopClock(), opener=opener, rng=rng, features=features)
+    daemon = build(
+        settings,
+        clock=LoopClock(),
+        opener=opener,
+        rng=rng,
+        features=features,
+        spawn_worker=spawn_worker,
+    )
     async with _running(daemon) as client:
         yield client
 
@@ -82,11 +93,16 @@ class SimulatedRobot:
 
 @contextlib.asynccontextmanager
 async def simulated_robot(
-    settings: Settings | None = None, *, token: str | None = None, tls: ssl.SSLContext | None = None
+    settings: Settings | None = None,
+    *,
+    token: str | None = None,
+    tls: ssl.SSLContext | None = None,
+    spawn_worker: Spawn = no_worker,
 ) -> AsyncIterator[SimulatedRobot]:
     """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between.
 
-    ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket.
+    ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket. ``spawn_worker`` is as
+    for ``running_daemon``.
     """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
@@ -99,7 +115,12 @@ async def simulated_robot(
     loops = [board.run(), *[lidar.runner.run() for lidar in lidars.values()]]
     living = [asyncio.create_task(loop) for loop in loops]
     daemon = build(
-        settings, clock=LoopClock(), opener=opener, simulated=True, rng=random.Random(settings.sim.seed)
+        settings,
+        clock=LoopClock(),
+        opener=opener,
+        simulated=True,
+        rng=random.Random(settings.sim.seed),
+        spawn_worker=spawn_worker,
     )
     try:
         async with _running(daemon, token, tls) as client:

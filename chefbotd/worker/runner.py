@@ -76,7 +76,7 @@ class Runner:
             yield messages.Warming(name)
             self._begin_work(f"loading {name}")
             try:
-                self._skills[name] = skill = loaded(name, parameters)
+                self._skills[name] = skill = loaded(name, parameters, self._clock)
                 skill.warm()
             except CannotLoad as problem:
                 yield messages.Unavailable(str(problem))

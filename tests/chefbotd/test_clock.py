@@ -85,3 +85,16 @@ def test_a_scenario_that_can_never_end_is_an_error():
 
     with pytest.raises(Deadlock, match="nothing can ever happen"):
         run_virtual(scenario())
+
+
+def test_what_would_run_in_a_thread_runs_at_once() -> None:
+    """A file that is read by ``asyncio.to_thread`` takes no virtual time, and its error reaches whoever waits."""
+
+    async def play() -> None:
+        begun_s = asyncio.get_running_loop().time()
+        assert await asyncio.to_thread(divmod, 17, 5) == (3, 2)
+        with pytest.raises(ZeroDivisionError):
+            await asyncio.to_thread(divmod, 17, 0)
+        assert asyncio.get_running_loop().time() == begun_s
+
+    run_virtual(play())

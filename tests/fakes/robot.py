@@ -18,6 +18,8 @@ from chefbotd.features.driving.methods import methods as driving_methods
 from chefbotd.features.driving.methods import topics as driving_topics
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.features.lidars.feature import topics as lidar_topics
+from chefbotd.features.mapping.methods import TOPICS as MAPPING
+from chefbotd.features.mapping.methods import MappingMethods, MappingResult, MapSaved
 from chefbotd.features.maps.feature import maps
 from chefbotd.features.maps.service import MapsService
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
@@ -26,11 +28,13 @@ from chefbotd.features.sensors.methods import TOPICS as SENSORS
 from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.features.statistics.feature import statistics_without_service
 from chefbotd.features.tuning.methods import TuningMethods
+from chefbotd.features.worker.methods import TOPICS as WORKER
 from chefbotd.maps.store import MapStore
 from chefbotd.metrics import Metrics
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.fanout import Fanout
+from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Method, methods_of
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.roles import Role
@@ -46,6 +50,8 @@ STATS = StatsSampled(
     stamp_s=1.0,
     figures={"uptime_s": 60.0, "frames": {"encoders": 100}, "lines_out": 50, "board_clock_skew_ppm": None},
 )
+
+MAPPING_RESULT = MappingResult(state="mapping", name=None, kept_scans=40, loops=2, path_m=12.5)
 
 
 class FakeRobot:
@@ -138,6 +144,27 @@ class FakeRobot:
         """Remember it."""
         self._record("reset_board")
 
+    async def start(self, name: str | None, *, unfinished: bool) -> MappingResult:
+        """Remember it."""
+        self._record("start_mapping", name, unfinished)
+        return MAPPING_RESULT
+
+    async def pause(self) -> MappingResult:
+        """Remember it."""
+        self._record("pause_mapping")
+        return MAPPING_RESULT.model_copy(update={"state": "paused"})
+
+    async def finish(self, name: str, progress: Progress) -> MapSaved:
+        """Remember it, and be half done on the way."""
+        self._record("finish_mapping", name)
+        progress.report(1, 2, "matching")
+        return MapSaved(name=name, version=3, kept_scans=40, loops=2, path_m=12.5)
+
+    async def discard(self) -> MappingResult:
+        """Remember it."""
+        self._record("discard_mapping")
+        return MAPPING_RESULT.model_copy(update={"state": "idle"})
+
     def sample(self) -> StatsSampled:
         """The same ones always, but for a count of commands."""
         self._record("stats")
@@ -159,6 +186,8 @@ class FakeRobot:
             description(self.description),
             maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
             *([SIMULATION, Feature("lidars", topics=lidar_topics([LIDAR]))] if simulated else []),
+            Feature("worker", topics=WORKER),
+            Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
         ]
 

@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Final
 
+from chefbotd.clock import Clock
 from chefbotd.worker.skills.skill import Skill
 
 SKILLS: Final[Mapping[str, str]] = {"mapping": "chefbotd.worker.skills.mapping:MappingSkill"}
-"""Name -> module and class, which is made with its parameters as JSON."""
+"""Name -> module and class, which is made with its parameters as JSON and the worker's clock."""
 
 EXTRA: Final = "navigation"
 NEEDS: Final = ("numba", "scipy", "llvmlite")
@@ -17,7 +18,7 @@ class CannotLoad(Exception):
     """A skill that cannot work in this installation, and what to do; ready to be shown."""
 
 
-def loaded(name: str, parameters: bytes) -> Skill:
+def loaded(name: str, parameters: bytes, clock: Clock) -> Skill:
     """The skill of this name.
 
     Raises:
@@ -25,11 +26,11 @@ def loaded(name: str, parameters: bytes) -> Skill:
     """
     module, _, kind = SKILLS[name].partition(":")
     try:
-        make: Callable[[bytes], Skill] = getattr(import_module(module), kind)
+        make: Callable[[bytes, Clock], Skill] = getattr(import_module(module), kind)
     except ModuleNotFoundError as missing:
         if missing.name not in NEEDS:
             raise
         raise CannotLoad(
             f"{name} needs {missing.name}, which is not installed: pip install 'chefbotd[{EXTRA}]'"
         ) from missing
-    return make(parameters)
+    return make(parameters, clock)

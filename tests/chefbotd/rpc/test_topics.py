@@ -48,6 +48,10 @@ def test_topics_are_those_of_the_contract() -> None:
         "text",
         "raw",
         "stats",
+        "worker",
+        "mapping",
+        "map",
+        "map_pose",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
     assert set(TABLE) == {*contract, "sim", "scan", "lidars"}

@@ -91,7 +91,7 @@ def clock() -> ManualClock:
 def skill(clock: ManualClock, monkeypatch: pytest.MonkeyPatch) -> Counting:
     """The one skill that there is."""
     counting = Counting(clock)
-    monkeypatch.setattr(runner_module, "loaded", lambda name, parameters: counting)
+    monkeypatch.setattr(runner_module, "loaded", lambda name, parameters, clock: counting)
     return counting
 
 
@@ -189,7 +189,7 @@ def test_a_missing_extra_is_one_clear_sentence(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(registry, "import_module", without_numba)
     told = "mapping needs numba, which is not installed: pip install 'chefbotd[navigation]'"
     with pytest.raises(CannotLoad, match="pip install"):
-        registry.loaded("mapping", b"{}")
+        registry.loaded("mapping", b"{}", ManualClock())
     assert list(Runner(clock).take_message(Configure({"mapping": b"{}"}))) == [
         Warming("mapping"),
         Unavailable(told),
@@ -204,4 +204,4 @@ def test_a_fault_of_our_own_is_not_taken_for_a_missing_extra(monkeypatch: pytest
 
     monkeypatch.setattr(registry, "import_module", broken)
     with pytest.raises(ModuleNotFoundError):
-        registry.loaded("mapping", b"{}")
+        registry.loaded("mapping", b"{}", ManualClock())

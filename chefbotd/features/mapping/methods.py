@@ -1,0 +1,199 @@
+"""Making a map: the methods that begin and end it, and the topics ``mapping``, ``map`` and ``map_pose``."""
+
+from base64 import b64encode
+from typing import Literal, Protocol
+
+from pydantic import Field
+
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
+from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method
+from chefbotd.rpc.models import NoParams, Params, Result, TopicData
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.topics import Topic
+
+
+class StartMappingParams(Params):
+    """Which map: a new one, or with a name the saved one that is gone on with."""
+
+    name: str | None = Field(None, min_length=1, max_length=64)
+    unfinished: bool = Field(False, description="go on with the map that was never finished")
+
+
+class FinishMappingParams(Params):
+    """What the map is to be called; a map of that name gets a new version."""
+
+    name: str = Field(min_length=1, max_length=64)
+
+
+class MappingResult(Result):
+    """How the map stands."""
+
+    state: str = Field(description="idle, mapping, paused or finishing")
+    name: str | None = Field(description="the map that is gone on with")
+    kept_scans: int
+    loops: int
+    path_m: float
+
+
+class MapSaved(Result):
+    """The map was saved."""
+
+    name: str
+    version: int
+    kept_scans: int
+    loops: int
+    path_m: float
+
+
+class MappingData(TopicData):
+    """How the map stands that is being made; ``reason`` says what is wrong, if anything is."""
+
+    state: str = Field(default="idle", description="idle, mapping, paused or finishing")
+    name: str | None = Field(default=None, description="the map that is gone on with")
+    kept_scans: int = 0
+    loops: int = 0
+    path_m: float = 0.0
+    scans: int = 0
+    unfinished: bool = Field(default=False, description="a map that was never finished lies on the disk")
+    reason: str = ""
+
+
+class MapData(TopicData):
+    """Changed cells of the map that is being made, or all of it (``whole``); ``revision`` counts without gaps.
+
+    ``cells`` are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on, the lowest y first.
+    """
+
+    revision: int
+    resolution_m: float
+    x_m: float = Field(description="of the outer corner of cell (0, 0), in map; as y_m and heading_rad")
+    y_m: float
+    heading_rad: float
+    columns: int
+    rows: int
+    column: int
+    row: int
+    part_columns: int
+    part_rows: int
+    whole: bool
+    encoding: Literal["base64 zlib int8"] = "base64 zlib int8"
+    cells: str = Field(description="a signed byte each: percent occupied, -1 unknown")
+
+
+class MapPoseData(TopicData):
+    """Where the robot is in the map, how surely, and how well the scan fits (0 to 1)."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float = Field(description="CCW positive, in (-pi, pi]")
+    covariance: tuple[float, ...] = Field(description="3x3, row by row, over x, y, heading")
+    fit: float
+    state: str = Field(description="mapping, slipped, doubtful or lost")
+    frame_id: Literal["map"] = "map"
+    child_frame_id: Literal["base_footprint"] = "base_footprint"
+
+
+class Mapping(Protocol):
+    """What makes maps. Each raises ``chefbotd.core.commands.Refused`` where it is not done."""
+
+    async def start(self, name: str | None, *, unfinished: bool) -> MappingResult:
+        """Begin, or go on."""
+        ...
+
+    async def pause(self) -> MappingResult:
+        """Take in no scans until started again."""
+        ...
+
+    async def finish(self, name: str, progress: Progress) -> MapSaved:
+        """Put the last touch on the map, and save it."""
+        ...
+
+    async def discard(self) -> MappingResult:
+        """Forget the map that is being made, or was never finished."""
+        ...
+
+
+class MappingMethods:
+    """The methods of this feature."""
+
+    def __init__(self, mapping: Mapping) -> None:
+        self._mapping = mapping
+
+    @method(role=Role.DRIVE)
+    async def start_mapping(
+        self, caller: Caller, params: StartMappingParams, progress: Progress
+    ) -> MappingResult:
+        """Begin a map, go on with a saved one by its name, or go on after a pause."""
+        return await self._mapping.start(params.name, unfinished=params.unfinished)
+
+    @method(role=Role.DRIVE)
+    async def pause_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingResult:
+        """Add nothing to the map until start_mapping is sent."""
+        return await self._mapping.pause()
+
+    @method(role=Role.DRIVE)
+    async def finish_mapping(
+        self, caller: Caller, params: FinishMappingParams, progress: Progress
+    ) -> MapSaved:
+        """Match all scans once more, save the map under a name, and end; reports progress."""
+        return await self._mapping.finish(params.name, progress)
+
+    @method(role=Role.DRIVE)
+    async def discard_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingResult:
+        """End without saving, and forget the map that was never finished; saved maps stay."""
+        return await self._mapping.discard()
+
+
+def map_data(event: MapChanged) -> MapData:
+    """The part of the map as it goes over the socket."""
+    origin = event.map_from_grid
+    return MapData(
+        revision=event.revision,
+        resolution_m=event.resolution_m,
+        x_m=origin.x_m,
+        y_m=origin.y_m,
+        heading_rad=origin.heading_rad,
+        columns=event.columns,
+        rows=event.rows,
+        column=event.column,
+        row=event.row,
+        part_columns=event.part_columns,
+        part_rows=event.part_rows,
+        whole=event.whole,
+        cells=b64encode(event.cells).decode(),
+    )
+
+
+def _map_pose(event: MapPoseUpdated) -> MapPoseData:
+    pose = event.map_from_base
+    return MapPoseData(
+        x_m=pose.x_m,
+        y_m=pose.y_m,
+        heading_rad=pose.heading_rad,
+        covariance=event.covariance.row_by_row,
+        fit=event.fit,
+        state=event.state,
+    )
+
+
+def _mapping(event: MappingChanged | None) -> MappingData:
+    if event is None:
+        return MappingData()
+    return MappingData(
+        state=event.state,
+        name=event.name,
+        kept_scans=event.kept_scans,
+        loops=event.loops,
+        path_m=event.path_m,
+        scans=event.scans,
+        unfinished=event.unfinished,
+        reason=event.reason,
+    )
+
+
+TOPICS = (
+    Topic("mapping", (MappingChanged,), MappingData, _mapping, always_known=True),
+    Topic("map", (MapChanged,), MapData, map_data),
+    Topic("map_pose", (MapPoseUpdated,), MapPoseData, _map_pose),
+)

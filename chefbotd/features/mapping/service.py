@@ -1,0 +1,175 @@
+"""The daemon's side of mapping: asks the worker's skill, publishes what it tells, and has it go on after a restart."""
+
+import asyncio
+from typing import Final
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.commands import Refused
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
+from chefbotd.core.geometry import Pose2D, PoseCovariance
+from chefbotd.features.mapping.methods import MappingResult, MapSaved
+from chefbotd.features.worker.service import WorkerService
+from chefbotd.rpc.jobs import Progress
+from chefbotd.worker.skills.mapping_messages import (
+    FINISHED,
+    GRID,
+    SKILL,
+    STATUS,
+    TOLD,
+    Discard,
+    Finish,
+    GetGrid,
+    GridPart,
+    MappingStatus,
+    Pause,
+    PoseFound,
+    Resume,
+    Start,
+)
+
+log = structlog.get_logger(component="mapping")
+
+SHORT_S: Final = 20.0
+"""For what is a moment's work in the worker, though it may be at something else."""
+
+LONG_S: Final = 120.0
+"""For what reads a large map, or between two steps of what matches all of it."""
+
+
+class MappingService:
+    """Whether a map is being made is remembered here, so that a worker that was killed is told to go on."""
+
+    def __init__(self, bus: Bus, clock: Clock, feed: WorkerService) -> None:
+        self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
+        self._status = MappingStatus("idle")
+        self._has_to_resume = asyncio.Event()
+        self._worker.add_listener(SKILL, self._take_told)
+        self._worker.add_on_ready(self._has_to_resume.set)
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether a map is being made, paused or not."""
+        return self._status.state != "idle"
+
+    async def start(self, name: str | None, *, unfinished: bool) -> MappingResult:
+        """Begin, or go on."""
+        return await self._ask(Start(name, unfinished), LONG_S)
+
+    async def pause(self) -> MappingResult:
+        """Take in no scans until started again."""
+        return await self._ask(Pause(), SHORT_S)
+
+    async def discard(self) -> MappingResult:
+        """Forget the map that is being made, or was never finished."""
+        return await self._ask(Discard(), SHORT_S)
+
+    async def finish(self, name: str, progress: Progress) -> MapSaved:
+        """Put the last touch on the map, and save it."""
+        answer = await self._worker.request(
+            SKILL, Finish(name), deadline_s=LONG_S, on_progress=progress.report
+        )
+        saved = FINISHED.decode(answer)
+        self._publish(MappingStatus("idle"))
+        return MapSaved(
+            name=saved.name,
+            version=saved.version,
+            kept_scans=saved.kept_scans,
+            loops=saved.loops,
+            path_m=saved.path_m,
+        )
+
+    async def grid(self) -> MapChanged:
+        """The whole map that is being made, as it is now."""
+        answer = await self._worker.request(SKILL, GetGrid(), deadline_s=SHORT_S)
+        return _map_changed(GRID.decode(answer))
+
+    async def run(self) -> None:
+        """Each time that a worker has become ready, have it go on with the map that was being made."""
+        while True:
+            await self._has_to_resume.wait()
+            self._has_to_resume.clear()
+            if self.is_mapping:
+                await self._resume()
+
+    async def _resume(self) -> None:
+        status = self._status
+        begun = status.kept_scans > 0 or status.name is not None
+        request = Resume(paused=status.state == "paused") if begun else Start()
+        try:
+            await self._ask(request, LONG_S)
+            log.info("mapping goes on after the worker was restarted", state=self._status.state)
+        except Refused as problem:
+            log.error("mapping cannot go on after the worker was restarted", reason=str(problem))
+            if self._worker.is_ready:  # else the next one is asked
+                self._publish(MappingStatus("idle", reason=str(problem)))
+
+    async def _ask(self, request: Start | Resume | Pause | Discard, deadline_s: float) -> MappingResult:
+        answer = await self._worker.request(SKILL, request, deadline_s=deadline_s)
+        status = STATUS.decode(answer)
+        self._publish(status)
+        return MappingResult(
+            state=status.state,
+            name=status.name,
+            kept_scans=status.kept_scans,
+            loops=status.loops,
+            path_m=status.path_m,
+        )
+
+    def _take_told(self, body: bytes) -> None:
+        """Raises ``msgspec.DecodeError`` for what the skill does not say."""
+        told = TOLD.decode(body)
+        match told:
+            case PoseFound():
+                self._bus.publish(self._pose_updated(told))
+            case GridPart():
+                self._bus.publish(_map_changed(told))
+            case MappingStatus():
+                self._publish(told)
+
+    def _publish(self, status: MappingStatus) -> None:
+        self._status = status
+        self._bus.publish(
+            MappingChanged(
+                self._clock.now_s(),
+                status.state,
+                status.name,
+                status.kept_scans,
+                status.loops,
+                status.path_m,
+                status.scans,
+                status.unfinished,
+                status.reason,
+            )
+        )
+
+    def _pose_updated(self, found: PoseFound) -> MapPoseUpdated:
+        map_from_base, steady_from_base = Pose2D(*found.map_from_base), Pose2D(*found.odometry)
+        map_from_steady = map_from_base.compose(steady_from_base.inverse())
+        return MapPoseUpdated(
+            found.stamp_s,
+            map_from_base,
+            map_from_steady.compose(self._feed.steady_from_odom),
+            PoseCovariance(*found.covariance),
+            found.fit,
+            found.state,
+        )
+
+
+def _map_changed(part: GridPart) -> MapChanged:
+    return MapChanged(
+        part.stamp_s,
+        part.revision,
+        part.resolution_m,
+        Pose2D(*part.origin),
+        part.columns,
+        part.rows,
+        part.column,
+        part.row,
+        part.part_columns,
+        part.part_rows,
+        part.whole,
+        part.cells,
+    )

@@ -1,0 +1,36 @@
+"""The topic ``worker``: how the process stands that maps, localizes and plans."""
+
+from pydantic import Field
+
+from chefbotd.core.events.worker import WorkerReported
+from chefbotd.rpc.models import TopicData
+from chefbotd.rpc.topics import Topic
+
+
+class WorkerData(TopicData):
+    """The worker process; ``reason`` says what it is at, or why it is not ready."""
+
+    state: str = Field(
+        default="stopped", description="stopped, starting, warming, ready, restarting or unavailable"
+    )
+    pid: int | None = None
+    restarts: int = 0
+    rss_mb: float | None = Field(default=None, description="resident memory")
+    cpu: float | None = Field(default=None, description="share of one core in the last second")
+    reason: str = ""
+
+
+def _worker(event: WorkerReported | None) -> WorkerData:
+    if event is None:
+        return WorkerData()
+    return WorkerData(
+        state=event.state,
+        pid=event.pid,
+        restarts=event.restarts,
+        rss_mb=event.rss_mb,
+        cpu=event.cpu,
+        reason=event.reason,
+    )
+
+
+TOPICS = (Topic("worker", (WorkerReported,), WorkerData, _worker, always_known=True),)

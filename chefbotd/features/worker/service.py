@@ -1,0 +1,79 @@
+"""Feeds the worker: every scan and every odometry goes to it, in a frame that never jumps."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events import OdometryReset, OdometryUpdated
+from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.worker import WorkerReported
+from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.process import Worker, WorkerStatus
+from chefbotd.worker.spawn import Spawn, spawn
+
+
+class WorkerService:
+    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: WorkerParameters,
+        skills: Mapping[str, bytes],
+        start: Spawn | None = None,
+    ) -> None:
+        self._bus, self._clock = bus, clock
+        self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
+        self._steady_from_odom = ORIGIN
+        bus.add_handler(self._send_odometry, OdometryUpdated)
+        bus.add_handler(self._take_reset, OdometryReset)
+        bus.add_handler(self._send_scan, ScanMeasured)
+
+    @property
+    def steady_from_odom(self) -> Pose2D:
+        """Where ``odom`` lies in the frame that the skills know."""
+        return self._steady_from_odom
+
+    async def run(self) -> None:
+        """Keep the worker alive."""
+        await self.worker.run()
+
+    def _report(self, status: WorkerStatus) -> None:
+        self._bus.publish(
+            WorkerReported(
+                self._clock.now_s(),
+                str(status.state),
+                status.pid,
+                status.restarts,
+                status.rss_mb,
+                status.cpu,
+                status.reason,
+            )
+        )
+
+    def _take_reset(self, event: OdometryReset) -> None:
+        """The robot is where it was: what was ``before`` in ``odom`` is ``after`` from now on."""
+        self._steady_from_odom = self._steady_from_odom.compose(event.before).compose(event.after.inverse())
+
+    def _send_odometry(self, event: OdometryUpdated) -> None:
+        pose, twist = self._steady_from_odom.compose(event.odom_from_base), event.twist
+        self.worker.send(
+            OdometrySeen(
+                event.stamp_s, pose.x_m, pose.y_m, pose.heading_rad, twist.linear_m_s, twist.angular_rad_s
+            )
+        )
+
+    def _send_scan(self, event: ScanMeasured) -> None:
+        if not self.worker.is_ready:
+            return
+        scan, mount = event.scan, event.base_from_lidar
+        arrays = (scan.bearing_rad, scan.range_m, scan.after_s)
+        data = [array.astype(np.float32).tobytes() for array in arrays]
+        self.worker.send(
+            ScanSeen(scan.stamp_s, event.lidar, (mount.x_m, mount.y_m, mount.heading_rad), *data)
+        )

@@ -1,0 +1,100 @@
+"""Scans with the robot's motion undone: each waits until odometry is known for its whole turn."""
+
+import math
+from collections import deque
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.scan import LaserScan
+from chefbotd.mapping.poses import Floats
+from chefbotd.mapping.state import Scan
+from chefbotd.mapping.surfaces import normals
+from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base, pose_at
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+
+KEPT_S: Final = 2.0
+"""Odometry is remembered for so long; a turn takes a tenth of a second."""
+
+MOST_WAITING: Final = 5
+PATIENCE_S: Final = 0.25
+"""A scan that is older goes on without newer odometry: that is held, and a robot without encoders stands (safety.md)."""
+
+BEAMS: Final = BeamParameters(min_range_m=0.01, max_range_m=90.0)
+"""The lidar's own range, blind sectors and the robot's body were taken out before."""
+
+
+class AlignedScan(NamedTuple):
+    """What a turn shows, in the robot's frame at ``stamp_s``, and where odometry says that it was then."""
+
+    stamp_s: float
+    odometry: Floats
+    scan: Scan
+
+
+class ScanAligner:
+    """Scans and odometry in, aligned scans out, in the order of their stamps; ``refused`` counts what is no scan."""
+
+    def __init__(self) -> None:
+        self.refused = 0
+        self._track: deque[OdometrySeen] = deque()
+        self._waiting: deque[ScanSeen] = deque()
+
+    def add_odometry(self, odometry: OdometrySeen) -> None:
+        """Remember where odometry says the robot is; what is not newer than the last, or not finite, is passed over."""
+        track = self._track
+        values = (odometry.stamp_s, odometry.x_m, odometry.y_m, odometry.heading_rad)
+        if not all(map(math.isfinite, values)) or (track and odometry.stamp_s <= track[-1].stamp_s):
+            return
+        track.append(odometry)
+        while track[0].stamp_s < odometry.stamp_s - KEPT_S:
+            track.popleft()
+
+    def add_scan(self, scan: ScanSeen) -> None:
+        """Keep a scan until it can be aligned; of too many that wait the oldest gives way."""
+        self._waiting.append(scan)
+        if len(self._waiting) > MOST_WAITING:
+            self._waiting.popleft()
+
+    def clear(self) -> None:
+        """Forget the scans that wait."""
+        self._waiting.clear()
+
+    def next_aligned(self, now_s: float) -> AlignedScan | None:
+        """The next scan for which there is odometry, or for which none is waited any more; None: there is none."""
+        while self._waiting and self._track:
+            scan = self._waiting[0]
+            if self._track[-1].stamp_s < scan.stamp_s and now_s - scan.stamp_s < PATIENCE_S:
+                return None
+            self._waiting.popleft()
+            if self._track[0].stamp_s > scan.stamp_s:
+                continue  # where the robot was then was forgotten, or never known
+            try:
+                return self._aligned(laser_scan(scan), scan.mount)
+            except ValueError:
+                self.refused += 1
+        return None
+
+    def _aligned(self, scan: LaserScan, mount: tuple[float, float, float]) -> AlignedScan:
+        rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in self._track])
+        track = Track(rows[:, 0], rows[:, 1:])
+        points = points_in_base(BEAMS, Pose2D(*mount), scan, track).astype(np.float32)
+        sensor_m = np.array(mount[:2])
+        pose = pose_at(track, np.array([scan.stamp_s]))[0]
+        return AlignedScan(scan.stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
+
+
+def laser_scan(scan: ScanSeen) -> LaserScan:
+    """The message as a scan.
+
+    Raises:
+        ValueError: its arrays do not fit together.
+    """
+    if not math.isfinite(scan.stamp_s):
+        raise ValueError(f"a scan's time is finite, got {scan.stamp_s}")
+    arrays = [
+        np.frombuffer(data, "<f4").astype(np.float64)
+        for data in (scan.bearing_rad, scan.range_m, scan.after_s)
+    ]
+    return LaserScan(scan.stamp_s, *arrays)

@@ -1,0 +1,332 @@
+"""The skill that makes maps: SLAM scan by scan, told as poses and patches, saved on its own and at the end.
+
+Every state of SLAM is a value. So a job that is given up leaves what was there, and a worker that is killed goes on
+from the last state that it saved on its own.
+"""
+
+import zlib
+from collections.abc import Generator, Iterable, Iterator
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.mapping.finish import refining
+from chefbotd.mapping.live_map import LiveMap, changes, grid_of, nothing, updated
+from chefbotd.mapping.occupancy import occupancy
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.parts import apart
+from chefbotd.mapping.poses import Floats
+from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.mapping.slam import Report, step
+from chefbotd.mapping.state import SlamState, start
+from chefbotd.mapping.warm import warm
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.skills import mapping_messages as messages
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
+from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
+from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
+from chefbotd.worker.skills.skill import Done, Job, Struct
+
+SESSION: Final = "daemon_session"
+"""Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
+
+BUSY_SHARE: Final = 0.05
+"""Telling and saving each take no more of the time than this; a large map is told and saved less often."""
+
+
+class Mode(StrEnum):
+    """What the skill does."""
+
+    IDLE = "idle"
+    MAPPING = "mapping"
+    PAUSED = "paused"
+    FINISHING = "finishing"
+
+
+class MappingSkill:
+    """One map at a time."""
+
+    def __init__(self, parameters: bytes, clock: Clock, files: MapFiles | None = None) -> None:
+        self._parameters = MappingSkillParameters.model_validate_json(parameters)
+        self._clock = clock
+        self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
+        self._aligner = ScanAligner()
+        self._mode, self._reason = Mode.IDLE, ""
+        self._name: str | None = None
+        self._revision = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """No map is being made."""
+        self._state: SlamState = start()
+        self._live: LiveMap = nothing(self._parameters.mapping.resolution_m)
+        self._grid: OccupancyGrid | None = None
+        self._scans = 0
+        self._told_number = self._saved_number = 0
+        self._tell_at_s = self._save_at_s = float("-inf")
+        self._aligner.clear()
+
+    def warm(self) -> None:
+        """Load, or compile, all that SLAM needs."""
+        warm()
+
+    # what is measured
+
+    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+        """A turn of the lidar of which the map is made."""
+        if self._mode is Mode.MAPPING and scan.lidar == self._parameters.lidar:
+            self._aligner.add_scan(scan)
+        return self._map_what_is_aligned()
+
+    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+        """Where the robot is by odometry: also while no map is made, so that the first scan finds it."""
+        self._aligner.add_odometry(odometry)
+        return self._map_what_is_aligned()
+
+    def _map_what_is_aligned(self) -> Iterator[Struct]:
+        while self._mode is Mode.MAPPING:
+            aligned = self._aligner.next_aligned(self._clock.now_s())
+            if aligned is None:
+                return
+            yield self._mapped(aligned)
+
+    def _mapped(self, aligned: AlignedScan) -> PoseFound:
+        slam = self._parameters.mapping.slam
+        self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan)
+        self._scans += 1
+        return _pose_found(aligned, report)
+
+    # what has its own time
+
+    def step(self, now_s: float) -> Iterable[Struct]:
+        """Map scans that odometry keeps waiting; tell what changed; save now and then."""
+        yield from self._map_what_is_aligned()
+        if self._mode is not Mode.MAPPING:
+            return
+        if now_s >= self._tell_at_s and self._told_number != self._state.next_number:
+            yield from self._tell_changes(now_s)
+        if now_s >= self._save_at_s and self._saved_number != self._state.next_number:
+            yield from self._autosaved(now_s)
+
+    def _tell_changes(self, now_s: float) -> Iterator[Struct]:
+        before, self._told_number = self._grid, self._state.next_number
+        self._live = updated(self._live, self._state.nodes)
+        self._grid = grid_of(self._live)
+        patch = None if self._grid is None else changes(before, self._grid)
+        if self._grid is not None and patch is not None:
+            self._revision += 1
+            yield self._grid_part(
+                now_s, self._grid, patch.row, patch.column, patch.percent, whole=patch.whole
+            )
+        yield self._status()
+        took_s = self._clock.now_s() - now_s
+        self._tell_at_s = now_s + max(self._parameters.mapping.told_every_s, took_s / BUSY_SHARE)
+
+    def _autosaved(self, now_s: float) -> Iterator[Struct]:
+        try:
+            self._files.autosave(self._grid or occupancy(self._state.nodes), self._arrays())
+            self._saved_number, self._reason = self._state.next_number, ""
+        except Refused as problem:
+            self._reason = str(problem)
+            yield self._status()
+        took_s = self._clock.now_s() - now_s
+        self._save_at_s = now_s + max(self._parameters.mapping.autosave_s, took_s / BUSY_SHARE)
+
+    def close(self) -> None:
+        """The daemon ends: keep what it has of a map that is not finished."""
+        if self._mode is not Mode.IDLE and self._saved_number != self._state.next_number:
+            list(self._autosaved(self._clock.now_s()))
+
+    # what is asked
+
+    def handle(self, body: bytes) -> Struct | Job:
+        """One request."""
+        match messages.REQUEST.decode(body):
+            case messages.Start() as request:
+                return self._start(request)
+            case messages.Resume() as request:
+                return self._resume(paused=request.paused)
+            case messages.Pause():
+                return self._pause()
+            case messages.Finish() as request:
+                return self._finish(request.name)
+            case messages.Discard():
+                return self._discard()
+            case _:  # GetGrid
+                return self._whole_grid()
+
+    def _start(self, request: messages.Start) -> MappingStatus:
+        if self._mode is Mode.PAUSED and request.name in (None, self._name) and not request.unfinished:
+            self._mode = Mode.MAPPING
+            return self._status()
+        if self._mode is not Mode.IDLE:
+            raise Refused(RefusalKind.ALREADY_MAPPING, f"a map is being made already (it is {self._mode})")
+        found = self._files.read_autosave()
+        if found is not None and not request.unfinished:
+            raise Refused(
+                RefusalKind.ALREADY_MAPPING,
+                "there is a map that was never finished: go on with it (unfinished = true), or send discard_mapping",
+            )
+        if request.unfinished and found is None:
+            raise Refused(RefusalKind.NOT_MAPPING, "no map was left unfinished")
+        name = request.name
+        if name is not None and not request.unfinished:
+            found = self._files.read_slam(name)
+            if found is None:
+                raise Refused(
+                    RefusalKind.MAP_UNREADABLE,
+                    f"mapping cannot go on with {name!a}: SLAM did not make this map, or its graph is not there",
+                )
+        state = start() if found is None else self._continued(found)
+        self._forget()
+        self._state, self._mode, self._name, self._reason = state, Mode.MAPPING, name, ""
+        return self._status()
+
+    def _resume(self, *, paused: bool) -> MappingStatus:
+        found = self._files.read_autosave()
+        if found is None:
+            self._reason = "the worker ended, and nothing was kept of the map that was being made"
+            return self._status()
+        state = self._continued(found)
+        self._forget()
+        self._state, self._mode, self._reason = state, Mode.PAUSED if paused else Mode.MAPPING, ""
+        self._saved_number = state.next_number
+        return self._status()
+
+    def _continued(self, arrays: Arrays) -> SlamState:
+        """A saved state; where odometry has not gone on since, the robot may be anywhere in it."""
+        same_run = SESSION in arrays and str(arrays[SESSION]) == self._parameters.session
+        try:
+            state = restored(arrays)
+        except NotASavedState as problem:
+            raise Refused(
+                RefusalKind.MAP_UNREADABLE, f"mapping cannot go on with this map: {problem}"
+            ) from problem
+        return state if same_run or not len(state.nodes) else apart(state)
+
+    def _pause(self) -> MappingStatus:
+        self._require_map()
+        self._aligner.clear()
+        self._mode = Mode.PAUSED
+        return self._status()
+
+    def _discard(self) -> MappingStatus:
+        if self._mode is Mode.FINISHING:
+            raise Refused(RefusalKind.ALREADY_MAPPING, "the map is being finished: cancel that first")
+        self._files.discard_autosave()
+        self._mode, self._name, self._reason = Mode.IDLE, None, ""
+        self._forget()
+        return self._status()
+
+    def _finish(self, name: str) -> Job:
+        self._require_map()
+        if not len(self._state.nodes):
+            raise Refused(
+                RefusalKind.NOT_MAPPING, "the map is empty: no scan has come yet; see the topics of the lidar"
+            )
+        return self._finishing(name, self._mode)
+
+    def _finishing(self, name: str, before: Mode) -> Generator[Done, None, Struct]:
+        """Put the last touch on a copy; whatever ends this early leaves the map as it was."""
+        self._mode = Mode.FINISHING
+        self._aligner.clear()
+        try:
+            work = refining(self._parameters.mapping.slam, self._state)
+            state = yield from _with_progress(work)
+            yield Done(0.9, 1.0, "drawing the map")
+            grid = occupancy(state.nodes, self._parameters.mapping.resolution_m)
+            yield Done(0.95, 1.0, "saving the map")
+            version = self._files.save(name, grid, saved(state))
+        except BaseException:
+            self._mode = before
+            raise
+        status = self._status()
+        self._files.discard_autosave()
+        self._mode, self._name = Mode.IDLE, None
+        self._forget()
+        loops = int(state.edges.loop.sum())
+        return messages.Finished(name, version, len(state.nodes), loops, status.path_m)
+
+    def _require_map(self) -> None:
+        if self._mode in (Mode.IDLE, Mode.FINISHING):
+            told = "the map is being finished" if self._mode is Mode.FINISHING else "no map is being made"
+            raise Refused(RefusalKind.NOT_MAPPING, told)
+
+    def _whole_grid(self) -> Struct:
+        if self._grid is None:
+            raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or nothing is in it yet")
+        return self._grid_part(self._clock.now_s(), self._grid, 0, 0, self._grid.percent, whole=True)
+
+    # what is told
+
+    def _status(self) -> MappingStatus:
+        state = self._state
+        return MappingStatus(
+            state=str(self._mode),
+            name=self._name,
+            kept_scans=len(state.nodes),
+            loops=int(state.edges.loop.sum()),
+            path_m=state.path_m,
+            scans=self._scans,
+            unfinished=self._mode is Mode.IDLE and self._files.has_autosave(),
+            reason=self._reason,
+        )
+
+    def _arrays(self) -> Arrays:
+        return saved(self._state) | {SESSION: np.array(self._parameters.session)}
+
+    def _grid_part(
+        self,
+        stamp_s: float,
+        grid: OccupancyGrid,
+        row: int,
+        column: int,
+        percent: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]",
+        *,
+        whole: bool,
+    ) -> messages.GridPart:
+        origin, (rows, columns) = grid.map_from_grid, grid.percent.shape
+        return messages.GridPart(
+            stamp_s=stamp_s,
+            revision=self._revision,
+            resolution_m=grid.resolution_m,
+            origin=(origin.x_m, origin.y_m, origin.heading_rad),
+            columns=columns,
+            rows=rows,
+            column=column,
+            row=row,
+            part_columns=percent.shape[1],
+            part_rows=percent.shape[0],
+            whole=whole,
+            cells=zlib.compress(np.ascontiguousarray(percent).tobytes(), 1),
+        )
+
+
+def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generator[Done, None, SlamState]:
+    while True:
+        try:
+            done, total = next(work)
+        except StopIteration as end:
+            state: SlamState = end.value
+            return state
+        yield Done(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")
+
+
+def _pose_found(aligned: AlignedScan, report: Report) -> PoseFound:
+    c = report.covariance
+    upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
+    return PoseFound(
+        stamp_s=aligned.stamp_s,
+        map_from_base=_triple(report.map_pose),
+        odometry=_triple(aligned.odometry),
+        covariance=tuple(float(value) for value in upper),  # type: ignore[arg-type]
+        fit=report.fit,
+        state=str(report.mode),
+    )
+
+
+def _triple(pose: Floats) -> tuple[float, float, float]:
+    return float(pose[0]), float(pose[1]), float(pose[2])

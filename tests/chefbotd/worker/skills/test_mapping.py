@@ -1,0 +1,377 @@
+"""The skill that makes maps, by what it is given and asked, and what it tells; the disk is in memory."""
+
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chefbotd.clock import ManualClock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.parameters import MappingParameters
+from chefbotd.mapping.saved import Arrays, restored
+from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
+from chefbotd.worker.skills.mapping import MappingSkill
+from chefbotd.worker.skills.mapping_messages import (
+    Discard,
+    Finish,
+    Finished,
+    GetGrid,
+    GridPart,
+    MappingRequest,
+    MappingSkillParameters,
+    MappingStatus,
+    Pause,
+    PoseFound,
+    Resume,
+    Start,
+)
+from chefbotd.worker.skills.skill import Done, Struct
+from tests.chefbotd.worker.skills.drives import TRUTH, measured
+
+SCANS = 130
+
+
+@dataclass
+class Memory:
+    """A folder of maps that forgets with the test; ``full`` refuses to save."""
+
+    maps: dict[str, list[tuple[OccupancyGrid, Arrays]]] = field(default_factory=dict)
+    kept: tuple[OccupancyGrid, Arrays] | None = None
+    autosaves: int = 0
+    full: bool = False
+
+    def save(self, name: str, grid: OccupancyGrid, slam: Arrays) -> int:
+        """A version more."""
+        self._write()
+        self.maps.setdefault(name, []).append((grid, slam))
+        return len(self.maps[name])
+
+    def read_slam(self, name: str) -> Arrays | None:
+        """The latest."""
+        return self.maps[name][-1][1]
+
+    def autosave(self, grid: OccupancyGrid, slam: Arrays) -> None:
+        """Keep it."""
+        self._write()
+        self.kept = (grid, slam)
+        self.autosaves += 1
+
+    def has_autosave(self) -> bool:
+        """Whether there is one."""
+        return self.kept is not None
+
+    def read_autosave(self) -> Arrays | None:
+        """It."""
+        return None if self.kept is None else self.kept[1]
+
+    def discard_autosave(self) -> None:
+        """Forget it."""
+        self.kept = None
+
+    def _write(self) -> None:
+        if self.full:
+            raise Refused(RefusalKind.STORAGE_FAILED, "cannot save: the disk is full")
+
+
+class Bench:
+    """A skill, its disk and its clock, and all that it has told."""
+
+    def __init__(self, memory: Memory | None = None, session: str = "one") -> None:
+        self.clock = ManualClock(50.0)
+        self.memory = memory or Memory()
+        parameters = MappingSkillParameters(
+            lidar="top",
+            folder=Path("/nowhere"),
+            versions_kept=3,
+            session=session,
+            mapping=MappingParameters(),
+        )
+        self.skill = MappingSkill(parameters.model_dump_json().encode(), self.clock, self.memory)
+        self.told: list[Struct] = []
+
+    def drive(self, first: int, last: int, messages: Iterable[ScanSeen | OdometrySeen] | None = None) -> None:
+        """Give it a part of the tour, in its own time."""
+        for message in messages or measured(first, last):
+            late_s = message.stamp_s - self.clock.now_s()
+            self.clock.advance(late_s if late_s > 0 else 0.0)
+            if isinstance(message, ScanSeen):
+                self.told += self.skill.take_scan(message)
+            else:
+                self.told += self.skill.take_odometry(message)
+                self.told += self.skill.step(self.clock.now_s())
+
+    def ask(self, request: MappingRequest) -> MappingStatus:
+        """Have something done at once."""
+        answer = self.skill.handle(packed(request))
+        assert isinstance(answer, MappingStatus)
+        return answer
+
+    def finish(self, name: str) -> tuple[Finished, list[Done]]:
+        """Finish the map; the answer, and how far it said to be."""
+        job, progress = self.skill.handle(packed(Finish(name))), []
+        assert not isinstance(job, Struct)
+        while True:
+            try:
+                progress.append(next(job))
+            except StopIteration as end:
+                answer: Finished = end.value
+                return answer, progress
+
+    def of(self, kind: type[Struct]) -> list[Struct]:
+        """What it told of this kind."""
+        return [each for each in self.told if isinstance(each, kind)]
+
+
+@pytest.fixture(scope="module")
+def driven() -> Bench:
+    """A map that is being made; tests of this one only look."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, SCANS)
+    return bench
+
+
+def test_every_scan_gives_a_pose_near_the_truth(driven: Bench) -> None:
+    """Odometry is off by a decimetre or more by then; the map's pose is within 3 cm, in the frame of the first scan."""
+    poses = driven.of(PoseFound)
+    assert len(poses) == SCANS
+    found = np.array([pose.map_from_base for pose in poses])  # type: ignore[attr-defined]
+    first, there = TRUTH[0], TRUTH[:SCANS]
+    cos, sin = np.cos(first[2]), np.sin(first[2])
+    dx, dy = there[:, 0] - first[0], there[:, 1] - first[1]
+    off_m = np.hypot(cos * dx + sin * dy - found[:, 0], cos * dy - sin * dx - found[:, 1])
+    assert off_m.max() < 0.03
+    odometry = np.array([pose.odometry for pose in poses])  # type: ignore[attr-defined]
+    assert np.hypot(cos * dx + sin * dy - odometry[:, 0], cos * dy - sin * dx - odometry[:, 1]).max() > 0.1
+
+
+def test_patches_put_together_are_the_map(driven: Bench) -> None:
+    """A client that applies each patch has what get_grid tells; revisions follow each other without a gap."""
+    cells, revisions = np.zeros((0, 0), np.int8), []
+    for part in driven.of(GridPart):
+        assert isinstance(part, GridPart)
+        inside = np.frombuffer(zlib.decompress(part.cells), np.int8).reshape(
+            part.part_rows, part.part_columns
+        )
+        if part.whole:
+            cells = inside.copy()
+        cells[part.row : part.row + part.part_rows, part.column : part.column + part.part_columns] = inside
+        assert cells.shape == (part.rows, part.columns)
+        revisions.append(part.revision)
+    assert revisions == list(range(1, len(revisions) + 1))
+    assert len(revisions) >= SCANS * 0.1 * 0.5
+    whole = driven.skill.handle(packed(GetGrid()))
+    assert isinstance(whole, GridPart)
+    assert np.array_equal(np.frombuffer(zlib.decompress(whole.cells), np.int8), cells.ravel())
+
+
+def test_it_is_told_and_saved_now_and_then(driven: Bench) -> None:
+    """Told once a second and saved at once and every ten: 13 s of driving."""
+    assert 10 <= len(driven.of(MappingStatus)) <= 15
+    assert driven.memory.autosaves == 2
+    last = driven.of(MappingStatus)[-1]
+    assert isinstance(last, MappingStatus)
+    assert (last.state, last.name, last.reason) == ("mapping", None, "")
+    assert last.kept_scans > 30
+
+
+def test_another_lidars_scans_are_not_mapped() -> None:
+    """The map is of one lidar."""
+    bench = Bench()
+    bench.ask(Start())
+    others = [
+        ScanSeen(m.stamp_s, "low", m.mount, m.bearing_rad, m.range_m, m.after_s)
+        if isinstance(m, ScanSeen)
+        else m
+        for m in measured(0, 5)
+    ]
+    bench.drive(0, 5, others)
+    assert not bench.of(PoseFound)
+
+
+def test_a_scan_waits_for_odometry_but_not_for_ever() -> None:
+    """It is placed once odometry of its time is there; without that, after a quarter of a second, by the last."""
+    bench = Bench()
+    bench.ask(Start())
+    messages = list(measured(0, 3))
+    bench.drive(0, 0, messages[:5])  # odometry, scan, odometry; odometry, scan
+    assert len(bench.of(PoseFound)) == 1
+    bench.clock.advance(0.3)
+    bench.told += bench.skill.step(bench.clock.now_s())
+    assert len(bench.of(PoseFound)) == 2
+
+
+@pytest.mark.parametrize("broken", ["short", "nan_stamp", "nan_ranges", "far"])
+def test_a_broken_scan_is_let_go(broken: str) -> None:
+    """Arrays that do not fit, a time that is none, readings that are none: the map goes on with the next scan."""
+    bench = Bench()
+    bench.ask(Start())
+    messages = list(measured(0, 6))
+    scan = messages[7]
+    assert isinstance(scan, ScanSeen)
+    nonsense = {"nan_ranges": np.nan, "far": 1e30}.get(broken, 1.0)
+    ranges = np.full(len(scan.range_m) // 4 - (broken == "short"), nonsense, "<f4").tobytes()
+    stamp_s = float("nan") if broken == "nan_stamp" else scan.stamp_s
+    messages[7] = ScanSeen(stamp_s, "top", scan.mount, scan.bearing_rad, ranges, scan.after_s)
+    bench.drive(0, 0, messages)
+    assert bench.of(PoseFound)[-1].stamp_s == pytest.approx(50.5)  # type: ignore[attr-defined]
+
+
+def test_a_finished_map_is_saved_with_all_to_go_on_from() -> None:
+    """It says how far it is up to the end, saves the refined map, and forgets what it saved on its own."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 60)
+    saved, progress = bench.finish("flat")
+    assert (saved.name, saved.version) == ("flat", 1)
+    shares = [done.done / done.total for done in progress]
+    assert shares == sorted(shares)
+    assert [done.text for done in progress[-2:]] == ["drawing the map", "saving the map"]
+    assert bench.memory.kept is None
+    assert len(restored(bench.memory.maps["flat"][0][1]).nodes) == saved.kept_scans
+    with pytest.raises(Refused) as refused:
+        bench.ask(Pause())
+    assert refused.value.kind is RefusalKind.NOT_MAPPING
+
+
+def test_a_finish_that_is_given_up_changes_nothing() -> None:
+    """Cancelled in the middle, or refused by the disk: the map is being made as before, and is not saved."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 40)
+    job = bench.skill.handle(packed(Finish("flat")))
+    assert not isinstance(job, Struct)
+    next(job)
+    job.close()
+    assert not bench.memory.maps
+    bench.drive(40, 45)
+    assert bench.of(PoseFound)[-1].fit > 0.9  # type: ignore[attr-defined]
+    bench.memory.full = True
+    with pytest.raises(Refused, match="the disk is full"):
+        bench.finish("flat")
+    bench.memory.full = False
+    assert bench.finish("flat")[0].version == 1
+
+
+def test_a_full_disk_is_said_and_mapping_goes_on() -> None:
+    """The status has the reason until a save succeeds."""
+    bench = Bench()
+    bench.memory.full = True
+    bench.ask(Start())
+    bench.drive(0, 30)
+    reasons = [status.reason for status in bench.of(MappingStatus)]  # type: ignore[attr-defined]
+    assert "cannot save: the disk is full" in reasons
+    bench.memory.full = False
+    bench.drive(30, 150)
+    assert bench.of(MappingStatus)[-1].reason == ""  # type: ignore[attr-defined]
+    assert bench.memory.kept is not None
+
+
+def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
+    """The next one reads what was saved last; odometry has gone on, so it is not lost, and the poses go on."""
+    first = Bench()
+    first.ask(Start())
+    first.drive(0, 130)
+    kept = first.memory.autosaves
+    assert kept == 2
+    second = Bench(first.memory)
+    assert second.ask(Resume(paused=False)).state == "mapping"
+    second.drive(130, 150)
+    poses = second.of(PoseFound)
+    assert [pose.state for pose in poses].count("mapping") > 15  # type: ignore[attr-defined]
+    last = poses[-1].map_from_base  # type: ignore[attr-defined]
+    first.drive(130, 150)
+    assert last == pytest.approx(first.of(PoseFound)[-1].map_from_base, abs=0.05)  # type: ignore[attr-defined]
+    assert second.of(GridPart)[0].whole  # type: ignore[attr-defined]
+
+
+def test_nothing_kept_is_said() -> None:
+    """A worker that is to go on, and finds nothing, is idle and says so."""
+    status = Bench().ask(Resume(paused=True))
+    assert (status.state, "nothing was kept" in status.reason) == ("idle", True)
+
+
+def test_after_the_daemons_restart_the_map_waits_for_a_word() -> None:
+    """The unfinished map is not overwritten by a new one; gone on with, the robot is lost until it knows a place."""
+    first = Bench()
+    first.ask(Start())
+    first.drive(0, 120)
+    first.skill.close()
+    second = Bench(first.memory, session="two")
+    with pytest.raises(Refused, match="never finished") as refused:
+        second.ask(Start())
+    assert refused.value.kind is RefusalKind.ALREADY_MAPPING
+    status = second.ask(Start(unfinished=True))
+    assert status.kept_scans > 30
+    second.drive(100, 105)
+    assert {pose.state for pose in second.of(PoseFound)} == {"lost"}  # type: ignore[attr-defined]
+    assert second.ask(Discard()).state == "idle"
+    assert second.ask(Start()).state == "mapping"
+
+
+def test_a_saved_map_is_gone_on_with_by_its_name() -> None:
+    """It has all of its scans; one that was not made by SLAM is refused in words."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 60)
+    saved, _ = bench.finish("flat")
+    status = bench.ask(Start(name="flat"))
+    assert (status.name, status.kept_scans) == ("flat", saved.kept_scans)
+    bench.ask(Discard())
+    bench.memory.read_slam = lambda name: None  # type: ignore[method-assign]
+    with pytest.raises(Refused, match="SLAM did not make this map"):
+        bench.ask(Start(name="flat"))
+
+
+def test_a_pause_adds_nothing() -> None:
+    """Scans that come meanwhile are let go; start_mapping goes on."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 20)
+    kept = bench.ask(Pause()).kept_scans
+    bench.drive(20, 40)
+    assert len(bench.of(PoseFound)) == 20
+    status = bench.ask(Start())
+    assert (status.state, status.kept_scans) == ("mapping", kept)
+
+
+@pytest.mark.parametrize(
+    ("request_", "kind"),
+    [
+        (Pause(), RefusalKind.NOT_MAPPING),
+        (Finish("flat"), RefusalKind.NOT_MAPPING),
+        (GetGrid(), RefusalKind.NOT_MAPPING),
+        (Start(unfinished=True), RefusalKind.NOT_MAPPING),
+    ],
+)
+def test_without_a_map_there_is_nothing_to_do(request_: MappingRequest, kind: RefusalKind) -> None:
+    """Each is refused with its kind."""
+    with pytest.raises(Refused) as refused:
+        Bench().skill.handle(packed(request_))
+    assert refused.value.kind is kind
+
+
+def test_a_second_map_at_once_is_refused() -> None:
+    """The first one has to be finished or discarded; an empty one is nothing to finish."""
+    bench = Bench()
+    bench.ask(Start())
+    with pytest.raises(Refused, match="being made already") as refused:
+        bench.ask(Start(name="flat"))
+    assert refused.value.kind is RefusalKind.ALREADY_MAPPING
+    with pytest.raises(Refused, match="no scan has come yet"):
+        bench.skill.handle(packed(Finish("flat")))
+
+
+def test_the_end_of_the_daemon_saves_what_there_is() -> None:
+    """What was mapped since the last save is not lost."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 80)
+    bench.skill.close()
+    assert bench.memory.kept is not None
+    kept = len(restored(bench.memory.kept[1]).nodes)
+    assert kept == bench.of(MappingStatus)[-1].kept_scans or kept > 20  # type: ignore[attr-defined]
