@@ -1,9 +1,11 @@
 """The stored maps, in the daemon: the map in use, and every change in order, none of it in the event loop's time."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import structlog
 
@@ -26,8 +28,7 @@ from chefbotd.rpc.jobs import Progress
 
 log = structlog.get_logger(component="maps")
 
-T = TypeVar("T")
-InThread = Callable[..., Awaitable[Any]]
+MOST_THREADS = 4
 Locate = Callable[[], Pose2D | None]
 
 
@@ -39,7 +40,7 @@ def _nowhere() -> None:
 class MapsService:
     """The maps of a store; ``in_use`` is the name of the map in use.
 
-    ``locate`` says where in that map the robot is, or None. ``in_thread`` runs what waits for the disk.
+    ``locate`` says where in that map the robot is, or None. What waits for the disk runs in threads of its own.
     """
 
     def __init__(
@@ -50,10 +51,10 @@ class MapsService:
         versions_kept: int,
         *,
         locate: Locate = _nowhere,
-        in_thread: InThread = asyncio.to_thread,
     ) -> None:
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
-        self._locate, self._in_thread = locate, in_thread
+        self._locate = locate
+        self._threads = ThreadPoolExecutor(MOST_THREADS, "maps")
         self._order = asyncio.Lock()
         self._cells = parts.Cache()
         self.in_use: str | None = None
@@ -205,6 +206,10 @@ class MapsService:
         if self.in_use is None:
             raise MapStoreError(RefusalKind.NO_MAP_LOADED, "no map is in use: load one, or name one")
         return self.in_use
+
+    async def _in_thread(self, function: Callable[..., Any], *arguments: object) -> Any:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._threads, partial(function, *arguments))
 
     async def _changing(self, change: Callable[..., object], *arguments: object) -> None:
         """Change the store. It is not given up half-way: the next change waits, also where this one is cancelled."""

@@ -5,9 +5,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
 
+from chefbotd.client import CallError
 from chefbotd.core.events import BatteryCounted, EdgesSeen, EncodersCounted
 from tests.scenarios.fault_run import Fault, FaultRun
-from tests.scenarios.faults.outcomes import ENDS, latched
+from tests.scenarios.faults.outcomes import DRIVES_ON, ENDS, latched
 
 
 @asynccontextmanager
@@ -41,6 +42,20 @@ async def cancelled(task_name: str, fault_run: FaultRun) -> AsyncIterator[None]:
     yield
 
 
+@asynccontextmanager
+async def unsaved_map(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The folder of maps is where no folder can be, and a client goes on saving a place."""
+    async with fault_run.another("mapper") as mapper:
+        for _ in range(20):
+            try:
+                await mapper.save_place("kitchen", 1.5, -0.5, of_map="flat")
+            except CallError as refusal:
+                fault_run.check(refusal.kind == "storage_failed", f"refused as {refusal.kind}")
+            else:
+                fault_run.check(False, "saved a place where nothing can be saved")
+        yield
+
+
 STEP, SERVICE = "Error in a control step", "A service raises"
 LOST = "Six service failures in a minute"
 
@@ -62,6 +77,13 @@ FAULTS = (
             latched("service_failed", logged="a service has failed"),
         )
         for service in ("odometry", "sensors", "stats", "fault log")
+    ),
+    Fault(
+        "A map cannot be saved",
+        "maps cannot be saved",
+        unsaved_map,
+        DRIVES_ON,
+        overrides={"maps.folder": "/dev/null/maps"},
     ),
     Fault(LOST, "service cannot run", partial(failing_service, 6), ENDS),
     Fault(LOST, "part that cannot be missed raises", failing_decoder, ENDS),
