@@ -1,9 +1,9 @@
 """What the fan-out hands to each client: an event, without the envelope that its encoding puts around it."""
 
-from typing import NamedTuple
+from chefbotd.core.record import Record
 
 
-class EventPayload(NamedTuple):
+class EventPayload(Record, frozen=True):
     """A topic's value; ``data`` is its JSON, ``age_s`` how old it is when it is handed out."""
 
     topic: str

@@ -36,7 +36,8 @@ class Feed:
 
     def take_event(self, event: Any) -> None:
         """Remember an event; nothing is converted."""
-        self.state = self.topic.join(self.state, event)
+        join = self.topic.join
+        self.state = event if join is None else join(self.state, event)
         self.seq += 1
         self.stamp_s = event.stamp_s
         self._json = None
@@ -61,9 +62,9 @@ class Feed:
             data = self.data()
             if data is None:
                 return None
-            self._json = data.model_dump_json().encode()
-        age_s = max(0.0, now_s - self.stamp_s)
-        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s, self._json)
+            self._json = self.topic.model.__pydantic_serializer__.to_json(data)
+        age_s = now_s - self.stamp_s
+        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, self._json)
 
 
 TIMER_RESOLUTION_S = 0.002
@@ -129,7 +130,8 @@ class Group:
             self._timer = None
 
     def _send(self, now_s: float) -> None:
-        self._cancel_timer()
+        if self._timer is not None:
+            self._cancel_timer()
         self._due_s = now_s + self._interval_s
         payload = self._feed.payload(now_s)
         if payload is None:

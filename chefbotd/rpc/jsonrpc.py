@@ -278,8 +278,8 @@ def notification(method: str, body: bytes) -> bytes:
 
 def event(payload: EventPayload) -> bytes:
     """The notification of an event."""
-    topic, seq, stamp_s, age_s, data = payload
-    return _EVENT % (topic.encode(), seq, stamp_s, age_s, data)
+    topic = payload.topic.encode()
+    return _EVENT % (topic, payload.seq, payload.stamp_s, payload.age_s, payload.data)
 
 
 _EVENT = (

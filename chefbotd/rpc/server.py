@@ -87,13 +87,14 @@ class RpcServer:
         """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
         stop_telemetry = self._bus.add_handler(self._fanout.publish, *always, on_error=self._failure.report)
+        self._tick()
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._tick())
                 tasks.create_task(self._sweep())
                 tasks.create_task(self._prepare_description())
                 await self._failure.wait()
         finally:
+            self._ticker.cancel()
             stop_telemetry()
             self.connections.close()
             await asyncio.sleep(0)  # answers that are not sent by now are lost
@@ -119,10 +120,9 @@ class RpcServer:
             "telemetry_dropped", "Events that slow clients lost.", lambda: connections.drops.total()
         )
 
-    async def _tick(self) -> None:
-        while True:
-            self.arrivals.tick()
-            await asyncio.sleep(TICK_PERIOD_S)
+    def _tick(self) -> None:
+        self.arrivals.tick()
+        self._ticker = asyncio.get_running_loop().call_later(TICK_PERIOD_S, self._tick)
 
     async def _sweep(self) -> None:
         while True:

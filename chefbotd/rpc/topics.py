@@ -12,10 +12,6 @@ from typing import Any
 from chefbotd.rpc.models import TopicData
 
 
-def _replace(previous: object, event: object) -> object:
-    return event
-
-
 @dataclass(frozen=True, slots=True)
 class Topic:
     """Events of an ``on_demand`` topic are not even made unless someone subscribes.
@@ -27,7 +23,7 @@ class Topic:
     events: tuple[type[Any], ...]
     model: type[TopicData]
     data: Callable[[Any], TopicData]
-    join: Callable[[Any, Any], Any] = _replace
+    join: Callable[[Any, Any], Any] | None = None
     on_demand: bool = False
     always_known: bool = False
 

@@ -32,9 +32,6 @@ from chefbotd.safety.gate import Command, Decision
 
 log = structlog.get_logger(component="drive")
 
-TIMER_EARLY_S = 1e-6
-"""The watch acts so much too early rather than look again."""
-
 
 class ControlParameters(Parameters):
     """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
@@ -68,8 +65,8 @@ class DriveService:
         self._duty_ceiling = duty_ceiling
         self._watch_period_s = control.watch_period_s
         self._failure = HandlerFailure()
-        self._heard_s = float("-inf")
         self._watch_timer: asyncio.TimerHandle | None = None
+        self._runs = False
         self._remove_handlers = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
             bus.add_handler(self._on_link, LinkOpened, on_error=self._on_handler_error),
@@ -167,13 +164,13 @@ class DriveService:
         Encoder frames and changes of the link are handled in the call that publishes them.
         """
         self._keeper.announce(self._clock.now_s())
-        self._heard_s = self._clock.now_s()
-        self._arm_watch(self._watch_period_s)
+        self._runs = True
+        self._restart_watch()
         try:
             await self._failure.wait()
         finally:
-            if self._watch_timer is not None:
-                self._watch_timer.cancel()
+            self._runs = False
+            self._restart_watch()
             self.detach()
             self._halt()
 
@@ -182,26 +179,25 @@ class DriveService:
         for remove in self._remove_handlers:
             remove()
 
-    def _arm_watch(self, wait_s: float) -> None:
-        self._watch_timer = asyncio.get_running_loop().call_later(wait_s, self._watch)
+    def _restart_watch(self) -> None:
+        """Something was heard, or the watch itself has looked: look when the period has passed without anything."""
+        if self._watch_timer is not None:
+            self._watch_timer.cancel()
+        if self._runs:
+            self._watch_timer = asyncio.get_running_loop().call_later(self._watch_period_s, self._watch)
 
     def _watch(self) -> None:
-        """Act without a measurement once nothing was heard for the period, and look again when that may next be so."""
-        now_s = self._clock.now_s()
-        left_s = self._heard_s + self._watch_period_s - now_s
-        if left_s > TIMER_EARLY_S:
-            self._arm_watch(left_s)
-            return
-        self._heard_s = now_s
-        self._arm_watch(self._watch_period_s)
+        """Act without a measurement: nothing was heard for the period."""
+        self._restart_watch()
         try:
-            self._act(now_s, repeat=False)
+            self._act(self._clock.now_s(), repeat=False)
         except Exception as error:  # noqa: BLE001 (brakes, and is logged)
             self._on_handler_error(error)
 
     def _on_encoders(self, event: EncodersCounted) -> None:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
-        self._heard_s = now_s = self._clock.now_s()
+        now_s = self._clock.now_s()
+        self._restart_watch()
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
         self._keeper.loop_runs(now_s)
@@ -214,7 +210,7 @@ class DriveService:
         self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
         self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
         self._regulate(now_s, seen)
-        self._send_duty(self._state.duty)
+        self._send_duty(now_s, self._state.duty)
         self.steps += 1
         self._keeper.announce(now_s)
         self._publish(event, seen)
@@ -270,7 +266,7 @@ class DriveService:
             after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
             self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
         if repeat or self._state.duty != before.duty or not any(self._state.duty):
-            self._send_duty(self._state.duty)
+            self._send_duty(now_s, self._state.duty)
         self._keeper.announce(now_s)
 
     def _decide(self, now_s: float) -> Decision:
@@ -289,7 +285,7 @@ class DriveService:
             raise
 
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
-        self._heard_s = self._clock.now_s()
+        self._restart_watch()
         if isinstance(event, BoardRestarted):
             self._reader.rebase()
         if not isinstance(event, LinkOpened):
@@ -313,10 +309,10 @@ class DriveService:
         self._halt()
         self._keeper.announce(self._clock.now_s())
 
-    def _send_duty(self, duty: tuple[int, ...]) -> None:
-        self._keeper.tell_motors(self._clock.now_s(), duty)
+    def _send_duty(self, now_s: float, duty: tuple[int, ...]) -> None:
+        self._keeper.tell_motors(now_s, duty)
         self._write_duty(duty)
 
     def _halt(self) -> None:
         self._state = self._drive.halt(self._state)
-        self._send_duty(self._state.duty)
+        self._send_duty(self._clock.now_s(), self._state.duty)

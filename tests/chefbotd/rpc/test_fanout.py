@@ -80,7 +80,7 @@ def test_a_payload_has_the_topic_its_times_and_the_encoded_data() -> None:
     fanout.subscribe(reader, ["text"], "latest", 0.0)
     fanout.publish(TextReceived(99.5, "hi"))
     fanout.publish(TextReceived(99.75, "hello"))
-    assert reader.payloads[1:] == [("text", 2, 99.75, 0.25, b'{"text":"hello"}')]
+    assert reader.payloads[1:] == [EventPayload("text", 2, 99.75, 0.25, b'{"text":"hello"}')]
 
 
 def test_an_event_is_made_once_for_everyone() -> None:

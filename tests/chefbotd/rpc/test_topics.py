@@ -30,7 +30,7 @@ def data_of(name: str, *seen: Any) -> dict[str, Any]:
     """A topic's data as JSON values after these events."""
     topic, state = TABLE[name], None
     for event in seen:
-        state = topic.join(state, event)
+        state = event if topic.join is None else topic.join(state, event)
     return topic.data(state).model_dump(mode="json")
 
 
