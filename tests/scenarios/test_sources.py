@@ -6,8 +6,12 @@ from itertools import pairwise
 
 import pytest
 
+from chefbotd.cli.drive.timed_drive import drive_for
+from chefbotd.cli.tune.excitation import Exciter, WaveParameters
+from chefbotd.client import Client
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged, WheelsDriven
+from chefbotd.core.geometry import Twist2D
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
@@ -104,3 +108,45 @@ def test_one_message_moves_khan_for_its_published_command_time_out(source: str):
         assert 0.25 + 0.2 / 3.0 - TICK_S <= at_rest_s <= 0.25 + 0.2 / 3.0 + 2 * TICK_S
 
     on_robot(load(packaged("khan")), scenario)
+
+
+async def timed_drive(robot: Client) -> None:
+    """``chefbotctl drive 0.15 0.2 --for 1``."""
+    await drive_for(robot, Twist2D(0.15, 0.2), 1.0, lambda gone_s: None)
+
+
+async def wave(robot: Client) -> None:
+    """A second of the wave of ``pid tune``, and leaving."""
+    exciter = Exciter(robot, WaveParameters(), lambda refusal: None)
+    exciter.start()
+    running = asyncio.create_task(exciter.run())
+    await asyncio.sleep(1.0)
+    exciter.end()
+    await asyncio.sleep(0.1)
+    running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
+
+
+@pytest.mark.parametrize("program", [timed_drive, wave])
+def test_a_drive_that_ends_holds_nobody(program: Callable[[Client], Awaitable[None]]):
+    """Navigation, overruled meanwhile, is refused nothing, and drives again as soon as the program has ended."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        host, port = await robot.daemon.server.address()
+        async with Client.connect(host, port, name="navigation") as navigation:
+
+            async def navigate() -> None:
+                while True:
+                    await navigation.drive(-0.1, 0.1, "navigation")  # raises what it is refused for
+                    await asyncio.sleep(0.05)
+
+            navigating = asyncio.create_task(navigate())
+            await program(robot.client)
+            await asyncio.sleep(0.6)
+            assert not navigating.done()
+            assert (await robot.client.get_state()).safety.source == "navigation"
+            assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(-0.1, rel=0.1)
+            navigating.cancel()
+            await asyncio.gather(navigating, return_exceptions=True)
+
+    on_robot(load(packaged("chefbot"), overrides={"safety.guard.enabled": False}), scenario)

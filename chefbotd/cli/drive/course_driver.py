@@ -19,6 +19,7 @@ from chefbotd.cli.drive.course import (
     remaining_rad,
     steer,
 )
+from chefbotd.cli.drive.pilot import release_source
 from chefbotd.cli.drive.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
 from chefbotd.client.models import OdometryData
@@ -94,7 +95,7 @@ class CourseDriver:
         self._latencies = Latencies()
 
     async def drive_course(self, legs: Sequence[Leg]) -> CourseResult:
-        """Drive the legs and brake to standstill. The robot is told to stop after an error and a cancellation too.
+        """Drive the legs and brake to standstill, after an error and a cancellation too. Other drivers may go on.
 
         Raises:
             ProgramError: odometry stopped coming, or the course took longer than ``time_limit_s``.
@@ -112,7 +113,7 @@ class CourseDriver:
                 limit = f"{self._parameters.time_limit_s:g} s"
                 raise ProgramError(Exit.NOT_DONE, f"the course was not done within {limit}") from error
             finally:
-                await self._robot.stop()
+                await release_source(self._robot)
             seconds = loop.time() - began_s
             await self._wait_for_standstill(events)
         return CourseResult((*marks, self._mark("at rest", legs[-1])), seconds, self._latencies)

@@ -1,10 +1,14 @@
-"""Driving for a given time: the command is repeated within the daemon's dead-man time, and a stop always follows."""
+"""Driving for a given time: the command is repeated within the daemon's dead-man time, and zero always follows.
+
+Only our own motion ends by that. A stop would hold everybody else who drives, too.
+"""
 
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 
+from chefbotd.cli.drive.pilot import release_source
 from chefbotd.client import Client
 from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelsDriven
 from chefbotd.client.state import State
@@ -104,9 +108,9 @@ class Turning:
 
 
 async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
-    """Drive, telling ``report`` the seconds gone by, then stop and wait until the robot stands.
+    """Drive, telling ``report`` the seconds gone by, then command zero and wait until the robot stands.
 
-    The stop is sent on every exit: the end, an error, a cancellation. Raises the client's errors.
+    Zero is commanded on every exit: the end, an error, a cancellation. Raises the client's errors.
     """
     path = TravelledPath(pose(await odometry(robot)))
     answer: Driven | None = None
@@ -122,7 +126,7 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
     try:
         await _repeat(command, seconds, report)
     finally:
-        await robot.stop()
+        await release_source(robot)
     await _wait_for_standstill(robot, path)
     allowed = STANDING if answer is None else Twist2D(answer.linear_m_s, answer.angular_rad_s)
     return Drive(allowed, told, seconds, path.moved, path.went_m, path.turned_rad)
@@ -131,9 +135,9 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
 async def turn_for(
     robot: Client, velocity_rad_s: Mapping[str, float], seconds: float, report: Callable[[float], None]
 ) -> Turning:
-    """Turn wheels, telling ``report`` the seconds gone by, then stop: how fast each wheel turned before that.
+    """Turn wheels, telling ``report`` the seconds gone by, then command zero: how fast each turned before that.
 
-    The stop is sent on every exit. Raises the client's errors.
+    Zero is commanded on every exit. Raises the client's errors.
     """
     answer = WheelsDriven(name=[], velocity_rad_s=[])
 
@@ -145,7 +149,7 @@ async def turn_for(
         await _repeat(command, seconds, report)
         state = await robot.get_state()
     finally:
-        await robot.stop()
+        await release_source(robot)
     turned = _by_name(state.wheels) if "wheels" in state.topics else {}
     return Turning(_by_name(answer), _told(answer, state), turned)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from pydantic import Field
 
+from chefbotd.cli.drive.pilot import release_source
 from chefbotd.client import CallError, Client
 from chefbotd.core.parameters import Parameters
 
@@ -36,7 +37,7 @@ class Exciter:
     ) -> None:
         self._robot, self._parameters, self._report_refusal = robot, parameters, report_refusal
         self._changed = asyncio.Event()
-        self._stop_due = False
+        self._driving = self._stop_due = False
         self.on = False
 
     def start(self) -> None:
@@ -44,33 +45,42 @@ class Exciter:
         self.on = True
         self._changed.set()
 
-    def stop(self) -> None:
-        """End the wave and stop the robot."""
+    def end(self) -> None:
+        """End the wave: our own motion, and nobody else's."""
         self.on = False
         self._changed.set()
 
+    def stop(self) -> None:
+        """End the wave and stop the robot, whoever drives it."""
+        self._stop_due = True
+        self.end()
+
     async def run(self) -> None:
-        """Run until cancelled; then stop the robot if it may be moving. Raises client errors other than refusals."""
+        """Run until cancelled, and then end a wave that is on. Raises client errors other than refusals."""
         try:
             while True:
                 await self._changed.wait()
                 self._changed.clear()
                 await self._drive()
         finally:
-            if self._stop_due and self._robot.connected:
-                await self._robot.stop()
+            if self._driving and self._robot.connected:
+                await release_source(self._robot)
 
     async def _drive(self) -> None:
-        """Drive the wave while it is on. The stop at its end is sent at once."""
+        """Drive the wave while it is on. A stop, or the zero at its end, is sent at once."""
         loop = asyncio.get_running_loop()
         began_s = loop.time()
         try:
             while self.on:
-                self._stop_due = True
+                self._driving = True
                 await self._robot.drive(speed_m_s(self._parameters, loop.time() - began_s), 0.0)
                 await self._pause()
-            await self._robot.stop()
-            self._stop_due = False
+            stop_due, self._stop_due = self._stop_due, False
+            if stop_due:
+                await self._robot.stop()
+            elif self._driving:
+                await release_source(self._robot)
+            self._driving = False
         except CallError as error:
             self.on = False
             self._report_refusal(f"{error.kind}: {error.message}")

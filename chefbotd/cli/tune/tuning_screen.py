@@ -97,7 +97,7 @@ class Tune(RobotScreen):
 
     async def on_app_blur(self) -> None:
         """Textual: the terminal lost the focus, so the user may not be looking."""
-        self._exciter.stop()
+        self._exciter.end()
 
     def action_next_wheel(self) -> None:
         """Textual: the next wheel, then all of them again."""
@@ -119,7 +119,7 @@ class Tune(RobotScreen):
             await self._command(key)
 
     async def _command(self, key: str) -> None:
-        """Keys that send a request or save; any other key stops the excitation."""
+        """Keys that send a request or save; any other key stops the robot."""
         if key == "u":
             await self.ask(self._undo(), "Undone.")
         elif key == "s":
@@ -134,7 +134,7 @@ class Tune(RobotScreen):
 
     def _excite(self, confirmed: bool) -> None:
         if self._exciter.on:
-            self._exciter.stop()
+            self._exciter.end()
         elif confirmed:
             self._exciter.start()
         else:

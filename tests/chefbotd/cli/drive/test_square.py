@@ -32,7 +32,7 @@ def drive(daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress]
 
 
 def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
-    """Eight legs and a rest, each mark where it should be, in less than 75 s, ending with a stop."""
+    """Eight legs and a rest, each mark where it should be, in less than 75 s, ending with zero and its source free."""
     seen: list[Progress] = []
     done = drive(daemon, CourseParameters(), seen)
     assert [mark.name for mark in done.marks] == [
@@ -40,7 +40,7 @@ def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
     ]  # fmt: skip
     assert problems(done) == []
     assert done.seconds < 75
-    assert daemon.methods()[-2:] == ["stop", "unsubscribe"]
+    assert daemon.methods()[-3:] == ["drive", "release_control", "unsubscribe"]
     assert daemon.twist.linear_m_s == daemon.twist.angular_rad_s == 0
 
 
@@ -90,12 +90,13 @@ def test_an_open_square_is_noticed(daemon: FakeDaemon) -> None:
 
 
 def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
-    """A side on which it comes no nearer for 3 s is given up, by its name, and the robot is told to stop."""
+    """A side on which it comes no nearer for 3 s is given up, by its name, and zero is commanded."""
     daemon.stuck = True
     with pytest.raises(ProgramError, match=r"side 1: 2.00 m are left, and no nearer for 3 s") as caught:
         drive(daemon, CourseParameters(patience_s=3.0), [])
     assert caught.value.code is Exit.NOT_DONE
-    assert "stop" in daemon.methods()
+    assert "release_control" in daemon.methods()
+    assert daemon.twist.linear_m_s == daemon.twist.angular_rad_s == 0
 
 
 def test_a_course_that_takes_too_long(daemon: FakeDaemon) -> None:

@@ -9,14 +9,17 @@ from chefbotd.cli.common.exits import Exit
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
+ENDED = ["drive", "release_control"]
+"""Its own motion is ended by a velocity of zero, and its source is given back."""
 
-def test_wheels_are_turned_at_20_hz_and_stopped(control: Control, daemon: FakeDaemon) -> None:
-    """A second of it is 20 commands and a stop; what the wheels did before it is told (the fake's: +1 and -2)."""
+
+def test_wheels_are_turned_at_20_hz_and_end_at_zero(control: Control, daemon: FakeDaemon) -> None:
+    """A second of it is 20 commands and zero; what the wheels did before it is told (the fake's: +1 and -2)."""
     result = control("--json", "wheels", "left_wheel=1", "right_wheel=-2.5", "--for", "1")
     asked = [given for _, name, given in daemon.calls if name == "set_wheel_velocities"]
     assert len(asked) == pytest.approx(20, abs=1)
     assert asked[0] == {"name": ["left_wheel", "right_wheel"], "velocity_rad_s": [1.0, -2.5]}
-    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", "get_state", "stop"]
+    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", "get_state", *ENDED]
     assert result.exit_code == 0
     assert json.loads(result.stdout) == {
         "velocity_rad_s": {"left_wheel": 1.0, "right_wheel": -2.0},
@@ -63,13 +66,13 @@ def test_what_holds_the_wheels_up_is_told(control: Control, daemon: FakeDaemon) 
     assert result.stderr.endswith("hardly turned: left_wheel; slowed by obstacle:front\n")
 
 
-def test_refused_wheels_are_stopped_all_the_same(control: Control, daemon: FakeDaemon) -> None:
-    """A wheel that is not there is the robot's refusal; the stop is sent on this way out as well."""
+def test_refused_wheels_are_given_back_all_the_same(control: Control, daemon: FakeDaemon) -> None:
+    """A wheel that is not there is the robot's refusal; zero is commanded on this way out as well."""
     daemon.refuse["set_wheel_velocities"] = "unknown_wheel"
     result = control("wheels", "middle=1", "--for", "1")
     assert result.exit_code == Exit.REFUSED
     assert "unknown_wheel" in result.stderr
-    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", "stop"]
+    assert daemon.methods() == ["set_client_name", "get_pid", "set_wheel_velocities", *ENDED]
 
 
 @pytest.mark.parametrize(

@@ -135,15 +135,15 @@ def test_watch_completes_topics() -> None:
     assert CliRunner().invoke(main, prog_name="chefbotctl", env=request).output.strip() == "plain,battery"
 
 
-def test_drive_repeats_and_stops(control: Control, daemon: FakeDaemon) -> None:
-    """A drive of 1 s sends 20 commands at 20 Hz, then a stop, and says that odometry went 0.2 m."""
+def test_drive_repeats_and_ends_at_zero(control: Control, daemon: FakeDaemon) -> None:
+    """A drive of 1 s sends 20 commands at 20 Hz, then zero and its source back, and says that odometry went 0.2 m."""
     result = control("--json", "drive", "0.2", "0", "--for", "1")
-    driven = [at_s for at_s, name, _ in daemon.calls if name == "drive"]
+    driven = [at_s for at_s, name, given in daemon.calls if name == "drive" and given["linear_m_s"]]
     assert len(driven) == pytest.approx(20, abs=1)
     assert driven[-1] - driven[0] == pytest.approx(0.95, abs=0.05)
     methods = daemon.methods()
     assert methods[:3] == ["set_client_name", "get_state", "drive"]
-    assert methods[-2:] == ["stop", "get_state"]
+    assert methods[-3:] == ["drive", "release_control", "get_state"]
     answer = json.loads(result.stdout)
     assert answer["moved"]["x_m"] == pytest.approx(0.2, abs=0.01)
     assert answer["happened"]
@@ -209,13 +209,13 @@ def test_a_full_turn_that_does_not_happen(control: Control, daemon: FakeDaemon, 
 
 
 def test_refusals_name_their_kind(control: Control, daemon: FakeDaemon) -> None:
-    """A refused drive exits with 4, prints the kind, and has sent a stop all the same."""
+    """A refused drive exits with 4, prints the kind, and has given its source back all the same."""
     daemon.refuse["drive"] = "estopped"
     result = control("--json", "drive", "0.2", "0", "--for", "1")
     assert result.exit_code == Exit.REFUSED
     error = json.loads(result.stderr)["error"]
     assert error == {"exit_code": 4, "message": "estopped: it will not", "kind": "estopped"}
-    assert daemon.methods()[-1] == "stop"
+    assert daemon.methods()[-2:] == ["drive", "release_control"]
 
 
 def test_a_lost_connection(control: Control, daemon: FakeDaemon) -> None:
@@ -322,7 +322,7 @@ def test_wrong_arguments(args: list[str]) -> None:
 
 
 def test_interruption_stops_the_robot(daemon: FakeDaemon) -> None:
-    """Ctrl-C in the middle of a drive cancels it, and the stop is sent on the way out."""
+    """Ctrl-C in the middle of a drive cancels it, and zero is commanded on the way out."""
 
     async def interrupted(work: Coroutine[Any, Any, T]) -> None:
         task = asyncio.ensure_future(work)
@@ -338,7 +338,8 @@ def test_interruption_stops_the_robot(daemon: FakeDaemon) -> None:
     args = [f"--connect=127.0.0.1:{daemon.port}", "drive", "0.2", "0", "--for", "5"]
     result = CliRunner().invoke(main, args, obj=run)
     assert (result.exit_code, result.stderr) == (Exit.INTERRUPTED, "Interrupted.\n")
-    assert daemon.methods()[-1] == "stop"
+    assert daemon.methods()[-2:] == ["drive", "release_control"]
+    assert daemon.twist.linear_m_s == 0
 
 
 def test_version_and_help() -> None:

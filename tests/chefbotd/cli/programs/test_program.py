@@ -78,7 +78,7 @@ def test_a_square_whose_output_fails_stops_the_robot(
 ) -> None:
     """The failure ends the drive as any other does."""
     exit_code(daemon, ["square"], full, monkeypatch)
-    assert daemon.methods()[-2:] == ["stop", "unsubscribe"]
+    assert daemon.methods()[-3:] == ["drive", "release_control", "unsubscribe"]
 
 
 def test_chefbotd_has_the_same_manners(full: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:

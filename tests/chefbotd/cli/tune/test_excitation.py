@@ -45,20 +45,32 @@ def test_the_amplitude_is_bounded(amplitude_m_s: float) -> None:
 
 
 def test_it_drives_at_20_hz_and_turns_round(daemon: FakeDaemon) -> None:
-    """In 1.5 s some 30 commands go out, the first two thirds of them forward; then one stop."""
+    """In 1.5 s some 30 commands go out, the first two thirds of them forward; then zero, and its source back."""
 
     async def script(exciter: Exciter) -> None:
         exciter.start()
         await asyncio.sleep(1.501)
-        exciter.stop()
+        exciter.end()
         await asyncio.sleep(1.0)
 
     asked = excite(daemon, script)
-    driven = [(at_s, speed) for at_s, name, speed in asked if name == "drive"]
+    driven = [(at_s, speed) for at_s, name, speed in asked if name == "drive" and speed]
     assert len(driven) == pytest.approx(30, abs=1)
     assert {speed for at_s, speed in driven if at_s < 0.99} == {0.1}
     assert {speed for at_s, speed in driven if at_s > 1.01} == {-0.1}
-    assert asked[-1] == (1.5, "stop", None)
+    assert asked[-2:] == [(1.5, "drive", 0.0), (1.5, "release_control", None)]
+
+
+def test_a_stop_ends_everybodys_motion(daemon: FakeDaemon) -> None:
+    """Whoever stops the wave by the stop key stops whoever drives."""
+
+    async def script(exciter: Exciter) -> None:
+        exciter.start()
+        await asyncio.sleep(0.31)
+        exciter.stop()
+        await asyncio.sleep(0.5)
+
+    assert excite(daemon, script)[-1] == (0.31, "stop", None)
 
 
 def test_a_stop_at_rest_is_sent(daemon: FakeDaemon) -> None:
@@ -71,14 +83,15 @@ def test_a_stop_at_rest_is_sent(daemon: FakeDaemon) -> None:
     assert excite(daemon, script) == [(0.0, "stop", None)]
 
 
-def test_its_end_stops_the_robot(daemon: FakeDaemon) -> None:
-    """Cancelled in the middle, its last word is a stop."""
+def test_its_end_leaves_no_motion_behind(daemon: FakeDaemon) -> None:
+    """Cancelled in the middle, it commands zero and gives its source back."""
 
     async def script(exciter: Exciter) -> None:
         exciter.start()
         await asyncio.sleep(0.3)
 
-    assert excite(daemon, script)[-1][1] == "stop"
+    (_, *zero), (_, released, _) = excite(daemon, script)[-2:]
+    assert (zero, released) == (["drive", 0.0], "release_control")
 
 
 def test_a_refusal_turns_it_off(daemon: FakeDaemon) -> None:

@@ -136,9 +136,10 @@ def test_excitation_is_asked_for_twice(daemon: FakeDaemon) -> None:
         await user.press("e")
         await until(user, lambda: "drive" in daemon.methods() and "excited" in side(screen))
         await user.press("e")
-        await until(user, lambda: "stop" in daemon.methods())
+        await until(user, lambda: "release_control" in daemon.methods())
 
     on_screen(daemon, script)
+    assert "stop" not in daemon.methods()
 
 
 def test_another_key_is_no_confirmation(daemon: FakeDaemon) -> None:
@@ -152,9 +153,11 @@ def test_another_key_is_no_confirmation(daemon: FakeDaemon) -> None:
     assert "drive" not in daemon.methods()
 
 
-@pytest.mark.parametrize("end", ["space", "blur", "escape"])
-def test_excitation_ends(daemon: FakeDaemon, end: str) -> None:
-    """The space bar, a lost focus and leaving all stop the robot."""
+@pytest.mark.parametrize(
+    ("end", "last"), [("space", "stop"), ("blur", "release_control"), ("escape", "release_control")]
+)
+def test_excitation_ends(daemon: FakeDaemon, end: str, last: str) -> None:
+    """The space bar stops the robot; a lost focus and leaving end its own motion and hold nobody."""
 
     async def script(screen: Tune, user: Pilot[None]) -> None:
         await user.press("e", "e")
@@ -164,11 +167,12 @@ def test_excitation_ends(daemon: FakeDaemon, end: str) -> None:
         else:
             await user.press(end)
         if end != "escape":
-            await until(user, lambda: "stop" in daemon.methods())
+            await until(user, lambda: last in daemon.methods())
 
     on_screen(daemon, script)
-    asked = [name for name in daemon.methods() if name in ("drive", "stop")]
-    assert (asked[0], asked[-1]) == ("drive", "stop")
+    asked = [name for name in daemon.methods() if name in ("drive", "stop", "release_control")]
+    assert (asked[0], asked[-1]) == ("drive", last)
+    assert ("stop" in asked) is (last == "stop")
 
 
 @pytest.mark.parametrize(("key", "method"), [("exclamation_mark", "estop"), ("a", "arm")])
