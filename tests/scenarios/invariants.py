@@ -61,7 +61,7 @@ class Invariants:
         self.contacts, self.driven_s = 0, 0.0
         self._linked = robot.daemon.session.is_open
         self._halted_s = self._deaf_until_s = self._commanded_s = -math.inf
-        self._last: tuple[WheelsDriven, Twist2D] | None = None
+        self._last: tuple[float, Twist2D] | None = None
         self._drift_allowed_m: float | None = None
         self._truth: Pose2D | None = None
         self.told_to_stop = True
@@ -136,6 +136,7 @@ class Invariants:
 
     def _check_step(self, step: WheelsDriven) -> None:
         self._report.control_steps += 1
+        now_s = self._clock.now_s()
         limits = self._settings.limits
         twist = self._kinematics.twist(step.target_rad_s)
         self._report.worst_speed_m_s = max(self._report.worst_speed_m_s, abs(twist.linear_m_s))
@@ -143,11 +144,11 @@ class Invariants:
         assert abs(twist.linear_m_s) <= limits.linear.max_forward_m_s + 1e-9, f"asked for {twist}"
         assert abs(twist.angular_rad_s) <= limits.angular.max_left_rad_s + 1e-9, f"asked for {twist}"
         if self._last is not None and any(step.duty):
-            self.driven_s += step.stamp_s - self._last[0].stamp_s
+            self.driven_s += now_s - self._last[0]
         if self._last is not None and any(step.target_rad_s):
-            self._check_change(*self._last, step, twist)
-            self._check_dead_man(self._last[1], twist, step.stamp_s)
-        self._last = step, twist
+            self._check_change(self._last[1], twist, now_s - self._last[0])
+            self._check_dead_man(self._last[1], twist, now_s)
+        self._last = now_s, twist
 
     def _check_dead_man(self, was: Twist2D, now: Twist2D, now_s: float) -> None:
         """Past the dead-man's time setpoints only fall."""
@@ -158,9 +159,12 @@ class Invariants:
             )
             assert falls, f"asked for {now}, {age_s:.2f} s after the last command"
 
-    def _check_change(self, before: WheelsDriven, was: Twist2D, after: WheelsDriven, now: Twist2D) -> None:
-        """Setpoints change within the limits; only a halt may jump, and only to zero."""
-        limits, elapsed_s = self._settings.limits, after.stamp_s - before.stamp_s
+    def _check_change(self, was: Twist2D, now: Twist2D, elapsed_s: float) -> None:
+        """Setpoints change within the limits; only a halt may jump, and only to zero.
+
+        The time is that of the steps: a reading is stamped with when it was made, and may have come later than the next.
+        """
+        limits = self._settings.limits
         sped = abs(now.linear_m_s - was.linear_m_s)
         turned = abs(now.angular_rad_s - was.angular_rad_s)
         within_s = elapsed_s + STEP_SLACK_S
