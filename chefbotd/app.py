@@ -304,4 +304,5 @@ def _drive_service(
         wheel_names=names,
         control=settings.control,
         duty_ceiling=session.duty_ceiling,
+        patience_s=settings.watchdog.patience_s,
     )

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from chefbotd.clock import Deadlock, LoopClock, ManualClock, SystemClock, run_virtual
+from chefbotd.clock import Deadlock, LoopClock, ManualClock, SystemClock, VirtualLoop, run_virtual
 
 
 def test_the_system_clock_goes_on_while_the_computer_sleeps():
@@ -98,3 +98,22 @@ def test_what_would_run_in_a_thread_runs_at_once() -> None:
         assert asyncio.get_running_loop().time() == begun_s
 
     run_virtual(play())
+
+
+def test_a_loop_that_stands_still_is_late_for_every_timer():
+    """Two timers of 0.1 and 0.3 s, frozen for a second: both run at once after it."""
+
+    async def main() -> list[float]:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualLoop)
+        began_s, ran_s = loop.time(), list[float]()
+        for wait_s in (0.1, 0.3):
+            loop.call_later(wait_s, lambda: ran_s.append(loop.time() - began_s))
+        loop.stand_still(1.0)
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        with pytest.raises(ValueError, match="-1"):
+            loop.stand_still(-1)
+        return ran_s
+
+    assert run_virtual(main()) == [1.0, 1.0]

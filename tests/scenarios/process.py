@@ -43,6 +43,10 @@ except BlockingIOError:
     os.set_blocking(full, True)
 os.dup2(full, 2)
 """
+FEW_DESCRIPTORS = """
+import resource
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+"""
 BROKEN_SERVICE = """
 from chefbotd.features.odometry import service as odometry
 async def broken(self): raise RuntimeError("broken")

@@ -18,11 +18,12 @@ from typing import Any
 from chefbotd.client import ChefbotError, Client
 from chefbotd.process.signals import name_of
 from tests.scenarios.fault_run import ENDED, Expected, Result, motion
-from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, latched
+from tests.scenarios.faults.outcomes import DRIVES_ON, drives_on, estopped, latched
 from tests.scenarios.instruments import MOVING_M_S
 from tests.scenarios.process import (
     BLOCKED,
     CRASH,
+    FEW_DESCRIPTORS,
     OUT_OF_MEMORY,
     PATIENCE_S,
     PERIOD_S,
@@ -35,6 +36,7 @@ from tests.scenarios.process import (
 )
 from tests.scenarios.robots import ROBOTS
 
+IDLE_CLIENTS, FROZEN_S = 60, 0.6
 RUN_UP_S, WATCHED_S = 0.8, 1.5
 LOOK_S = 0.005
 SENT = (
@@ -121,6 +123,31 @@ async def _talkative(program: Program, client: Client) -> tuple[str, ...]:
     return ()
 
 
+async def _crowded(program: Program, client: Client) -> tuple[str, ...]:
+    """Sixty clients connect and only look on; then somebody comes and presses stop in earnest."""
+    del client
+    async with contextlib.AsyncExitStack() as stack:
+        for _ in range(IDLE_CLIENTS + 1):
+            reader, writer = await asyncio.open_connection("127.0.0.1", program.port)
+            stack.callback(writer.transport.abort)
+        writer.write(b'{"jsonrpc":"2.0","id":1,"method":"estop","params":{"reason":"smoke"}}\n')
+        await reader.readline()  # the greeting
+        answer = await reader.readline()
+        await asyncio.sleep(WATCHED_S / 3)
+    return () if b'"ok":true' in answer else (f"answered with {answer!r}",)
+
+
+async def _frozen(program: Program, client: Client) -> tuple[str, ...]:
+    """Stopped and continued, as by a debugger; the driver's commands wait in the kernel meanwhile."""
+    del client
+    os.kill(program.process.pid, signal.SIGSTOP)
+    try:
+        await asyncio.sleep(FROZEN_S)
+    finally:
+        os.kill(program.process.pid, signal.SIGCONT)
+    return ()
+
+
 STOPPED = Expected(ENDED, None, 0.25, ("stopped",))
 RUNS_ON = Expected(ENDED)
 
@@ -138,6 +165,19 @@ PROCESS_FAULTS = (
         _asked,
         latched("loop_blocked", 0.5),
         fault=BLOCKED,
+    ),
+    Ending(
+        "The program is frozen",
+        "SIGSTOP and SIGCONT after 0.6 s",
+        _frozen,
+        latched("loop_blocked", FROZEN_S + 0.25),
+    ),
+    Ending(
+        "Too many clients",
+        "64 descriptors, 60 idle clients, estop",
+        _crowded,
+        estopped(0.5),
+        fault=FEW_DESCRIPTORS,
     ),
     Ending(
         "A request breaks its handler",

@@ -42,8 +42,6 @@ NOT_INJECTED = {
     "The daemon starts again after it ended": "its test starts two programs",
     "The latch cannot be written": "its test has no board",
     "Whoever saves a map is killed": "its test kills a program that saves",
-    "The program is frozen": "its test stops the real program",
-    "The same while the robot stands": "its test stops the real program",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

@@ -29,6 +29,7 @@ from chefbotd.motion.drive import Drive
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision
+from chefbotd.safety.watchdog import WatchdogParameters
 
 log = structlog.get_logger(component="drive")
 
@@ -44,6 +45,7 @@ class DriveService:
 
     ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels. ``duty_ceiling`` is
     the hardest that each wheel may be pushed while commands that are faster are held back on the way to the board.
+    A loop that stood still for ``patience_s`` while it drove disarms, whether or not a watchdog looked meanwhile.
     """
 
     def __init__(
@@ -58,12 +60,13 @@ class DriveService:
         wheel_names: tuple[str, ...],
         control: ControlParameters,
         duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
+        patience_s: float = WatchdogParameters().patience_s,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, clock, send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._duty_ceiling = duty_ceiling
-        self._watch_period_s = control.watch_period_s
+        self._watch_period_s, self._patience_s = control.watch_period_s, patience_s
         self._failure = HandlerFailure()
         self._watch_timer: asyncio.TimerHandle | None = None
         self._runs = False
@@ -86,6 +89,7 @@ class DriveService:
             Refused: the link is down, the robot is not armed, or there is no such source.
         """
         now_s = self._clock.now_s()
+        self._note_run(now_s)
         self._keeper.accept(Command(source, motion, now_s))
         self._obey(now_s)
 
@@ -197,6 +201,7 @@ class DriveService:
     def _on_encoders(self, event: EncodersCounted) -> None:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         now_s = self._clock.now_s()
+        self._note_run(now_s)
         self._restart_watch()
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
@@ -270,9 +275,18 @@ class DriveService:
         self._keeper.announce(now_s)
 
     def _decide(self, now_s: float) -> Decision:
-        self.acted_s = now_s
+        self._note_run(now_s)
         self._keeper.loop_runs(now_s)
         return self._keeper.decide(now_s, driven=self.is_driving)
+
+    def _note_run(self, now_s: float) -> None:
+        """The loop runs. If it stood still while a duty was in force, that is a fault, whoever wakes first after it."""
+        stood_s, self.acted_s = now_s - self.acted_s, now_s
+        if stood_s > self._patience_s and self.is_driving:
+            reason = (
+                f"the control loop stood still for {stood_s:.2f} s, or the whole program; its log may say why"
+            )
+            self._keeper.fail(Fault(FaultKind.LOOP_BLOCKED, reason))
 
     # Faults
 
@@ -285,6 +299,7 @@ class DriveService:
             raise
 
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        self._note_run(self._clock.now_s())
         self._restart_watch()
         if isinstance(event, BoardRestarted):
             self._reader.rebase()

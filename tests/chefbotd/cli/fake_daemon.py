@@ -165,6 +165,8 @@ class FakeDaemon:
             return {"error": {"code": -32000, "message": "it will not", "data": {"kind": kind}}}
         if method == "drive":
             allowed = _allowed(params)
+            if self.coasts and not any((allowed["linear_m_s"], allowed["angular_rad_s"])):
+                return {"result": allowed}
             self.twist, self._driven_s = Twist2D(allowed["linear_m_s"], allowed["angular_rad_s"]), now_s
         elif method in ("stop", "estop"):
             self.twist = self.twist if self.coasts else STANDING

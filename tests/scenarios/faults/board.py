@@ -8,6 +8,8 @@ from tests.scenarios.fault_run import ENDED, Expected, Fault, FaultRun
 from tests.scenarios.faults.link import PULLED_S, unplugged
 from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, drives_on, estopped, latched
 from tests.scenarios.faults.program import cancelled
+from tests.scenarios.faults.wheels import rewired
+from tests.scenarios.instruments import is_moving
 from tests.scenarios.wires import transport_of
 
 BEGUN_LINE = b"e\t50\t4"
@@ -20,16 +22,56 @@ AT_THE_PIN = {"sim.board.reset_delay_s": 0.0, "sim.board.resets": True}
 
 @asynccontextmanager
 async def reset(fault_run: FaultRun) -> AsyncIterator[None]:
-    """The board restarts because somebody asks for it: a stop first, and the reset right behind it."""
-    said: list[bytes] = []
-    write = fault_run.robot.device.on_write
-    fault_run.robot.device.on_write = lambda data: (said.append(data), write(data))[1]
-    await fault_run.robot.client.reset_board()
+    """The board restarts because somebody asks for it: a stop, the reset when the robot stands, and nothing more."""
+    async with reset_sequence(fault_run):
+        yield
+
+
+@asynccontextmanager
+async def reset_sequence(fault_run: FaultRun, *, stands: bool = True) -> AsyncIterator[None]:
+    """The board is asked to restart: no motion from there on, and ``r`` once; the robot ``stands`` then."""
+    robot, said, moved_at_reset = fault_run.robot, list[bytes](), list[bool]()
+    write = robot.device.on_write
+
+    def hear(data: bytes) -> None:
+        said.append(data)
+        if b"r" in data:
+            moved_at_reset.append(any(robot.board.duty) or is_moving(robot))
+        write(data)
+
+    robot.device.on_write = hear
+    await robot.client.reset_board()
     yield
-    fault_run.robot.device.on_write = write
-    stop = b"s" + b" 0" * len(fault_run.robot.board.duty) + b"\r"
-    before = said[: said.index(b"r\r")]
-    fault_run.check(before[-1:] == [stop], f"wrote {before}")
+    robot.device.on_write = write
+    stop = b"s" + b" 0" * len(robot.board.duty) + b"\r"
+    lines = b"".join(said).split(b"\r")
+    first, asked = lines.index(stop[:-1]), lines.index(b"r")
+    before, after = lines[first:asked], lines[asked + 1 :]
+    fault_run.check({line + b"\r" for line in before} == {stop}, f"motion after the stop: {before}")
+    fault_run.check(b"r" not in after, "asked twice")
+    fault_run.check(not stands or moved_at_reset == [False], "asked before it stood")
+
+
+@asynccontextmanager
+async def reset_without_echo(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The same, and of the board's echo nothing comes: it is asked after 1.5 s all the same."""
+    async with rewired(b"s", lambda _: None, fault_run), reset_sequence(fault_run):
+        yield
+
+
+@asynccontextmanager
+async def reset_and_unplugged(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The cable is pulled while the stop is waited for: the request is forgotten, and told so."""
+    robot, said = fault_run.robot, list[bytes]()
+    write = robot.device.on_write
+    robot.device.on_write = lambda data: (said.append(data), write(data))[1]
+    await robot.client.reset_board()
+    async with unplugged(fault_run):
+        yield
+    robot.device.on_write = write
+    fault_run.check(not any(b"r" in data for data in said), "asked all the same")
+    stage = (await fault_run.topic("reset"))["stage"]
+    fault_run.check(stage == "link_lost", f"told as {stage}")
 
 
 @asynccontextmanager
@@ -139,6 +181,9 @@ async def nothing(fault_run: FaultRun) -> AsyncIterator[None]:
     yield
 
 
+HELD = Expected("armed", None, AT_ONCE_S, ("restart of the board",))
+"""A board that has not restarted may be driven, but where its echo is lost nothing faster than standing is sent."""
+
 FAULTS = (
     Fault(
         "Reset asked for while driving",
@@ -146,6 +191,23 @@ FAULTS = (
         reset,
         latched("board_restarted", logged="restart of the board"),
         sketches={"duemilanove": drives_on("restart of the board")},
+    ),
+    Fault(
+        "Reset asked for while driving",
+        "board reset on request, echo lost",
+        reset_without_echo,
+        latched("board_restarted", logged="restart of the board"),
+        lasts_s=4.0,
+        on_wire=True,
+        sketches={"duemilanove": HELD},
+    ),
+    Fault(
+        "Cable pulled",
+        "cable pulled in a reset on request",
+        reset_and_unplugged,
+        latched("link_lost", AT_ONCE_S, "restart of the board"),
+        lasts_s=4.0,
+        on_wire=True,
     ),
     Fault(
         "Board restarts",

@@ -1,14 +1,18 @@
 """What happens inside the program: steps that fail, services that raise or are cancelled, tasks that are lost."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
+from typing import cast
 
 from chefbotd.client import CallError
+from chefbotd.clock import VirtualLoop
 from chefbotd.core.events import BatteryCounted, EdgesSeen, EncodersCounted
 from tests.scenarios.fault_run import Fault, FaultRun
-from tests.scenarios.faults.outcomes import DRIVES_ON, ENDS, latched
+from tests.scenarios.faults.other_clients import stranger
+from tests.scenarios.faults.outcomes import DRIVES_ON, ENDS, latched, rests
 
 
 @asynccontextmanager
@@ -56,10 +60,51 @@ async def unsaved_map(fault_run: FaultRun) -> AsyncIterator[None]:
         yield
 
 
+FROZEN_S = 1.0
+DRIVE = b'{"jsonrpc":"2.0","id":1,"method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.1}}\n'
+
+
+@asynccontextmanager
+async def frozen_while_driving(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The whole program stands still for a second, as on SIGSTOP; the board drives on meanwhile."""
+    cast(VirtualLoop, asyncio.get_running_loop()).stand_still(FROZEN_S)
+    yield
+
+
+@asynccontextmanager
+async def old_commands(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The same at rest, and five commands of a client wait in the kernel meanwhile: all of them are too old."""
+    fault_run.driver.says = None
+    await asyncio.sleep(1.5)
+    async with stranger(fault_run) as (reader, writer):
+        await reader.readline()
+        await asyncio.sleep(0.1)
+        writer.write(5 * DRIVE)
+        cast(VirtualLoop, asyncio.get_running_loop()).stand_still(FROZEN_S)
+        yield
+        answers = [json.loads(await reader.readline()) for _ in range(5)]
+        kinds = [answer.get("error", {}).get("data", {}).get("kind") for answer in answers]
+        fault_run.check(kinds == ["too_old"] * 5, f"answered with {kinds}")
+
+
 STEP, SERVICE = "Error in a control step", "A service raises"
 LOST = "Six service failures in a minute"
 
 FAULTS = (
+    Fault(
+        "The program is frozen",
+        "frozen for 1 s while driving",
+        frozen_while_driving,
+        latched("loop_blocked"),
+        on_wire=True,
+    ),
+    Fault(
+        "The same while the robot stands",
+        "drives sent to a frozen program",
+        old_commands,
+        rests(0.0),
+        on_wire=True,
+    ),
     Fault(
         STEP, "control step fails", failing_step, latched("internal_error", logged="a control step failed")
     ),
