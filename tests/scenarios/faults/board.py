@@ -205,7 +205,7 @@ FAULTS = (
         "Cable pulled",
         "cable pulled in a reset on request",
         reset_and_unplugged,
-        latched("link_lost", AT_ONCE_S, "restart of the board"),
+        latched("link_lost", AT_ONCE_S, "link lost"),
         lasts_s=4.0,
         on_wire=True,
     ),
