@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
-from chefbotd.bus import Bus
+from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.features.board.feature import board
 from chefbotd.features.description.feature import description
 from chefbotd.features.driving.feature import driving
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.quadrature import QuadratureService
-from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature, methods_and_topics
@@ -263,6 +263,17 @@ def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: ran
     return [lidars(settings.lidar, bus, clock, opener, rng)]
 
 
+def _scan_guard(settings: Settings, bus: Bus, clock: Clock) -> Callable[[OnError], Scans] | None:
+    """Loaded only where a lidar guards."""
+    if not any(lidar.guards for lidar in settings.lidar):
+        return None
+    from chefbotd.features.driving.scan_watch import ScanWatch, outline_of
+
+    guard, chassis, lidars = settings.safety.guard, settings.chassis, settings.lidar
+    outline = outline_of(chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
+    return lambda on_error: ScanWatch(bus, clock, guard, chassis, lidars, outline, on_error=on_error)
+
+
 def _description(settings: Settings) -> str | None:
     """The robot's URDF; one of its own that cannot be read keeps nobody from driving."""
     path = settings.robot.description
@@ -293,6 +304,7 @@ def _drive_service(
         mounts=settings.range_mounts(),
         latch=latch,
         motors=MotorWatch(settings.safety, settings.chassis),
+        scans=_scan_guard(settings, bus, clock),
     )
     return DriveService(
         bus,

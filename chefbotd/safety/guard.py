@@ -12,8 +12,22 @@ from pydantic import Field
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D, WheelVelocities
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record, replace
+
+
+class ScanGuardParameters(Parameters):
+    """How the robot keeps off what lidars see, from its outline (``chefbotd.safety.scan_guard``).
+
+    It stops ``stop_distance_m`` before what is in its way, and passes what is at least ``clearance_m`` beside it. Its
+    turning brakes with ``turn_deceleration_rad_s2`` at least, which must not exceed what the motion limits allow.
+    Without a scan for ``max_age_s`` of the guard, no part of it moves faster than ``silent_speed_m_s`` (0: none at all).
+    """
+
+    stop_distance_m: float = Field(default=0.05, ge=0, le=5)
+    clearance_m: float = Field(default=0.02, ge=0, le=1)
+    turn_deceleration_rad_s2: float = Field(default=1.0, gt=0, le=100)
+    silent_speed_m_s: float = Field(default=0.1, ge=0, le=10)
 
 
 class GuardParameters(Parameters):
@@ -31,6 +45,7 @@ class GuardParameters(Parameters):
     reaction_s: float = Field(default=0.1, ge=0, le=2)
     max_age_s: float = Field(default=0.5, gt=0, le=10)
     silent_is_obstacle: bool = False
+    scan: ScanGuardParameters = section()
 
 
 class Beam(Record, frozen=True):

@@ -32,6 +32,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _guard(settings)
     yield from _braking(settings)
     yield from _mapping(settings)
+    yield from _turning(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:
@@ -142,6 +143,26 @@ def _guard(settings: Settings) -> Iterator[str]:
                 f"infrared {sensor.name} sits {sensor.setback_m:g} m behind the foremost part of the robot, which would "
                 f"touch before the guard stops it {stop_m:g} m from the sensor: raise safety.guard.stop_distance_m"
             )
+
+
+def _turning(settings: Settings) -> Iterator[str]:
+    """The guard by lidars must not count on more braking than the limits allow, straight or turning."""
+    guard, axis, linear = settings.safety.guard, settings.limits.angular.axis, settings.limits.linear.axis
+    if not guard.enabled or not any(lidar.guards for lidar in settings.lidar):
+        return
+    turning = guard.scan.turn_deceleration_rad_s2
+    slowest = min(axis.deceleration, axis.reverse_deceleration)
+    if turning > slowest:
+        yield (
+            f"safety.guard.scan.turn_deceleration_rad_s2 {turning:g} counts on more braking than limits.angular "
+            f"allows ({slowest:g}): the robot would touch what a lidar sees"
+        )
+    slowest = min(linear.deceleration, linear.reverse_deceleration)
+    if guard.deceleration_m_s2 > slowest:
+        yield (
+            f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on more braking than limits.linear "
+            f"allows ({slowest:g}): the robot would touch what a lidar sees"
+        )
 
 
 BRAKING_SLACK_M = 0.01

@@ -112,6 +112,11 @@ class Settings(Parameters):
         sensors = (*((self.ultrasonic,) if self.ultrasonic else ()), *self.infrared)
         return {sensor.name: sensor.base_from_sensor for sensor in sensors}
 
+    @property
+    def body_size_m(self) -> tuple[float, float | None] | None:
+        """The body's length and width, or its diameter and None; None where no body is configured."""
+        return None if self.body is None else (self.body.length_m, self.body.width_m)
+
     def gains(self) -> dict[str, PidParameters]:
         """Each wheel's gains by its name, in the chassis' order: ``[wheel_pid.NAME]``, or else ``[pid]``."""
         return {wheel.name: self.wheel_pid.get(wheel.name, self.pid) for wheel in self.chassis.wheels}

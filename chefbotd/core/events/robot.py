@@ -111,7 +111,8 @@ class SafetyChanged(Record, frozen=True):
     """The gate's state: its mode, why, and whose command is in force (None: nobody's).
 
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
-    from being followed as it was given: ``encoders_stale``, or ``obstacle:`` and the sensor that sees it.
+    from being followed as it was given: ``encoders_stale``, ``obstacle:`` and the sensor that sees it, or ``silent:``
+    and the lidar that sees nothing any more.
     """
 
     stamp_s: float

@@ -3,11 +3,12 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from typing import Protocol
 
 import structlog
 
-from chefbotd.bus import Bus
+from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
@@ -19,7 +20,7 @@ from chefbotd.core.events import (
     RangeMeasured,
     SafetyChanged,
 )
-from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.core.geometry import STANDING, Motion, Pose2D
 from chefbotd.core.record import replace
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelsRead
@@ -44,10 +45,19 @@ JUST_S = 0.001
 WAITING = "waiting for the board"
 
 
+class Scans(Protocol):
+    """What lidars see, as a source of the obstacle guard."""
+
+    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
+        ...
+
+
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
 
-    ``latch`` remembers the mode beyond the end of the process; ``motors`` says whether the board does as it is told.
+    ``scans`` makes what guards by lidars; it is handed what takes the errors of its handlers. ``latch`` remembers the
+    mode beyond the end of the process; ``motors`` says whether the board does as it is told.
     """
 
     def __init__(
@@ -61,6 +71,7 @@ class SafetyKeeper:
         mounts: Mapping[str, Pose2D],
         latch: GateStore,
         motors: MotorWatch,
+        scans: Callable[[OnError], Scans] | None = None,
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
@@ -71,6 +82,7 @@ class SafetyKeeper:
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
         self._beams = guard.from_mounts(mounts)
+        self._scans = None if scans is None else scans(self._keep_error)
         self._link_open = False
         self._reported: Fault | None = None
         self._announced: SafetyChanged | None = None
@@ -276,10 +288,26 @@ class SafetyKeeper:
             return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
         if not self._parameters.guard.enabled or decision.motion == STANDING:
             return decision
-        motion, sensor = guard.limit(self._parameters.guard, self._beams, decision.motion, now_s)
-        if sensor is None:
+        motion, limited_by = self._within_ranges(decision.motion, now_s)
+        if self._scans is not None:
+            free, seen = self._scans.limit(motion, now_s)
+            if seen is not None:
+                motion, limited_by = self._agreed(self._scans, free, now_s), seen
+        if limited_by is None:
             return decision
-        return Decision(motion, decision.source, halted=False, limited_by=OBSTACLE + sensor)
+        return Decision(motion, decision.source, halted=False, limited_by=limited_by)
+
+    def _within_ranges(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """What the single beams allow."""
+        motion, sensor = guard.limit(self._parameters.guard, self._beams, wanted, now_s)
+        return motion, None if sensor is None else OBSTACLE + sensor
+
+    def _agreed(self, scans: Scans, motion: Motion, now_s: float) -> Motion:
+        """A part of a motion may bring a beam closer than the whole: what the scans do not allow then is not driven."""
+        again, limited_by = self._within_ranges(motion, now_s)
+        if limited_by is None:
+            return motion
+        return again if scans.limit(again, now_s)[1] is None else STANDING
 
     def _take_report(self) -> None:
         if self._reported is not None:

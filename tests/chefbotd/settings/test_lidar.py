@@ -95,6 +95,28 @@ def test_a_lidar_is_something_to_guard_with() -> None:
         load(packaged("khan"), overrides={**blind, "lidar": [{**LD19, "guards": False}]})
 
 
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        (
+            {"safety.guard.scan.turn_deceleration_rad_s2": 2.5},
+            r"safety.guard.scan.turn_deceleration_rad_s2 2.5 counts on more braking than limits.angular allows \(2\)",
+        ),
+        (
+            {"limits.linear.reverse_deceleration_m_s2": 0.4},
+            r"safety.guard.deceleration_m_s2 0.5 counts on more braking than limits.linear allows \(0.4\)",
+        ),
+    ],
+)
+def test_a_guard_by_lidars_counts_on_no_braking_that_is_not_there(
+    overrides: dict[str, object], told: str
+) -> None:
+    """Backwards and in turns too, which no single beam of ChefBot looks at; where no lidar guards it is no matter."""
+    with pytest.raises(SettingsError, match=told):
+        load(overrides={**overrides, "lidar": [LD19]})
+    load(overrides={**overrides, "lidar": [{**LD19, "guards": False}]})
+
+
 MOUNTED = {**LD19, "mount_x_m": 0.11, "mount_y_m": -0.07, "mount_z_m": 0.21, "mount_yaw_rad": 0.7}
 
 

@@ -1,0 +1,148 @@
+"""Scans on their way to the obstacle guard: points where they are now, whatever the robot has driven since.
+
+Only a robot with a lidar loads this: it needs numpy.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from chefbotd.bus import Bus, OnError
+from chefbotd.clock import Clock
+from chefbotd.core.events import WheelsMeasured
+from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.geometry import Motion, Pose2D
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics
+from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base
+from chefbotd.safety import scan_guard
+from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.outline import Box, Disc, Floats, Outline
+from chefbotd.safety.scan_guard import NOT_SEEN, View
+from chefbotd.sensing.lidar import LidarParameters
+
+TRAIL = 200
+"""Poses of the last seconds: more than a turn and its way here take."""
+
+TURNS_KEPT = 2
+"""What one turn missed, the one before has seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """A scan's points in the frame of the trail."""
+
+    points_m: Floats
+    stamp_s: float
+    arrival_s: float
+    turn_s: float
+
+
+WHEEL_WIDTH_M = 0.025
+"""Assumed: half of it stands out on either side of the track."""
+
+
+def outline_of(
+    chassis: ChassisParameters, body_m: tuple[float, float | None] | None, wheelbase_m: float
+) -> Outline:
+    """What holds body and wheels; ``body_m`` is the body's length and width, or its diameter and None.
+
+    Without a body it is the box about the wheels.
+    """
+    sides = [wheel.side for wheel in chassis.wheels]
+    axles_m = wheelbase_m if max(sides.count(side) for side in sides) > 1 else 0.0
+    half_length_m = max(wheel.radius_m for wheel in chassis.wheels) + axles_m / 2
+    half_width_m = (chassis.track_width_m + WHEEL_WIDTH_M) / 2
+    if body_m is None:
+        return Box(half_length_m, half_width_m)
+    length_m, width_m = body_m
+    if width_m is None:
+        return Disc(max(length_m / 2, math.hypot(half_length_m, half_width_m)))
+    return Box(max(length_m / 2, half_length_m), max(width_m / 2, half_width_m))
+
+
+class ScanWatch:
+    """Keeps the last turns of each lidar that guards, and where the wheels have taken the robot since.
+
+    The trail is its own: a pose that somebody sets anew is no motion.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: GuardParameters,
+        chassis: ChassisParameters,
+        lidars: Sequence[LidarParameters],
+        outline: Outline,
+        *,
+        on_error: OnError,
+    ) -> None:
+        self._clock, self._parameters, self._outline = clock, parameters, outline
+        self._kinematics = Kinematics(chassis)
+        bands = {lidar.name: lidar.band_m for lidar in lidars if lidar.guards}
+        self._beams = {
+            name: BeamParameters(min_range_m=nearest_m, max_range_m=farthest_m)
+            for name, (nearest_m, farthest_m) in bands.items()
+        }
+        self._seen: dict[str, deque[_Seen]] = {name: deque(maxlen=TURNS_KEPT) for name in bands}
+        self._pose = Pose2D()
+        self._trail: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL)
+        bus.add_handler(self._on_wheels, WheelsMeasured, on_error=on_error)
+        bus.add_handler(self._on_scan, ScanMeasured, on_error=on_error)
+
+    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for."""
+        views = [self._view(name) for name in self._seen]
+        return scan_guard.limit(self._parameters, self._outline, views, wanted, now_s)
+
+    def _on_wheels(self, event: WheelsMeasured) -> None:
+        """Straight from pose to pose: between two readings a robot turns by a degree or two."""
+        left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
+        turned_rad = (right_m - left_m) / self._kinematics.track_width_m
+        way_m, half_rad = (left_m + right_m) / 2, turned_rad / 2
+        step = Pose2D(way_m * math.cos(half_rad), way_m * math.sin(half_rad), turned_rad)
+        self._pose = self._pose.compose(step)
+        if self._trail and event.stamp_s <= self._trail[-1][0]:
+            self._trail.pop()
+        self._trail.append((event.stamp_s, self._pose.x_m, self._pose.y_m, self._pose.heading_rad))
+
+    def _on_scan(self, event: ScanMeasured) -> None:
+        beams = self._beams.get(event.lidar)
+        if beams is None:
+            return
+        trail = np.array(self._trail) if self._trail else np.array([[event.stamp_s, 0.0, 0.0, 0.0]])
+        track = Track(trail[:, 0], trail[:, 1:])
+        in_base = points_in_base(beams, event.base_from_lidar, event.scan, track)
+        trail_from_base = _pose_at(trail, event.stamp_s)
+        after_s = event.scan.after_s
+        turn_s = float(np.ptp(after_s)) if len(after_s) else 0.0
+        points_m = _moved(trail_from_base, in_base)
+        self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s))
+
+    def _view(self, name: str) -> View:
+        """The lidar's last turns from where the robot is now."""
+        seen = self._seen[name]
+        if not seen:
+            return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
+        newest = seen[-1]
+        recent = [each.points_m for each in seen if newest.stamp_s - each.stamp_s <= 2 * newest.turn_s]
+        points_m = _moved(self._pose.inverse(), np.concatenate(recent) if recent else newest.points_m)
+        return View(name, points_m, newest.stamp_s, newest.arrival_s, newest.turn_s)
+
+
+def _pose_at(trail: Floats, stamp_s: float) -> Pose2D:
+    heading = np.unwrap(trail[:, 3])
+    x_m, y_m, heading_rad = (
+        float(np.interp(stamp_s, trail[:, 0], column)) for column in (trail[:, 1], trail[:, 2], heading)
+    )
+    return Pose2D(x_m, y_m, heading_rad)
+
+
+def _moved(pose: Pose2D, points_m: Floats) -> Floats:
+    """Points of the pose's frame in the frame that it is given in."""
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    moved: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + (pose.x_m, pose.y_m)
+    return moved

@@ -1,0 +1,171 @@
+"""Scans as a source of the obstacle guard: the robot's outline is looked ahead along the arc that it drives.
+
+Every point that a lidar sees is moved as the robot will, in the robot's frame, on a circle about the centre of its
+turn. The motion may be as fast as leaves room to brake along the same arc before the first point touches the outline.
+What would touch nothing is not slowed: a wall at the side, a table that is passed. Where the whole motion is not
+allowed, the part of it that is goes on: turning, or driving straight.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.core.geometry import Motion, Twist2D, WheelVelocities
+from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.outline import Outline
+
+Floats: TypeAlias = NDArray[np.float64]
+
+STRAIGHT_RAD_S = 1e-6
+"""Slower turning than this is driving straight."""
+
+STANDING_M_S = 1e-6
+"""A robot no part of which is faster than this stands."""
+
+CLOSING_M_S = 1e-3
+"""What comes closer more slowly than this does not come closer."""
+
+WHOLE = 1 - 1e-9
+
+
+class View(NamedTuple):
+    """What a lidar has seen lately: ``points_m`` (n, 2) in the robot's frame as it stands now.
+
+    The newest was measured at ``stamp_s`` and heard at ``arrival_s``; a turn takes ``turn_s``.
+    """
+
+    lidar: str
+    points_m: Floats
+    stamp_s: float
+    arrival_s: float
+    turn_s: float
+
+
+NOT_SEEN: Floats = np.zeros((0, 2))
+"""The points of a lidar that was never heard."""
+
+
+def limit(
+    params: GuardParameters, outline: Outline, views: Sequence[View], wanted: Motion, now_s: float
+) -> tuple[Motion, str | None]:
+    """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
+
+    That is ``obstacle:`` and the lidar that sees it, or ``silent:`` and the lidar that does not see any more.
+    """
+    look = _Look(params, outline, views, now_s)
+    twist = wanted.twist if isinstance(wanted, WheelVelocities) else wanted
+    share, limited_by = look.share_of(twist)
+    if share >= WHOLE:
+        return wanted, None
+    if isinstance(wanted, WheelVelocities):
+        return wanted.slowed(share), limited_by
+    return look.most_of(wanted, share), limited_by
+
+
+class _Look:
+    """One look at what is around, for as many motions as are tried."""
+
+    def __init__(
+        self, params: GuardParameters, outline: Outline, views: Sequence[View], now_s: float
+    ) -> None:
+        self._params, self._outline = params, outline
+        self._heard = [view for view in views if now_s - view.arrival_s <= params.max_age_s]
+        self._silent = [view.lidar for view in views if now_s - view.arrival_s > params.max_age_s]
+        self._delays_s = [
+            params.reaction_s + max(now_s - view.stamp_s, view.turn_s, 0.0) for view in self._heard
+        ]
+
+    def share_of(self, twist: Twist2D) -> tuple[float, str]:
+        """How much of its speed the motion may have, 0 to 1 and more, and for what."""
+        rim_m_s = abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._outline.radius_m
+        if rim_m_s < STANDING_M_S:
+            return 1.0, ""
+        share, limited_by = 1.0, ""
+        if self._silent:
+            share, limited_by = self._params.scan.silent_speed_m_s / rim_m_s, f"silent:{self._silent[0]}"
+        for view, delay_s in zip(self._heard, self._delays_s, strict=True):
+            allowed = _share(self._params, self._outline, view.points_m, twist, delay_s)
+            if allowed < share:
+                share, limited_by = allowed, f"obstacle:{view.lidar}"
+        return share, limited_by
+
+    def most_of(self, wanted: Twist2D, share: float) -> Twist2D:
+        """As much of it as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
+
+        Where hardly anything is left of it, only the turning, or only the driving, if more is left of that.
+        """
+        linear_m_s, angular_rad_s = wanted.linear_m_s, wanted.angular_rad_s
+        if linear_m_s == 0 or angular_rad_s == 0:
+            return _scaled(wanted, share)
+        tighter = Twist2D(linear_m_s * share, angular_rad_s)
+        wider = Twist2D(linear_m_s, angular_rad_s * share)
+        for motion in (tighter, wider):
+            if self.share_of(motion)[0] >= WHOLE:
+                return motion
+        best = share
+        motion = _scaled(wanted, share)
+        for part in (Twist2D(0.0, angular_rad_s), Twist2D(linear_m_s, 0.0)):
+            allowed = min(self.share_of(part)[0], 1.0)
+            if allowed > best + PARTLY:
+                best, motion = allowed, _scaled(part, allowed)
+        return motion
+
+
+PARTLY = 0.5
+"""A part of the motion goes on alone where it may have so much more of its speed than the whole."""
+
+
+def _scaled(twist: Twist2D, share: float) -> Twist2D:
+    return Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)
+
+
+def _share(
+    params: GuardParameters, outline: Outline, points_m: Floats, twist: Twist2D, delay_s: float
+) -> float:
+    """How much of its speed may be driven before these points: infinity where none is in the way.
+
+    Room is counted in seconds of the whole motion. After a delay ``d`` a share ``s`` falls by ``k`` each second, and so
+    takes ``s d + s^2 / 2k`` of it.
+    """
+    linear_m_s, angular_rad_s = abs(twist.linear_m_s), abs(twist.angular_rad_s)
+    k = min(
+        params.deceleration_m_s2 / linear_m_s if linear_m_s else math.inf,
+        params.scan.turn_deceleration_rad_s2 / angular_rad_s if angular_rad_s else math.inf,
+    )
+    look_s = delay_s + 1 / (2 * k)
+    reach_m = (linear_m_s + angular_rad_s * outline.radius_m) * look_s + params.scan.stop_distance_m
+    x, y = points_m[:, 0], points_m[:, 1]
+    reach_m += outline.radius_m + 2 * params.scan.clearance_m
+    close = np.flatnonzero((x * x + y * y) < reach_m * reach_m)
+    x, y = x[close], y[close]
+    outside_m = outline.distances(x, y)
+    around = outside_m > 0  # what is within the outline is the robot itself
+    x, y, outside_m = x[around], y[around], outside_m[around]
+    if not len(x):
+        return math.inf
+    near = outside_m <= params.scan.clearance_m
+    if near.any() and outline.closing(x[near], y[near], twist).max() > CLOSING_M_S:
+        return 0.0
+    room_s = _room_s(params, outline, x[~near], y[~near], twist)
+    if room_s == math.inf:
+        return math.inf
+    return k * (math.sqrt(delay_s * delay_s + 2 * max(room_s, 0.0) / k) - delay_s)
+
+
+def _room_s(params: GuardParameters, outline: Outline, x: Floats, y: Floats, twist: Twist2D) -> float:
+    """Seconds of the whole motion until the first point is at the stop distance before the grown outline."""
+    if not len(x):
+        return math.inf
+    grown = outline.grown(params.scan.clearance_m)
+    linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
+    if abs(angular_rad_s) < STRAIGHT_RAD_S:
+        way_m = grown.straight_ways(x, y, forward=linear_m_s > 0)
+        return float(way_m.min() - params.scan.stop_distance_m) / abs(linear_m_s)
+    centre_m = linear_m_s / angular_rad_s
+    angle_rad = grown.arc_angles(x, y, centre_m, left=angular_rad_s > 0)
+    radius_m = np.hypot(x, y - centre_m)
+    before_rad = params.scan.stop_distance_m / np.maximum(radius_m, 1e-3)
+    return float((angle_rad - before_rad).min()) / abs(angular_rad_s)

@@ -1,0 +1,265 @@
+"""The obstacle guard by scans: what is in the way of the robot's outline, on arcs too, and what is not."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
+from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
+from chefbotd.safety.outline import Box, Disc, Outline
+from chefbotd.safety.scan_guard import NOT_SEEN, View, limit
+
+PARAMS = GuardParameters(deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
+ROUND, LONG = Disc(0.18), Box(0.3, 0.15)
+NOW_S = 50.0
+
+
+def view(*points: tuple[float, float], age_s: float = 0.0, turn_s: float = 0.1, lidar: str = "top") -> View:
+    """These points, measured so long ago."""
+    return View(lidar, np.array(points).reshape(-1, 2), NOW_S - age_s, NOW_S - age_s, turn_s)
+
+
+def wall(x0: float, y0: float, x1: float, y1: float, step_m: float = 0.01) -> list[tuple[float, float]]:
+    """Points along a line."""
+    count = round(math.dist((x0, y0), (x1, y1)) / step_m) + 1
+    return [*zip(np.linspace(x0, x1, count).tolist(), np.linspace(y0, y1, count).tolist(), strict=True)]
+
+
+def driven(
+    outline: Outline, wanted: Twist2D, *views: View, params: GuardParameters = PARAMS
+) -> tuple[Twist2D, str | None]:
+    """What is left of it, and why."""
+    motion, limited_by = limit(params, outline, views, wanted, NOW_S)
+    assert isinstance(motion, Twist2D)
+    return motion, limited_by
+
+
+def test_a_point_ahead_by_hand() -> None:
+    """0.6 m ahead of a disc of 0.18 with 0.02 around it and 0.05 before it: 0.35 m of room.
+
+    With 0.1 s of reaction and a turn of 0.1 s: v 0.2 + v^2 = 0.35, so v = 0.5 (sqrt(0.04 + 1.4) - 0.2) = 0.5 m/s.
+    """
+    assert driven(ROUND, Twist2D(1.0, 0.0), view((0.6, 0.0))) == (
+        Twist2D(pytest.approx(0.5), 0.0),
+        "obstacle:top",
+    )
+    assert driven(ROUND, Twist2D(0.4, 0.0), view((0.6, 0.0))) == (Twist2D(0.4, 0.0), None)
+
+
+def test_the_age_of_a_scan_lowers_the_speed() -> None:
+    """0.3 s instead of a turn's 0.1: v 0.4 + v^2 = 0.35, so v = 0.5 (sqrt(0.16 + 1.4) - 0.4) = 0.4245 m/s."""
+    (motion, _) = driven(ROUND, Twist2D(1.0, 0.0), view((0.6, 0.0), age_s=0.3))
+    assert motion.linear_m_s == pytest.approx(0.4245, abs=1e-4)
+
+
+@pytest.mark.parametrize("outline", [ROUND, LONG], ids=str)
+def test_at_the_stop_distance_it_stands_and_may_leave(outline: Outline) -> None:
+    """5 cm before the front nothing goes forward; back and, where nothing is touched by it, turning go on."""
+    front_m = 0.18 if outline is ROUND else 0.3
+    ahead = view(*wall(front_m + 0.069, -1, front_m + 0.069, 1))
+    assert driven(outline, Twist2D(0.3, 0.0), ahead) == (STANDING, "obstacle:top")
+    assert driven(outline, Twist2D(-0.3, 0.0), ahead) == (Twist2D(-0.3, 0.0), None)
+    turning, _ = driven(ROUND, Twist2D(0.0, -1.1), ahead)
+    assert turning == Twist2D(0.0, -1.1)
+
+
+def test_a_wall_at_the_side_stops_nobody() -> None:
+    """Straight along it, 3 cm beside the robot, forwards and back, and with a doorway's frames on both sides."""
+    for outline in (ROUND, LONG):
+        beside_m = (0.18 if outline is ROUND else 0.15) + 0.03
+        left = view(*wall(-2, beside_m, 4, beside_m), *wall(0.5, -beside_m, 0.6, -beside_m))
+        for linear in (0.5, -0.5):
+            assert driven(outline, Twist2D(linear, 0.0), left) == (Twist2D(linear, 0.0), None)
+
+
+def test_towards_the_wall_at_the_side_it_is_slowed() -> None:
+    """A left turn that leads into the left wall, 4 cm beside the robot: no axis as fast as was wanted.
+
+    2 cm beside it only the turning is left, which brings a round robot no closer.
+    """
+    motion, limited_by = driven(ROUND, Twist2D(0.3, 0.8), view(*wall(-2, 0.24, 4, 0.24)))
+    assert limited_by == "obstacle:top"
+    assert 0 < motion.linear_m_s < 0.3
+    assert 0 < motion.angular_rad_s < 0.8
+    assert driven(ROUND, Twist2D(0.3, 0.8), view(*wall(-2, 0.201, 4, 0.201)))[0] == Twist2D(0.0, 0.8)
+
+
+def test_what_is_low_at_the_side_stops_a_turn_in_place() -> None:
+    """A long robot beside a wall cannot turn; a round one can. It may still drive along the wall."""
+    right = view(*wall(-2, -0.19, 2, -0.19))
+    assert driven(LONG, Twist2D(0.0, 0.7), right)[0] == STANDING
+    assert driven(LONG, Twist2D(0.0, -0.7), right)[0] == STANDING
+    assert driven(Disc(0.165), Twist2D(0.0, 0.7), right) == (Twist2D(0.0, 0.7), None)
+    assert driven(LONG, Twist2D(0.3, 0.0), right) == (Twist2D(0.3, 0.0), None)
+
+
+def test_a_long_robot_may_begin_to_turn_where_there_is_room() -> None:
+    """A wall 0.3 m to the right: the corner, 0.3354 m from the middle, would touch; it turns slowly towards that."""
+    right = view(*wall(-2, -0.3, 2, -0.3))
+    motion, limited_by = driven(LONG, Twist2D(0.0, 2.0), right)
+    assert limited_by == "obstacle:top"
+    assert 0.1 < motion.angular_rad_s < 0.9
+    assert driven(LONG, Twist2D(0.0, 2.0), view(*wall(-2, -0.45, 2, -0.45)))[1] is None
+
+
+def test_driving_and_turning_by_an_obstacle_ahead_turns() -> None:
+    """At the stop distance before a wall: what is asked for as driving and turning goes on as turning."""
+    ahead = view(*wall(0.24, -1, 0.24, 1))
+    assert driven(ROUND, Twist2D(0.3, 0.9), ahead) == (Twist2D(0.0, 0.9), "obstacle:top")
+
+
+def test_behind_and_at_the_side_are_looked_at_as_well() -> None:
+    """Backwards into a chair leg; an arc that sweeps one at the outside."""
+    assert driven(ROUND, Twist2D(-0.3, 0.0), view((-0.24, 0.01)))[0] == STANDING
+    outside = view((0.28, -0.25))
+    assert driven(ROUND, Twist2D(0.3, 0.0), outside) == (Twist2D(0.3, 0.0), None)
+    assert driven(ROUND, Twist2D(0.3, -0.9), outside)[1] == "obstacle:top"
+
+
+def test_the_robot_itself_is_no_obstacle() -> None:
+    """Points within the outline, such as a mast's."""
+    mast = view((0.1, 0.05), (-0.15, 0.0), (0.0, -0.17))
+    assert driven(ROUND, Twist2D(0.5, 0.4), mast) == (Twist2D(0.5, 0.4), None)
+
+
+def test_wheels_of_their_own_speeds_are_slowed_together() -> None:
+    """0.35 m of room as above: 0.5 m/s of 1.0, every wheel at half its speed."""
+    wanted = WheelVelocities((20.0, 18.0), Twist2D(1.0, 0.0))
+    motion, limited_by = limit(PARAMS, ROUND, [view((0.6, 0.0))], wanted, NOW_S)
+    assert motion == WheelVelocities(
+        (pytest.approx(10.0), pytest.approx(9.0)), Twist2D(pytest.approx(0.5), 0.0)
+    )
+    assert limited_by == "obstacle:top"
+
+
+def test_a_silent_lidar_leaves_a_crawl() -> None:
+    """After 0.5 s without a scan no part of the robot is faster than 0.1 m/s; where 0 is configured it stands."""
+    late = view((3.0, 0.0), age_s=0.6)
+    assert driven(ROUND, Twist2D(0.4, 0.0), late) == (Twist2D(pytest.approx(0.1), 0.0), "silent:top")
+    assert driven(ROUND, Twist2D(0.05, 0.0), late) == (Twist2D(0.05, 0.0), None)
+    turning, _ = driven(ROUND, Twist2D(0.0, 2.0), late)
+    assert turning.angular_rad_s == pytest.approx(0.1 / 0.18)
+    never = View("low", NOT_SEEN, -math.inf, -math.inf, 0.0)
+    assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0)), never)[1] == "silent:low"
+    still = GuardParameters(scan=ScanGuardParameters(silent_speed_m_s=0.0))
+    assert driven(ROUND, Twist2D(0.4, 0.3), late, params=still) == (STANDING, "silent:top")
+
+
+def test_of_two_lidars_the_one_that_sees_more_in_the_way_counts() -> None:
+    """The nearer point is named."""
+    near, far = view((0.5, 0.0), lidar="low"), view((0.6, 0.0))
+    assert driven(ROUND, Twist2D(1.0, 0.0), far, near)[1] == "obstacle:low"
+
+
+MOTIONS = st.builds(Twist2D, st.floats(-0.5, 0.5), st.floats(-2.0, 2.0))
+DISCS = st.tuples(st.floats(-math.pi, math.pi), st.floats(0.03, 1.2), st.floats(0.02, 0.15))
+
+
+def rim(x: float, y: float, radius: float) -> np.ndarray:
+    """Points about a disc: what a lidar may see of it, and more."""
+    angles = np.linspace(0, math.tau, 60)
+    return np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1)
+
+
+class Drive:
+    """A robot that follows what the guard leaves with the limits' ramps, 20 times a second, and one step late."""
+
+    def __init__(self, outline: Outline, obstacles: list[np.ndarray]) -> None:
+        self.outline, self.world = outline, np.concatenate(obstacles)
+        self.x = self.y = self.heading = self.v = self.w = 0.0
+        self.nearest_m = math.inf
+
+    def seen(self) -> np.ndarray:
+        """The world from where the robot is."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        dx, dy = self.world[:, 0] - self.x, self.world[:, 1] - self.y
+        return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=1)
+
+    def run(self, wanted: Twist2D, seconds: float, dt_s: float = 0.05) -> "Drive":
+        """Drive so, with scans of 10 Hz that are brought up to date by odometry."""
+        target = STANDING
+        for step in range(round(seconds / dt_s)):
+            age_s = 0.05 + 0.05 * (step % 2)
+            now = View("top", self.seen(), NOW_S - age_s, NOW_S, 0.1)
+            allowed, _ = limit(PARAMS, self.outline, [now], wanted, NOW_S)
+            for _ in range(10):
+                self._ramp(target, dt_s / 10)
+                self._move(dt_s / 10)
+            assert isinstance(allowed, Twist2D)
+            target = allowed
+        return self
+
+    def _ramp(self, target: Twist2D, dt_s: float) -> None:
+        self.v += np.clip(target.linear_m_s - self.v, -1.0 * dt_s, 1.0 * dt_s)
+        self.w += np.clip(target.angular_rad_s - self.w, -2.0 * dt_s, 2.0 * dt_s)
+
+    def _move(self, dt_s: float) -> None:
+        middle = self.heading + self.w * dt_s / 2
+        self.x += self.v * dt_s * math.cos(middle)
+        self.y += self.v * dt_s * math.sin(middle)
+        self.heading += self.w * dt_s
+        seen = self.seen()
+        self.nearest_m = min(self.nearest_m, float(self.outline.distances(seen[:, 0], seen[:, 1]).min()))
+
+
+@pytest.mark.parametrize("outline", [ROUND, LONG], ids=str)
+@settings(max_examples=30, deadline=None)
+@given(wanted=MOTIONS, disc=DISCS)
+def test_a_disc_in_the_way_is_never_touched(
+    outline: Outline, wanted: Twist2D, disc: tuple[float, float, float]
+) -> None:
+    """From rest, whatever is asked for and wherever the disc stands: for 6 s nothing comes nearer than 5 mm."""
+    bearing, gap_m, radius = disc
+    away_m = outline.radius_m + gap_m + radius
+    drive = Drive(outline, [rim(away_m * math.cos(bearing), away_m * math.sin(bearing), radius)])
+    assert drive.run(wanted, 6.0).nearest_m > 0.005
+
+
+@settings(max_examples=20, deadline=None)
+@given(first=MOTIONS, then=MOTIONS, disc=DISCS)
+def test_nor_after_a_change_of_mind_at_speed(
+    first: Twist2D, then: Twist2D, disc: tuple[float, float, float]
+) -> None:
+    """2 s of one motion and 4 s of another, among three discs."""
+    bearing, gap_m, radius = disc
+    away_m = ROUND.radius_m + gap_m + radius
+    discs = [
+        rim(away_m * math.cos(bearing + turn), away_m * math.sin(bearing + turn), radius)
+        for turn in (0.0, 1.9, -2.2)
+    ]
+    drive = Drive(ROUND, discs)
+    assert drive.run(first, 2.0).run(then, 4.0).nearest_m > 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(wanted=MOTIONS, disc=DISCS)
+def test_less_is_driven_never_more_nor_the_other_way(
+    wanted: Twist2D, disc: tuple[float, float, float]
+) -> None:
+    """Each axis is between nothing and what was wanted."""
+    bearing, gap_m, radius = disc
+    away_m = LONG.radius_m + gap_m + radius
+    points = rim(away_m * math.cos(bearing), away_m * math.sin(bearing), radius)
+    motion, limited_by = driven(LONG, wanted, View("top", points, NOW_S, NOW_S, 0.1))
+    for is_now, was in (
+        (motion.linear_m_s, wanted.linear_m_s),
+        (motion.angular_rad_s, wanted.angular_rad_s),
+    ):
+        assert is_now * was >= 0
+        assert abs(is_now) <= abs(was) + 1e-12
+    assert (limited_by is None) == (motion == wanted)
+
+
+@settings(max_examples=40, deadline=None)
+@given(bearing=st.floats(-math.pi, math.pi))
+def test_a_round_robot_at_one_obstacle_can_always_leave(bearing: float) -> None:
+    """Stopped before it: driving away, or turning, is never refused."""
+    points = rim(0.29 * math.cos(bearing), 0.29 * math.sin(bearing), 0.08)
+    assume(abs(math.cos(bearing)) > 0.05)
+    away = Twist2D(-0.2 * math.copysign(1, math.cos(bearing)), 0.0)
+    assert driven(ROUND, away, View("top", points, NOW_S, NOW_S, 0.1)) == (away, None)
+    turning = Twist2D(0.0, 0.9)
+    assert driven(ROUND, turning, View("top", points, NOW_S, NOW_S, 0.1)) == (turning, None)
