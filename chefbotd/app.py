@@ -3,7 +3,6 @@
 import asyncio
 import os
 import random
-import secrets
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,8 +20,6 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature, methods_and_topics
-from chefbotd.features.maps.feature import maps
-from chefbotd.features.maps.service import MapsService
 from chefbotd.features.odometry.feature import odometry
 from chefbotd.features.odometry.service import OdometryService
 from chefbotd.features.sensors.feature import sensors
@@ -37,7 +34,6 @@ from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.maps.parameters import MapsParameters, folder_of
-from chefbotd.maps.store import MapStore
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
@@ -133,7 +129,7 @@ class Daemon:
             settings.api,
             self._leases,
             robot_name=settings.robot.name,
-            session=secrets.token_hex(4),
+            session=os.urandom(4).hex(),
             sources=tuple(settings.safety.sources),
             default_source=settings.safety.default_source,
             command_timeout_s=settings.safety.command_timeout_s,
@@ -185,6 +181,10 @@ class Daemon:
         makes_maps = bool(settings.lidar) and settings.worker.enabled
         if settings.maps is None and not makes_maps:
             return []
+        from chefbotd.features.maps.feature import maps  # only a robot with maps loads them
+        from chefbotd.features.maps.service import MapsService
+        from chefbotd.maps.store import MapStore
+
         parameters = settings.maps or MapsParameters()
         folder, kept = folder_of(parameters, os.environ, simulated=simulated), parameters.versions_kept
         stored = maps(MapsService(self.bus, self._clock, MapStore(folder, kept), kept))
@@ -200,7 +200,7 @@ class Daemon:
             lidar=settings.mapping.lidar or settings.lidar[0].name,
             folder=folder,
             versions_kept=kept,
-            session=secrets.token_hex(8),
+            session=os.urandom(8).hex(),
             mapping=settings.mapping,
         )
         skills = {SKILL: skill.model_dump_json().encode()}

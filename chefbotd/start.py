@@ -4,8 +4,9 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from types import ModuleType
 from typing import TextIO, cast
 
 INTERRUPTED = 130
@@ -55,27 +56,38 @@ def _null(descriptor: int, mode: str) -> TextIO:
 def light_imports() -> Iterator[None]:
     """Load what is imported meanwhile fast and small; pydantic and structlog must not have been imported before.
 
-    - pydantic looks for plugins in every installed package; chefbotd uses none.
+    - pydantic looks for plugins in every installed package, and loads what reads their metadata, parsers of mail and
+      tables among it; chefbotd uses none.
     - structlog imports rich wherever it is installed, to lay out tracebacks; it does without where that import fails.
-    - The garbage collector looks at every module and class again and again, and finds no garbage.
+    - The garbage collector looks at every module and class again and again, and finds no garbage. Afterwards it passes
+      over them: a look at all of them takes as long as several control steps.
     """
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     gc.disable()
     try:
         if "structlog" not in sys.modules:
-            _import_without("structlog", "rich")
+            _import_beside("structlog", "rich", None)
+        if "pydantic" not in sys.modules and "importlib.metadata" not in sys.modules:
+            no_plugins = ModuleType("importlib.metadata")
+            no_plugins.entry_points = tuple  # type: ignore[attr-defined]
+            _import_beside("pydantic.plugin._loader", "importlib.metadata", no_plugins)
         yield
     finally:
+        gc.freeze()
         gc.enable()
 
 
-def _import_without(module: str, absent: str) -> None:
-    """Import a module as if another one were not installed: an entry of None makes its import fail (sys.modules)."""
-    hidden = sys.modules.get(absent)
-    sys.modules[absent] = None  # type: ignore[assignment]
+def _import_beside(module: str, other: str, instead: ModuleType | None) -> None:
+    """Import a module while another one has a stand-in; None as if it were not installed (see ``sys.modules``).
+
+    A module that has changed and asks more of the stand-in is imported as usual.
+    """
+    hidden = sys.modules.get(other)
+    sys.modules[other] = instead  # type: ignore[assignment]
     try:
-        import_module(module)
+        with suppress(ImportError):
+            import_module(module)
     finally:
-        del sys.modules[absent]
+        del sys.modules[other]
         if hidden is not None:
-            sys.modules[absent] = hidden
+            sys.modules[other] = hidden

@@ -9,12 +9,12 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+import chefbotd
 from chefbotd.settings.checks import check
 from chefbotd.settings.errors import SettingsError, explain
 from chefbotd.settings.layers import Keys, UnknownKey, from_environment, place, read, variable
@@ -39,7 +39,7 @@ def packaged(robot: str = DEFAULT_ROBOT) -> Path:
 
 def _packaged_folder() -> Path:
     """Inside the installed package, or in the source tree that the package is imported from."""
-    package = Path(str(resources.files("chefbotd")))
+    package = Path(chefbotd.__file__).parent
     installed = package / "config"
     return installed if installed.is_dir() else package.parent / "config"
 
