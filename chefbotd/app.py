@@ -187,9 +187,9 @@ class Daemon:
 
         parameters = settings.maps or MapsParameters()
         folder, kept = folder_of(parameters, os.environ, simulated=simulated), parameters.versions_kept
-        stored = maps(MapsService(self.bus, self._clock, MapStore(folder, kept), kept))
+        stored = MapsService(self.bus, self._clock, MapStore(folder, kept), kept)
         if not makes_maps:
-            return [stored]
+            return [maps(stored)]
         from chefbotd.features.mapping.feature import mapping  # only a robot with a lidar loads numpy
         from chefbotd.features.mapping.service import MappingService
         from chefbotd.features.worker.feature import worker
@@ -205,7 +205,9 @@ class Daemon:
         )
         skills = {SKILL: skill.model_dump_json().encode()}
         feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
-        return [stored, worker(feed), mapping(MappingService(self.bus, self._clock, feed))]
+        made = MappingService(self.bus, self._clock, feed, stored.use_saved)
+        stored.growing = made.grid
+        return [maps(stored), worker(feed), mapping(made)]
 
     def _add_metrics(self) -> None:
         """Add what the process itself counts, and have every part add its own."""

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 class MapImage:
     """A map's cells: a signed byte each, row by row, the lowest row first; -1 unknown, 0 free, 100 occupied.
 
-    (``x_m``, ``y_m``, ``heading_rad``) is where the outer corner of the first cell lies in ``map``.
+    (``x_m``, ``y_m``, ``heading_rad``) is where the outer corner of the first cell lies in ``map``. A map that is being
+    made has no ``saved_at_s``, no name unless it goes on with a stored one, and counts its changes as ``version``.
     """
 
-    name: str
+    name: str | None
     version: int
-    saved_at_s: float
+    saved_at_s: float | None
     resolution_m: float
     columns: int
     rows: int
@@ -69,7 +70,10 @@ class MapMethods(ABC):
         return parse(models.MapInUse, answer)
 
     async def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:
-        """The cells of a map; without a ``name`` of the one in use. ``on_progress`` counts its parts."""
+        """The cells of a map; without a ``name`` of the one that is being made, or else of the one in use.
+
+        ``on_progress`` counts its parts.
+        """
         from chefbotd.client import models
 
         wanted: dict[str, Any] = {} if name is None else {"name": name}

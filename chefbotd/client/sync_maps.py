@@ -34,7 +34,7 @@ class SyncMaps(ABC):
         return self._run(self._client.load_map(name, on_progress))
 
     def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:
-        """The cells of a map; without a ``name`` of the one in use."""
+        """The cells of a map; without a ``name`` of the one that is being made, or else of the one in use."""
         return self._run(self._client.get_map(name, on_progress))
 
     def import_map(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from chefbotd.client.map_methods import MapImage
     from chefbotd.client.models import MapList, MapSummary
 
-LEGEND_ROWS = 3
+LEGEND_ROWS, MOST_AGE_S = 3, 2.0
 MODES = ("trinary", "scale", "raw")
 
 
@@ -87,7 +87,7 @@ def import_command(context: CommandContext, yaml: str, name: str | None, replace
 @click.option("--force", is_flag=True, help="Replace a PNG that exists.")
 @click.pass_obj
 def show(context: CommandContext, name: str | None, png: Path | None, force: bool) -> None:
-    """Draw the map NAME in the terminal, or the one in use, with its places and the robot."""
+    """Draw the map NAME in the terminal, or the one being made or in use, with its places and the robot."""
     image, marks = _fetch(context, name)
     facts = {key: getattr(image, key) for key in image.__dataclass_fields__ if key != "cells"}
     if png is not None:
@@ -117,7 +117,9 @@ def _draw(image: "MapImage", marks: "list[Mark]") -> None:
 
 def _legend(image: "MapImage") -> str:
     width_m, height_m = image.columns * image.resolution_m, image.rows * image.resolution_m
-    return f"{image.name}, version {image.version}: {width_m:.1f} x {height_m:.1f} m, cells of {image.resolution_m:g} m"
+    size = f"{width_m:.1f} x {height_m:.1f} m, cells of {image.resolution_m:g} m"
+    made = "being made" if image.saved_at_s is None else f"version {image.version}"
+    return f"{image.name or 'a new map'}, {made}: {size}"
 
 
 def _fetch(context: CommandContext, name: str | None) -> "tuple[MapImage, list[Mark]]":
@@ -125,8 +127,9 @@ def _fetch(context: CommandContext, name: str | None) -> "tuple[MapImage, list[M
 
     async def fetch(robot: Client) -> "tuple[MapImage, list[Mark]]":
         image = await robot.get_map(name, report)
-        places = (await robot.list_places(image.name)).places
-        return image, [*_place_marks(places), *await _robot_mark(robot, image.name)]
+        is_made = image.saved_at_s is None
+        places = () if image.name is None else (await robot.list_places(image.name)).places
+        return image, [*_place_marks(places), *await _robot_mark(robot, None if is_made else image.name)]
 
     with progress_bar("receiving the map", quiet=context.as_json) as report:
         return ask(context, fetch)
@@ -138,13 +141,17 @@ def _place_marks(places: Any) -> "list[Mark]":
     return [Mark(place.x_m, place.y_m, label=place.name) for place in places]
 
 
-async def _robot_mark(robot: Client, name: str) -> "list[Mark]":
-    """The robot, where something localizes it in this map."""
+async def _robot_mark(robot: Client, name: str | None) -> "list[Mark]":
+    """The robot, where something localizes it in this map; None is the map that is being made."""
     from chefbotd.cli.maps.draw import Mark
 
-    pose = (await robot.call("get_state"))["topics"].get("map_pose", {}).get("data")
-    if pose is None or pose.get("x_m") is None or (await robot.list_maps()).in_use != name:
+    topics = (await robot.call("get_state"))["topics"]
+    told = topics.get("map_pose")
+    is_making = "mapping" in topics and topics["mapping"]["data"]["state"] != "idle"
+    its_map = None if is_making else (await robot.list_maps()).in_use
+    if told is None or told["age_s"] > MOST_AGE_S or its_map != name:
         return []
+    pose = told["data"]
     return [Mark(pose["x_m"], pose["y_m"], pose["heading_rad"], style="bold red")]
 
 
@@ -168,7 +175,7 @@ def export(context: CommandContext, folder: Path, name: str | None, mode: str, f
     with progress_bar("receiving the map", quiet=context.as_json) as report:
         image = ask(context, lambda robot: robot.get_map(name, report))
     try:
-        stem = map_name(image.name)
+        stem = map_name(image.name or "new map")
     except MapStoreError as error:
         raise ProgramError(Exit.FAILED, f"the daemon's map: {error}") from error
     grid, suffix = image.grid(), ".png" if mode == Mode.SCALE else ".pgm"

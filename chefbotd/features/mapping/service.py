@@ -1,6 +1,7 @@
 """The daemon's side of mapping: asks the worker's skill, publishes what it tells, and has it go on after a restart."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 import structlog
@@ -42,7 +43,15 @@ LONG_S: Final = 120.0
 class MappingService:
     """Whether a map is being made is remembered here, so that a worker that was killed is told to go on."""
 
-    def __init__(self, bus: Bus, clock: Clock, feed: WorkerService) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        feed: WorkerService,
+        use_saved: Callable[[str], Awaitable[None]] | None = None,
+    ) -> None:
+        """``use_saved`` is called with the name of a map that was finished."""
+        self._use_saved = use_saved
         self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
         self._status = MappingStatus("idle")
         self._has_to_resume = asyncio.Event()
@@ -73,6 +82,7 @@ class MappingService:
         )
         saved = FINISHED.decode(answer)
         self._publish(MappingStatus("idle"))
+        await self._use(saved.name)
         return MapSaved(
             name=saved.name,
             version=saved.version,
@@ -80,6 +90,14 @@ class MappingService:
             loops=saved.loops,
             path_m=saved.path_m,
         )
+
+    async def _use(self, name: str) -> None:
+        """The map is saved; that it cannot be used right away is told in the log only."""
+        try:
+            if self._use_saved is not None:
+                await self._use_saved(name)
+        except Refused as problem:
+            log.warning("the map that was finished is not in use", map=name, reason=str(problem))
 
     async def grid(self) -> MapChanged:
         """The whole map that is being made, as it is now."""

@@ -22,9 +22,9 @@ class MapName(Params):
 
 
 class GetMapParams(Params):
-    """A map, or else the one in use; a large one comes in parts, which are asked for one by one."""
+    """A map, or else the one that is being made, or the one in use; a large one comes in parts, one by one."""
 
-    name: str | None = OF_MAP
+    name: str | None = Field(None, min_length=1, max_length=64)
     part: int = Field(0, ge=0, le=1_000_000)
 
 
@@ -112,13 +112,14 @@ class MapPart(Result):
     """A part of a map's cells: base64 of zlib of a signed byte each, row by row, the lowest row first.
 
     -1 is unknown, 0 free, 100 occupied. (``x_m``, ``y_m``, ``heading_rad``) is where the outer corner of the first cell
-    lies in ``map``. The text of all ``parts``, put together, is one base64. ``stamp_s`` is the daemon's time.
+    lies in ``map``. The text of all ``parts``, put together, is one base64. ``stamp_s`` is the daemon's time. A map that
+    is being made has no ``saved_at_s``, its revision as version, and no name unless it goes on with a stored one.
     """
 
-    name: str
+    name: str | None
     version: int
     stamp_s: float
-    saved_at_s: float
+    saved_at_s: float | None
     resolution_m: float
     columns: int
     rows: int

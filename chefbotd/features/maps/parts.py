@@ -4,9 +4,10 @@ import base64
 from dataclasses import dataclass
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.mapping import MapChanged
 from chefbotd.features.maps.methods import MapPart
 from chefbotd.maps.errors import MapStoreError
-from chefbotd.maps.manifest import CELLS, Manifest
+from chefbotd.maps.manifest import CELLS, Extent, Manifest
 from chefbotd.maps.store import MapStore
 
 PART_BYTES = 49_152
@@ -14,47 +15,74 @@ PART_BYTES = 49_152
 
 
 @dataclass(frozen=True, slots=True)
-class _Cells:
-    name: str
-    manifest: Manifest
+class Cells:
+    """Compressed cells; ``saved_at_s`` is None for a map that is being made, whose version is its revision."""
+
+    name: str | None
+    version: int
+    saved_at_s: float | None
+    extent: Extent
     data: bytes
+
+    def part(self, part: int, now_s: float) -> MapPart:
+        """A part of them; raises ``MapStoreError``."""
+        parts = max(1, -(-len(self.data) // PART_BYTES))
+        if part >= parts:
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE, f"the map has {parts} parts, counted from 0, got {part}"
+            )
+        chosen = self.data[part * PART_BYTES : (part + 1) * PART_BYTES]
+        return MapPart(
+            name=self.name,
+            version=self.version,
+            stamp_s=now_s,
+            saved_at_s=self.saved_at_s,
+            **self.extent.model_dump(),
+            part=part,
+            parts=parts,
+            data=base64.b64encode(chosen).decode(),
+        )
 
 
 class Cache:
     """The cells that were sent last, so that not every part is read and checked again."""
 
     def __init__(self) -> None:
-        self._latest: _Cells | None = None
+        self._latest: tuple[str, Manifest, Cells] | None = None
+        self._growing: Cells | None = None
 
     def part(self, store: MapStore, name: str, part: int, now_s: float) -> MapPart:
-        """A part of the latest version; raises ``MapStoreError``."""
-        cells = self._cells(store, name)
-        parts = max(1, -(-len(cells.data) // PART_BYTES))
-        if part >= parts:
-            raise MapStoreError(
-                RefusalKind.OUT_OF_RANGE, f"the map {name!a} has {parts} parts, counted from 0, got {part}"
-            )
-        extent = cells.manifest.extent
-        chosen = cells.data[part * PART_BYTES : (part + 1) * PART_BYTES]
-        return MapPart(
-            name=name,
-            version=cells.manifest.version,
-            stamp_s=now_s,
-            saved_at_s=cells.manifest.saved_at_s,
-            **extent.model_dump(),
-            part=part,
-            parts=parts,
-            data=base64.b64encode(chosen).decode(),
-        )
+        """A part of the latest version of a stored map; raises ``MapStoreError``. It waits for the disk."""
+        return self._cells(store, name).part(part, now_s)
 
-    def _cells(self, store: MapStore, name: str) -> _Cells:
-        latest, stored = self._latest, store.describe(name)
-        if latest is not None and (latest.name, latest.manifest) == (name, stored.manifest):
-            return latest
+    def keep(self, name: str | None, grown: MapChanged) -> None:
+        """Send this of the map that is being made, until the next one is kept."""
+        origin = grown.map_from_grid
+        extent = Extent(
+            resolution_m=grown.resolution_m,
+            columns=grown.columns,
+            rows=grown.rows,
+            x_m=origin.x_m,
+            y_m=origin.y_m,
+            heading_rad=origin.heading_rad,
+        )
+        self._growing = Cells(name, grown.revision, None, extent, grown.cells)
+
+    def growing_part(self, part: int, now_s: float) -> MapPart:
+        """A part of what was kept; raises ``MapStoreError``."""
+        if self._growing is None:
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, "of a map that is being made, ask for part 0 first")
+        return self._growing.part(part, now_s)
+
+    def _cells(self, store: MapStore, name: str) -> Cells:
+        stored = store.describe(name)
+        if self._latest is not None and self._latest[:2] == (name, stored.manifest):
+            return self._latest[2]
         if stored.plain:
             raise MapStoreError(
                 RefusalKind.MAP_UNREADABLE, f"the map {name!a} was put there by somebody else: load it first"
             )
         manifest, data = store.read_file(name, CELLS)
-        self._latest = _Cells(name, manifest, data)
-        return self._latest
+        cells = Cells(name, manifest.version, manifest.saved_at_s, manifest.extent, data)
+        self._latest = (name, manifest, cells)
+        return cells

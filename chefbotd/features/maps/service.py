@@ -1,7 +1,7 @@
 """The stored maps, in the daemon: the map in use, and every change in order, none of it in the event loop's time."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -12,12 +12,13 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.mapping import MapChanged
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
-from chefbotd.core.geometry import Pose2D
 from chefbotd.features.maps import parts
 from chefbotd.features.maps.importer import Report, run_import
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
 from chefbotd.features.maps.summary import summary
+from chefbotd.features.maps.whereabouts import Whereabouts
 from chefbotd.maps.errors import MapStoreError
 from chefbotd.maps.importing import Order
 from chefbotd.maps.names import map_name, place_name
@@ -29,31 +30,18 @@ from chefbotd.rpc.jobs import Progress
 log = structlog.get_logger(component="maps")
 
 MOST_THREADS = 4
-Locate = Callable[[], Pose2D | None]
-
-
-def _nowhere() -> None:
-    """The robot's pose where nothing localizes it."""
-    return
 
 
 class MapsService:
     """The maps of a store; ``in_use`` is the name of the map in use.
 
-    ``locate`` says where in that map the robot is, or None. What waits for the disk runs in threads of its own.
+    ``growing`` gives the map that is being made, where one can be. What waits for the disk runs in threads of its own.
     """
 
-    def __init__(
-        self,
-        bus: Bus,
-        clock: Clock,
-        store: MapStore,
-        versions_kept: int,
-        *,
-        locate: Locate = _nowhere,
-    ) -> None:
+    def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
-        self._locate = locate
+        self._whereabouts = Whereabouts(bus)
+        self.growing: Callable[[], Awaitable[MapChanged]] | None = None
         self._threads = ThreadPoolExecutor(MOST_THREADS, "maps")
         self._order = asyncio.Lock()
         self._cells = parts.Cache()
@@ -92,6 +80,11 @@ class MapsService:
                 await self._import(yaml, name, "edited files", progress.report, keeps_graph=True)
             return await self._use(name)
 
+    async def use_saved(self, name: str) -> None:
+        """Use a map that was made just now."""
+        async with self._order:
+            await self._use(map_name(name))
+
     async def _use(self, name: str) -> MapInUse:
         version, damage = await self._in_thread(self.store.read, name)
         await self._changing(self.store.set_current, name)
@@ -107,8 +100,12 @@ class MapsService:
 
     async def part(self, name: str | None, part: int) -> MapPart:
         """A part of a map's cells."""
-        name = self._named(name)
         now_s = self._clock.now_s()
+        if name is None and self.growing is not None and self._whereabouts.is_mapping:
+            if part == 0:
+                self._cells.keep(self._whereabouts.mapped, await self.growing())
+            return self._cells.growing_part(part, now_s)
+        name = self._named(name)
         found: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
         return found
 
@@ -169,12 +166,7 @@ class MapsService:
     def _place(self, params: SavePlaceParams, of_map: str) -> Place:
         if params.x_m is not None and params.y_m is not None:
             return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=params.heading_rad or 0.0)
-        pose = self._locate() if of_map == self.in_use else None
-        if pose is None:
-            raise MapStoreError(
-                RefusalKind.POSE_UNKNOWN,
-                f"where the robot is in the map {of_map!a} is not known: give x_m, y_m and heading_rad",
-            )
+        pose = self._whereabouts.pose_in(of_map, self.in_use, self._clock.now_s())
         return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
 
     async def places(self, of_map: str | None) -> PlaceList:

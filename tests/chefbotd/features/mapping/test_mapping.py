@@ -154,7 +154,11 @@ def test_a_killed_worker_goes_on_by_itself(tmp_path: Path) -> None:
             assert len(s.poses) - before >= 24
             assert {pose.state for pose in s.poses[before + 2 :]} == {"mapping"}
             assert (await s.data("mapping")).kept_scans > kept
+            grown = await s.client.get_map()
+            assert (grown.name, grown.saved_at_s) == (None, None)
+            assert np.any(grown.grid().percent == 100)
             saved = await s.client.call("finish_mapping", name="flat")
+            assert (await s.client.list_maps()).in_use == "flat"
             assert saved["kept_scans"] > kept
 
     run_virtual(play())

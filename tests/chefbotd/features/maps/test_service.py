@@ -1,7 +1,9 @@
 """The socket's methods for maps, in a daemon with a folder of maps, called by the client that users have."""
 
 import asyncio
+import base64
 import os
+import zlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -11,15 +13,17 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.features.maps import parts
-from chefbotd.features.maps.feature import maps
+from chefbotd.features.maps.methods import SavePlaceParams
 from chefbotd.features.maps.service import MapsService
 from chefbotd.mapping.map_server import to_description, to_image
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import read_slam, save
 from chefbotd.maps.disk import locked
+from chefbotd.maps.errors import MapStoreError
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
 from chefbotd.settings import load
@@ -239,22 +243,85 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
     asyncio.run(run())
 
 
-def test_where_the_robot_stands_becomes_a_place(tmp_path: Path) -> None:
-    """Where something localizes it; only in the map in use."""
+def pose_told(stamp_s: float, state: str) -> MapPoseUpdated:
+    """What mapping or localization tells."""
+    return MapPoseUpdated(stamp_s, Pose2D(1.25, -0.5, 2.0), Pose2D(), CERTAIN, 0.97, state)
+
+
+def mapping_told(state: str, name: str | None) -> MappingChanged:
+    """How a map stands."""
+    return MappingChanged(0.0, state, name, 7, 1, 5.5, 80, False, "")
+
+
+@pytest.mark.parametrize(
+    ("told", "age_s", "mapping", "why"),
+    [
+        ("localized", 0.5, None, None),
+        ("localized", 0.5, ("idle", None), None),
+        ("mapping", 0.5, ("mapping", "flat"), None),
+        ("localized", 2.5, None, "nothing tells it"),
+        (None, 0.0, None, "nothing tells it"),
+        ("lost", 0.5, None, "it is lost"),
+        ("doubtful", 0.5, ("mapping", "flat"), "it is doubtful"),
+        ("mapping", 0.5, ("mapping", None), "a map is being made, which is another one"),
+        ("mapping", 0.5, ("paused", "cellar"), "a map is being made, which is another one"),
+    ],
+)
+def test_where_the_robot_stands_becomes_a_place_if_that_is_known(
+    tmp_path: Path, told: str | None, age_s: float, mapping: tuple[str, str | None] | None, why: str | None
+) -> None:
+    """In the map that it is known for, by scans that fit, and now."""
     save(MapStore(tmp_path), "flat", grid(1))
-    save(MapStore(tmp_path), "cellar", grid(2))
 
     async def run() -> None:
-        def located(bus: Bus, clock: LoopClock) -> object:
-            store = MapStore(tmp_path)
-            return maps(MapsService(bus, clock, store, 3, locate=lambda: Pose2D(1.25, -0.5, 2.0)))
-
-        async with running_daemon(FakeSerialDevice(), features=[located]) as client:  # type: ignore[list-item]
-            await client.load_map("flat")
-            place = await client.save_place("here")
+        bus, clock = Bus(), LoopClock()
+        service = MapsService(bus, clock, MapStore(tmp_path), 3)
+        await service.load("flat", None)  # type: ignore[arg-type]
+        if told is not None:
+            bus.publish(pose_told(clock.now_s() - age_s, told))
+        if mapping is not None:
+            bus.publish(mapping_told(*mapping))
+        if why is None:
+            place = await service.save_place(SavePlaceParams(name="here"))
             assert (place.x_m, place.y_m, place.heading_rad) == (1.25, -0.5, 2.0)
-            with pytest.raises(CallError, match="where the robot is in the map 'cellar' is not known"):
-                await client.save_place("here", of_map="cellar")
+        else:
+            with pytest.raises(MapStoreError, match=f"in the map 'flat' is not known \\({why}\\)"):
+                await service.save_place(SavePlaceParams(name="here"))
+
+    asyncio.run(run())
+
+
+def test_the_map_that_is_being_made_is_sent_where_no_other_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its parts are of one moment though it grows meanwhile; once it is finished, the map in use is sent again."""
+    monkeypatch.setattr(parts, "PART_BYTES", 30)
+    save(MapStore(tmp_path), "flat", grid(1))
+    revision = 4
+
+    async def growing() -> MapChanged:
+        nonlocal revision
+        revision += 1
+        percent = np.random.default_rng(revision).integers(-1, 101, (9, 13)).astype(np.int8)
+        cells = zlib.compress(percent.tobytes())
+        return MapChanged(1.0, revision, 0.05, Pose2D(-1.0, 2.0), 13, 9, 0, 0, 13, 9, True, cells)
+
+    async def run() -> None:
+        bus = Bus()
+        service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
+        service.growing = growing
+        await service.load("flat", None)  # type: ignore[arg-type]
+        bus.publish(mapping_told("mapping", None))
+        first = await service.part(None, 0)
+        assert (first.name, first.version, first.saved_at_s, first.parts > 2) == (None, 5, None, True)
+        rest = [await service.part(None, part) for part in range(1, first.parts)]
+        assert {part.version for part in rest} == {5}
+        packed = base64.b64decode("".join(part.data for part in (first, *rest)))
+        expected = np.random.default_rng(5).integers(-1, 101, (9, 13)).astype(np.int8)
+        assert zlib.decompress(packed) == expected.tobytes()
+        assert (await service.part("flat", 0)).name == "flat"
+        bus.publish(mapping_told("idle", None))
+        assert (await service.part(None, 0)).name == "flat"
 
     asyncio.run(run())
 

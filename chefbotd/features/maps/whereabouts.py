@@ -1,0 +1,60 @@
+"""Where the robot is in which map, as far as mapping and localization tell; and what is being mapped."""
+
+from typing import Final
+
+from chefbotd.bus import Bus
+from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
+from chefbotd.core.geometry import Pose2D
+from chefbotd.maps.errors import MapStoreError
+
+SURE: Final = ("mapping", "localized")
+"""States in which the scans fit; in any other the pose may be wrong, and a place of it with it."""
+
+MOST_AGE_S: Final = 2.0
+
+
+class Whereabouts:
+    """Keeps what was told last."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._pose: MapPoseUpdated | None = None
+        self._mapping: MappingChanged | None = None
+        bus.add_handler(self._note_pose, MapPoseUpdated)
+        bus.add_handler(self._note_mapping, MappingChanged)
+
+    def _note_pose(self, event: MapPoseUpdated) -> None:
+        self._pose = event
+
+    def _note_mapping(self, event: MappingChanged) -> None:
+        self._mapping = event
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether a map is being made: then poses are in that one."""
+        return self._mapping is not None and self._mapping.state != "idle"
+
+    @property
+    def mapped(self) -> str | None:
+        """The stored map with which mapping goes on; None for a new one."""
+        return None if self._mapping is None else self._mapping.name
+
+    def pose_in(self, of_map: str, in_use: str | None, now_s: float) -> Pose2D:
+        """Where the robot is in a map.
+
+        Raises:
+            MapStoreError: that is not known; it says why.
+        """
+        pose = self._pose
+        if (self.mapped if self.is_mapping else in_use) != of_map:
+            why = "a map is being made, which is another one" if self.is_mapping else "another map is in use"
+        elif pose is None or now_s - pose.stamp_s > MOST_AGE_S:
+            why = "nothing tells it"
+        elif pose.state not in SURE:
+            why = f"it is {pose.state}"
+        else:
+            return pose.map_from_base
+        raise MapStoreError(
+            RefusalKind.POSE_UNKNOWN,
+            f"where the robot is in the map {of_map!a} is not known ({why}): give x_m, y_m and heading_rad",
+        )
