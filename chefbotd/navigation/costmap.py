@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from chefbotd.core.compiled import kernel
@@ -20,8 +19,6 @@ from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.search import BLOCKED
 from chefbotd.navigation.zones import NO_ZONES, Zones, keep_out_cells, speed_limits_m_s
-
-Cells = NDArray[np.int64]
 
 
 class UnknownSpace(StrEnum):
@@ -110,12 +107,14 @@ def costmap(
     return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, limits)
 
 
-def with_obstacles(ground: Costmap, cells: Cells) -> Costmap:
-    """The costmap with more obstacles: cells (n, 2: row, column)."""
-    if not len(cells):
+def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
+    """The costmap with more obstacles: points (n, 2) in the grid's frame, each exactly where it is."""
+    if not len(points_m):
         return ground
     distance_m, costs = ground.distance_m.copy(), ground.costs.copy()
-    _stamp(cells, ground.frame.resolution_m, _numbers(ground.inflation), ground.surcharges, distance_m, costs)
+    _stamp(
+        points_m, ground.frame.resolution_m, _numbers(ground.inflation), ground.surcharges, distance_m, costs
+    )
     return replace(ground, distance_m=distance_m, costs=costs)
 
 
@@ -140,19 +139,23 @@ def _fill(distance_m: Singles, surcharges: Singles, inflation: Floats, costs: Si
 
 @kernel
 def _stamp(
-    cells: Cells,
-    resolution_m: float,
+    points_m: Floats,
+    cell_m: float,
     inflation: Floats,
     surcharges: Singles,
     distance_m: Singles,
     costs: Singles,
 ) -> None:
     rows, columns = costs.shape
-    reach = int((inflation[1] + inflation[2]) / resolution_m) + 1
-    for i in range(cells.shape[0]):
-        for row in range(max(cells[i, 0] - reach, 0), min(cells[i, 0] + reach + 1, rows)):
-            for column in range(max(cells[i, 1] - reach, 0), min(cells[i, 1] + reach + 1, columns)):
-                apart_m = math.hypot(row - cells[i, 0], column - cells[i, 1]) * resolution_m
+    reach = int((inflation[1] + inflation[2]) / cell_m) + 1
+    for i in range(points_m.shape[0]):
+        x, y = points_m[i, 0] / cell_m - 0.5, points_m[i, 1] / cell_m - 0.5
+        middle_row, middle_column = math.floor(y + 0.5), math.floor(x + 0.5)
+        for row in range(max(middle_row - reach, 0), min(middle_row + reach + 1, rows)):
+            for column in range(max(middle_column - reach, 0), min(middle_column + reach + 1, columns)):
+                apart_m = math.hypot(row - y, column - x) * cell_m
+                if row == middle_row and column == middle_column:
+                    apart_m = 0.0
                 if apart_m < distance_m[row, column]:
                     distance_m[row, column] = apart_m
                     costs[row, column] = _cost(apart_m, inflation) * surcharges[row, column]

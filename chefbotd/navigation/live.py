@@ -9,14 +9,22 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.costmap import Cells
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
+
+Counts = NDArray[np.uint8]
+
+PASSES = 3
+"""A cell beside one where a beam ended is cleared when beams only passed it in so many scans, one after the other."""
+
+AVERAGED = 0.3
+"""Where in a cell something is, is averaged: each beam counts so much."""
 
 NEVER_S = -math.inf
 """When a cell was seen occupied that never was."""
@@ -39,51 +47,72 @@ class LiveParameters(Parameters):
 
 @dataclass(frozen=True, slots=True)
 class LiveObstacles:
-    """For each cell when it was last seen occupied, (rows, columns): by lidar, and by a cone of sound or light."""
+    """For each cell when it was last seen occupied, (rows, columns): by lidar, and by a cone of sound or light.
+
+    ``passes`` counts the scans since in which beams only passed a cell that the lidar saw occupied. ``at_m`` (rows,
+    columns, 2) is where in the cell, so that a gap does not lose two cells to rounding.
+    """
 
     scan_s: Floats
     range_s: Floats
+    passes: Counts
+    at_m: Floats
 
 
 def nothing_seen(frame: GridFrame) -> LiveObstacles:
     """Nothing was seen yet."""
     shape = (frame.rows, frame.columns)
-    return LiveObstacles(np.full(shape, NEVER_S), np.full(shape, NEVER_S))
+    scan_s, range_s = np.full(shape, NEVER_S), np.full(shape, NEVER_S)
+    return LiveObstacles(scan_s, range_s, np.zeros(shape, np.uint8), np.zeros((*shape, 2)))
 
 
 def see_scan(
     live: LiveObstacles, frame: GridFrame, stamp_s: float, sensor_m: Floats, points_m: Floats
 ) -> LiveObstacles:
     """Mark the points and clear the way to them; sensor and points (n, 2) are in the grid's frame."""
-    scan_s = live.scan_s.copy()
-    _see(scan_s, frame.resolution_m, stamp_s, sensor_m, points_m)
-    return replace(live, scan_s=scan_s)
+    scan_s, passes, at_m = live.scan_s.copy(), live.passes.copy(), live.at_m.copy()
+    _see(scan_s, passes, at_m, frame.resolution_m, stamp_s, sensor_m, points_m)
+    return replace(live, scan_s=scan_s, passes=passes, at_m=at_m)
 
 
 @kernel
-def _see(scan_s: Floats, cell_m: float, stamp_s: float, sensor_m: Floats, points_m: Floats) -> None:
+def _see(
+    scan_s: Floats,
+    passes: Counts,
+    at_m: Floats,
+    cell_m: float,
+    stamp_s: float,
+    sensor_m: Floats,
+    points_m: Floats,
+) -> None:
     rows, columns = scan_s.shape
     for i in range(points_m.shape[0]):
         row, column = math.floor(points_m[i, 1] / cell_m), math.floor(points_m[i, 0] / cell_m)
         if 0 <= row < rows and 0 <= column < columns:
-            scan_s[row, column] = stamp_s
+            share = AVERAGED if scan_s[row, column] > -math.inf else 1.0
+            for axis in range(2):
+                at_m[row, column, axis] += share * (points_m[i, axis] - at_m[row, column, axis])
+            scan_s[row, column], passes[row, column] = stamp_s, 0
+    counted = np.zeros((rows, columns), np.bool_)
     for i in range(points_m.shape[0]):
         dx, dy = points_m[i, 0] - sensor_m[0], points_m[i, 1] - sensor_m[1]
         length_m = math.hypot(dx, dy)
-        steps = int((length_m - cell_m) / (0.5 * cell_m))
-        for k in range(steps):
+        for k in range(int((length_m - cell_m) / (0.5 * cell_m))):
             along = k * 0.5 * cell_m / length_m
             column = math.floor((sensor_m[0] + along * dx) / cell_m)
             row = math.floor((sensor_m[1] + along * dy) / cell_m)
-            if not (0 <= row < rows and 0 <= column < columns):
+            if not (0 <= row < rows and 0 <= column < columns) or counted[row, column]:
                 continue
-            if scan_s[row, column] > -math.inf and not _just_seen(scan_s, row, column, stamp_s):
-                scan_s[row, column] = -math.inf
+            if -math.inf < scan_s[row, column] < stamp_s:
+                counted[row, column] = True
+                passes[row, column] += 1
+                if passes[row, column] >= PASSES or not _just_seen(scan_s, row, column, stamp_s):
+                    scan_s[row, column] = -math.inf
 
 
 @kernel
 def _just_seen(scan_s: Floats, row: int, column: int, stamp_s: float) -> bool:
-    """Whether a beam of this scan ended here or beside it: a beam along a surface must not clear the surface."""
+    """Whether a beam of this scan ended here or beside it: so it may be the edge of what stands there."""
     rows, columns = scan_s.shape
     for r in range(max(row - 1, 0), min(row + 2, rows)):
         for c in range(max(column - 1, 0), min(column + 2, columns)):
@@ -121,10 +150,12 @@ def see_range(
     reach = math.ceil(params.cone_explained_m / frame.resolution_m)
     if any(_explained(params, live, fixed_m, cell, reach, stamp_s) for cell in cells):
         return live
-    range_s = live.range_s.copy()
+    range_s, at_m = live.range_s.copy(), live.at_m.copy()
     for cell in cells:
+        if live.scan_s[cell] == NEVER_S:
+            at_m[cell] = frame.center(*cell)
         range_s[cell] = stamp_s
-    return replace(live, range_s=range_s)
+    return replace(live, range_s=range_s, at_m=at_m)
 
 
 def _explained(
@@ -142,8 +173,8 @@ def _explained(
     return bool((about > now_s - params.scan_kept_s).any())
 
 
-def obstacles_seen(params: LiveParameters, live: LiveObstacles, fixed_m: Singles, now_s: float) -> Cells:
-    """The cells (n, 2) that are occupied now, and that the map does not explain."""
+def obstacles_seen(params: LiveParameters, live: LiveObstacles, fixed_m: Singles, now_s: float) -> Floats:
+    """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell."""
     since_scan_s, since_range_s = now_s - params.scan_kept_s, now_s - params.range_kept_s
     found = ((live.scan_s > since_scan_s) | (live.range_s > since_range_s)) & (fixed_m > params.explained_m)
-    return np.argwhere(found)
+    return live.at_m[found]

@@ -80,14 +80,17 @@ def plan(
     A goal where the robot cannot be is refused, with the nearest pose that it can reach.
     """
     here = costs.frame.pose_to_grid(start)
-    begin = costs.frame.cell(here.x_m, here.y_m)
-    if begin is None:
+    if costs.frame.cell(here.x_m, here.y_m) is None:
         return NoPath(f"the robot is outside of the map, at ({start.x_m:.2f}, {start.y_m:.2f})")
     there = _in_grid(costs.frame, goal)
     problem = _problem(outline, costs, there)
     if problem is None:
-        return _between(params, outline, costs, here, there, goal)
-    told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
+        found = _between(params, outline, costs, here, there, goal)
+        if found is not None:
+            return found
+        told = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
+    else:
+        told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
     nearest = nearest_free(outline, costs, here, there)
     if nearest is None:
         return NoPath(f"{told}, and there is no free place near it that can be reached")
@@ -96,9 +99,11 @@ def plan(
     if away_m <= goal.tolerance_m:
         heading_rad = None if goal.heading_rad is None else offered.heading_rad
         other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m)
-        return _between(params, outline, costs, here, nearest, other, is_substitute=True)
-    near = f"the nearest free place is ({offered.x_m:.2f}, {offered.y_m:.2f}), {away_m:.2f} m from it"
-    return NoPath(f"{told}; {near}", offered)
+        found = _between(params, outline, costs, here, nearest, other, is_substitute=True)
+        if found is not None:
+            return found
+    near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
+    return NoPath(f"{told}; {near}, {away_m:.2f} m from it", offered)
 
 
 def _in_grid(frame: GridFrame, goal: Goal) -> Pose2D:
@@ -164,7 +169,7 @@ def _between(
     goal: Goal,
     *,
     is_substitute: bool = False,
-) -> Path | NoPath:
+) -> Path | None:
     for _ in range(params.attempts):
         points = _points(params, outline, costs, here, there)
         if points is None:
@@ -178,7 +183,7 @@ def _between(
         if touched < 0:
             return Path(costs.frame, points, heading_rad, goal, is_substitute)
         costs = _closed(costs, points[_after_escape(params, points) + touched])
-    return NoPath(f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot")
+    return None
 
 
 def _after_escape(params: PlannerParameters, points: Floats) -> int:

@@ -96,7 +96,7 @@ def test_what_was_seen_changes_costs_as_an_obstacle_of_the_map_does() -> None:
     rows[11] = "." * 13 + "#" + "." * 26
     with_one, without = drawn(*rows), drawn(*["." * 40] * 30)
     params, ground = CostParameters(), costmap(CostParameters(), ROUND, without, 0.3)
-    live = with_obstacles(ground, np.array([[18, 13]]))
+    live = with_obstacles(ground, np.array([[0.675, 0.925]]))
     expected = costmap(params, ROUND, with_one, 0.3)
     assert np.allclose(live.costs, expected.costs, rtol=1e-5)
     assert np.isfinite(ground.costs).all()

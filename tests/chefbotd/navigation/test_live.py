@@ -18,8 +18,9 @@ NOTHING = nothing_seen(FRAME)
 
 
 def cells(live: object, now_s: float, fixed_m: np.ndarray = FAR) -> list[tuple[int, int]]:
-    """The obstacles at a time, as tuples."""
-    return [tuple(cell) for cell in obstacles_seen(PARAMS, live, fixed_m, now_s).tolist()]
+    """The cells of the obstacles at a time."""
+    points = obstacles_seen(PARAMS, live, fixed_m, now_s)
+    return [(math.floor(y / 0.05), math.floor(x / 0.05)) for x, y in points]
 
 
 def test_a_beam_marks_where_it_ended() -> None:

@@ -1,0 +1,190 @@
+"""How far the robot can go along an arc before its outline comes too near to something, and how fast.
+
+What a lidar sees is checked point by point against the robot's true outline, at each pose along the arc; no grid rounds
+it. A point that is too near already forbids only what brings it nearer, so the robot can always leave.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.compiled import kernel
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.navigation.costmap import between_cells
+from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.outline import OutlineParameters, clearance_m
+
+STEP_M, STEP_RAD = 0.025, 0.05
+SWEEP_S = 0.25
+REACTION_M = 0.05
+"""What is so near limits the speed at once; what is farther, only so far as the robot can slow down until then."""
+
+
+class ArcParameters(Parameters):
+    """How near is too near, and how the room beside the robot limits its speed."""
+
+    margin_m: float = Field(default=0.015, ge=0, le=1)
+    """From what stands on the map: the lidar's noise, and no more, so that narrow doors are passed."""
+    unmapped_margin_m: float = Field(default=0.05, ge=0, le=1)
+    """From what is not on the map: a chair's leg is seen, its seat is not, and people move."""
+    horizon_m: float = Field(default=1.0, gt=0, le=10)
+    map_slack_m: float = Field(default=0.06, ge=0, le=1)
+    """So much nearer to an obstacle of the map than the inner radius stops the robot though no lidar sees it: its cell
+    and its pose are not exact."""
+    creep_m_s: float = Field(default=0.08, gt=0, le=10)
+    """The speed with no room at all beside the robot."""
+    full_speed_room_m: float = Field(default=0.25, gt=0, le=10)
+    """With so much room it goes as fast as it may."""
+    moving_margin_m: float = Field(default=0.10, ge=0, le=1)
+    """More than that from who moves: where he will be is a guess."""
+    foresight_s: float = Field(default=2.5, ge=0, le=10)
+    """For so long somebody is expected to walk on as now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What is about the robot: points (n, 2) in its frame, how each moves (m/s, same frame), how near it may come.
+
+    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``.
+    """
+
+    points_m: Floats
+    velocity_m_s: Floats
+    margin_m: Floats
+    fixed_m: Singles
+    cell_m: float
+    grid_from_base: Pose2D
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows."""
+
+    free: float
+    room_m: float
+    speed_m_s: float
+
+
+def way(
+    params: ArcParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    curvature_per_m: float,
+    horizon_m: float,
+    max_speed_m_s: float,
+    deceleration_m_s2: float,
+) -> Way:
+    """Forward along an arc (CCW positive), or backward with a negative horizon."""
+    numbers = _numbers(params, outline, max_speed_m_s, deceleration_m_s2)
+    return Way(*_way(*_arrays(outline, near), numbers, curvature_per_m, horizon_m, 0.0))
+
+
+def turn(params: ArcParameters, outline: OutlineParameters, near: Surroundings, angle_rad: float) -> Way:
+    """Turning on the spot by an angle (CCW positive)."""
+    return Way(*_way(*_arrays(outline, near), _numbers(params, outline, 1.0, 1.0), 0.0, 0.0, angle_rad))
+
+
+def swept(params: ArcParameters, near: Surroundings) -> Surroundings:
+    """The same with everybody who moves at each place where he will be: who lets him pass must stand clear of all."""
+    moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0
+    points, margin = near.points_m[moving], near.margin_m[moving]
+    velocity = near.velocity_m_s[moving]
+    times = np.arange(0.0, params.foresight_s + 1e-9, SWEEP_S)
+    along = [points + velocity * time_s for time_s in times]
+    everything = np.vstack([near.points_m[~moving], *along])
+    margins = np.concatenate([near.margin_m[~moving], np.tile(margin, len(times))])
+    return replace(near, points_m=everything, margin_m=margins, velocity_m_s=np.zeros_like(everything))
+
+
+def _arrays(
+    outline: OutlineParameters, near: Surroundings
+) -> tuple[Floats, Floats, Floats, Floats, Singles, float, Floats]:
+    pose = near.grid_from_base
+    here = np.array([pose.x_m, pose.y_m, pose.heading_rad])
+    return outline.hull, near.points_m, near.velocity_m_s, near.margin_m, near.fixed_m, near.cell_m, here
+
+
+def _numbers(
+    params: ArcParameters, outline: OutlineParameters, max_speed_m_s: float, deceleration_m_s2: float
+) -> Floats:
+    return np.array(
+        [
+            outline.pad_m,
+            outline.inner_radius_m - params.map_slack_m,
+            params.creep_m_s,
+            params.full_speed_room_m,
+            max_speed_m_s,
+            deceleration_m_s2,
+            params.foresight_s,
+        ]
+    )
+
+
+@kernel
+def _way(
+    hull: Floats,
+    points: Floats,
+    velocity: Floats,
+    margin: Floats,
+    fixed_m: Singles,
+    cell_m: float,
+    here: Floats,
+    numbers: Floats,
+    curvature: float,
+    horizon_m: float,
+    angle_rad: float,
+) -> tuple[float, float, float]:
+    """Free length or angle (0 or more), least room, allowed speed."""
+    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s = numbers
+    on_the_spot = horizon_m == 0.0
+    total = angle_rad if on_the_spot else horizon_m
+    count = max(math.ceil(abs(total) / (STEP_RAD if on_the_spot else STEP_M)), 1)
+    least = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        least[i] = min(margin[i], clearance_m(hull, pad_m, points[i, 0], points[i, 1]) - 0.003)
+    map_here_m = between_cells(fixed_m, cell_m, here[0], here[1])
+    map_least_m = min(map_least_m, map_here_m - 0.003)
+    cos_0, sin_0 = math.cos(here[2]), math.sin(here[2])
+    room_m, speed = math.inf, most
+    for k in range(1, count + 1):
+        s = total * k / count
+        heading = s if on_the_spot else curvature * s
+        if on_the_spot:
+            x, y, time_s = 0.0, 0.0, abs(s)
+        else:
+            half = heading / 2
+            chord = s * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+            x, y, time_s = chord * math.cos(half), chord * math.sin(half), abs(s) / max(most, 0.05)
+        cos, sin = math.cos(heading), math.sin(heading)
+        nearest = math.inf
+        time_s = min(time_s, foresight_s)
+        for i in range(points.shape[0]):
+            dx = points[i, 0] + velocity[i, 0] * time_s - x
+            dy = points[i, 1] + velocity[i, 1] * time_s - y
+            apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx)
+            if apart < least[i]:
+                return abs(total) * (k - 1) / count, max(room_m, 0.0), speed
+            nearest = min(nearest, apart)
+        if not on_the_spot:
+            there_m = between_cells(
+                fixed_m, cell_m, here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
+            )
+            if there_m < map_least_m:
+                return abs(total) * (k - 1) / count, max(room_m, 0.0), speed
+        room_m = min(room_m, nearest)
+        share = min(max(nearest, 0.0) / full_room_m, 1.0)
+        allowed = creep + (most - creep) * share
+        ahead_m = max(abs(s) - REACTION_M, 0.0)
+        speed = min(speed, math.sqrt(allowed * allowed + 2 * braking * ahead_m))
+    return abs(total), max(room_m, 0.0), speed
+
+
+def stopping_speed(room: float, deceleration: float, delay_s: float) -> float:
+    """The speed from which the robot stands after ``room``: ``v t + v^2 / 2a``. For angles alike."""
+    if room <= 0:
+        return 0.0
+    return deceleration * (math.sqrt(delay_s * delay_s + 2 * room / deceleration) - delay_s)

@@ -1,0 +1,181 @@
+"""From a path to twists: arcs that are checked, and a pose that is reached."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.navigation.arcs import ArcParameters, Surroundings, stopping_speed, turn, way
+from chefbotd.navigation.follower import (
+    FollowerParameters,
+    FollowState,
+    Phase,
+    Track,
+    follow,
+    predicted,
+    slewed,
+)
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.smooth import resampled
+
+ROUND = OutlineParameters(radius_m=0.18)
+OBLONG = OutlineParameters(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
+PARAMS, ARCS = FollowerParameters(), ArcParameters()
+MIDDLE = Pose2D(5.0, 5.0)
+NO_MAP = np.full((200, 200), np.inf, np.float32)
+
+
+def about(points: list[tuple[float, float]], pose: Pose2D = MIDDLE, margin_m: float = 0.02) -> Surroundings:
+    """Points in the robot's frame that stand still, on a map without obstacles."""
+    there = np.array(points, float).reshape(-1, 2)
+    return Surroundings(there, np.zeros_like(there), np.full(len(there), margin_m), NO_MAP, 0.05, pose)
+
+
+def straight(near: Surroundings, horizon_m: float = 1.0, outline: OutlineParameters = ROUND) -> float:
+    """How far it is free straight on."""
+    return way(ARCS, outline, near, 0.0, horizon_m, 0.3, 0.5).free
+
+
+def test_straight_on_it_is_free_up_to_the_margin() -> None:
+    """A post 0.8 m ahead: 0.8 - 0.18 - 0.02 = 0.6 m, to a step of 2.5 cm; one 0.21 m aside is passed."""
+    assert straight(about([(0.8, 0.0)])) == pytest.approx(0.6, abs=0.026)
+    assert straight(about([(0.8, 0.21)])) == 1.0
+    assert straight(about([(-0.5, 0.0)]), -1.0) == pytest.approx(0.3, abs=0.026)
+
+
+def test_an_arc_is_checked_along_itself() -> None:
+    """With 1 m of radius to the left, (1, 1) is met after a quarter circle less a chord of 0.2 m."""
+    near = about([(1.0, 1.0)])
+    assert straight(near, 2.0) == 2.0
+    met = way(ARCS, ROUND, near, 1.0, 2.0, 0.3, 0.5).free
+    assert met == pytest.approx(math.pi / 2 - 2 * math.asin(0.1), abs=0.03)
+    assert way(ARCS, ROUND, near, -1.0, 2.0, 0.3, 0.5).free == 2.0
+
+
+def test_a_polygon_turns_with_its_corners() -> None:
+    """A post at the left, 0.25 m from the origin: the front, at 0.316 m, reaches it; turning right it does not."""
+    post = about([(0.0, 0.25)], margin_m=0.0)
+    left = turn(ARCS, OBLONG, post, math.pi / 2).free
+    assert left == pytest.approx(math.pi / 2 - math.asin(0.1 / 0.25), abs=0.06)
+    assert turn(ARCS, OBLONG, post, -1.0).free == 1.0
+    assert turn(ARCS, ROUND, post, math.pi).free == pytest.approx(math.pi)
+
+
+def test_who_is_too_near_already_may_leave() -> None:
+    """A post that nearly touches in front: no step forward, but backward, and turning on the spot."""
+    near = about([(0.185, 0.0)])
+    assert straight(near) == 0.0
+    assert straight(near, -0.5) == 0.5
+    assert turn(ARCS, ROUND, near, 2.0).free == 2.0
+
+
+def test_a_wall_that_no_lidar_sees_stops_by_the_map() -> None:
+    """Glass: the map's distance counts, to 6 cm of slack for cell and pose."""
+    fixed_m = np.full((200, 200), np.inf, np.float32)
+    fixed_m[:] = np.abs((np.arange(200) + 0.5) * 0.05 - 6.025)[None, :]
+    near = Surroundings(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), fixed_m, 0.05, Pose2D(5.0, 5.0))
+    assert straight(near) == pytest.approx(1.025 - 0.12, abs=0.03)
+
+
+def test_who_walks_across_is_met_where_he_will_be() -> None:
+    """1 m/s from the right: after 0.6 m at 0.3 m/s, two seconds less, he is far; after 0.3 m he is in the way."""
+    walking = Surroundings(
+        np.array([[0.6, -1.2]]), np.array([[0.0, 0.8]]), np.array([0.05]), NO_MAP, 0.05, Pose2D(5.0, 5.0)
+    )
+    standing = Surroundings(
+        walking.points_m, np.zeros((1, 2)), walking.margin_m, NO_MAP, 0.05, walking.grid_from_base
+    )
+    assert straight(standing) == 1.0
+    assert straight(walking) < 0.5
+
+
+def test_the_speed_falls_with_the_room() -> None:
+    """Half of the full room beside, 0.125 m: half way between creeping and full speed, 0.08 and 0.3 m/s."""
+    near = about([(0.1 * k, 0.18 + 0.125) for k in range(20)])
+    assert way(ARCS, ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
+    assert way(ARCS, ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
+
+
+def test_the_stopping_speed_counts_the_delay_and_the_braking() -> None:
+    """0.3 m/s for 0.2 s is 0.06 m; braking at 0.5 m/s2 takes 0.09 m: together 0.15 m."""
+    assert stopping_speed(0.15, 0.5, 0.2) == pytest.approx(0.3)
+    assert stopping_speed(-0.1, 0.5, 0.2) == 0.0
+
+
+def test_changes_of_speed_keep_to_the_limits() -> None:
+    """Half a metre per second squared for 0.1 s is 0.05 m/s; braking may take half more."""
+    assert slewed(PARAMS, STANDING, Twist2D(0.3, -1.0), 0.1) == Twist2D(0.05, pytest.approx(-0.15))
+    assert slewed(PARAMS, Twist2D(0.3, 0.0), STANDING, 0.1).linear_m_s == pytest.approx(0.225)
+
+
+def test_what_is_in_the_way_is_passed_or_waited_for() -> None:
+    """A post on the path is passed on an arc; a wall across it is stopped at."""
+    track = Track(resampled(np.array([[5.0, 5.0], [8.0, 5.0]]), 0.05), None)
+    passed = follow(PARAMS, ROUND, FollowState(), track, about([(0.5, -0.05)]), Twist2D(0.2, 0.0), 0.05)
+    assert passed.twist.linear_m_s > 0
+    assert passed.twist.angular_rad_s > 0
+    assert not passed.is_blocked
+    wall = about([(0.22, y) for y in np.linspace(-2, 2, 81)])
+    assert follow(PARAMS, ROUND, FollowState(), track, wall, STANDING, 0.05).is_blocked
+
+
+def driven(
+    start: Pose2D, corners: list[tuple[float, float]], heading_rad: float | None
+) -> tuple[Pose2D, list[Twist2D]]:
+    """A robot with 0.1 s of delay and its real limits, until the follower is done; no obstacles."""
+    track = Track(resampled(np.array(corners), 0.05), heading_rad)
+    state, pose, twist, last, queue, said = FollowState(), start, STANDING, STANDING, [STANDING] * 2, []
+    for _ in range(2400):
+        here = predicted(PARAMS, pose, last)
+        done = follow(PARAMS, ROUND, state, track, about([], here), last, 0.05)
+        state, last = done.state, done.twist
+        said.append(last)
+        queue.append(last)
+        wanted = queue.pop(0)
+        linear = twist.linear_m_s + min(max(wanted.linear_m_s - twist.linear_m_s, -0.05), 0.05)
+        angular = twist.angular_rad_s + min(max(wanted.angular_rad_s - twist.angular_rad_s, -0.1), 0.1)
+        twist = Twist2D(min(linear, 0.34), angular)
+        turned, moved = angular * 0.05, twist.linear_m_s * 0.05
+        pose = pose.compose(Pose2D(moved * math.cos(turned / 2), moved * math.sin(turned / 2), turned))
+        if state.phase is Phase.DONE and abs(twist.linear_m_s) + abs(twist.angular_rad_s) < 1e-6:
+            return pose, said
+    raise AssertionError(f"never done: {state} at {pose}")
+
+
+@given(
+    st.floats(-math.pi, math.pi),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.05, 3.0),
+    st.floats(-math.pi, math.pi),
+    st.floats(-1.0, 1.0),
+)
+@settings(max_examples=40)
+def test_from_anywhere_the_pose_is_reached(
+    heading: float, bearing: float, length: float, end: float, bend: float
+) -> None:
+    """Within 0.03 m and 3 degrees, near or far, ahead or behind, with a bend on the way, and without swinging about."""
+    start = Pose2D(5.0, 5.0, heading)
+    goal = (5.0 + length * math.cos(bearing), 5.0 + length * math.sin(bearing))
+    middle = (
+        (5.0 + goal[0]) / 2 - bend * length / 3 * math.sin(bearing),
+        (5.0 + goal[1]) / 2 + bend * length / 3 * math.cos(bearing),
+    )
+    pose, said = driven(start, [(5.0, 5.0), middle, goal], end)
+    assert math.hypot(pose.x_m - goal[0], pose.y_m - goal[1]) < 0.03
+    assert abs(wrap_angle(pose.heading_rad - end)) < math.radians(3)
+    signs = [math.copysign(1, t.linear_m_s) for t in said if abs(t.linear_m_s) > 0.005]
+    assert sum(a != b for a, b in itertools.pairwise(signs)) <= 2
+
+
+def test_curvature_and_speed_keep_to_the_limits() -> None:
+    """Round a right angle: no faster than it may, forward or in turning, and no jump from one step to the next."""
+    _, said = driven(Pose2D(2.0, 2.0, 0.2), [(2.0, 2.0), (4.0, 2.0), (4.0, 4.0)], None)
+    assert max(t.linear_m_s for t in said) <= 0.3 + 1e-9
+    assert max(abs(t.angular_rad_s) for t in said) <= 1.2 + 1e-9
+    changes = [b.linear_m_s - a.linear_m_s for a, b in itertools.pairwise(said)]
+    assert max(changes) <= 0.5 * 0.05 + 1e-9
+    assert min(changes) >= -0.75 * 0.05 - 1e-9
