@@ -1,0 +1,141 @@
+"""What is known of the surroundings: the map with its zones, what was seen since, who moves."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.arcs import Surroundings
+from chefbotd.navigation.costmap import Costmap, between_cells, costmap, with_obstacles
+from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.live import nothing_seen, obstacles_seen, see_range, see_scan
+from chefbotd.navigation.movers import Mover, followed
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.zones import Zones
+
+BRIDGED_S = 0.5
+"""For so long after a scan things are expected to go on as they moved in it."""
+
+
+class Awareness:
+    """Takes what sensors see; gives the costs to plan with, and the points to drive by."""
+
+    def __init__(self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> None:
+        self._params = params
+        self.ground: Costmap = costmap(
+            params.costs, params.outline, grid, params.follower.max_speed_m_s, zones
+        )
+        self._live = nothing_seen(self.ground.frame)
+        self._movers: tuple[Mover, ...] = ()
+        self._points_m = np.zeros((0, 2))
+        self._velocity_m_s = np.zeros((0, 2))
+        self._is_unmapped: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._closed: list[tuple[float, Floats]] = []
+        self.scan_stamp_s = -math.inf
+
+    @property
+    def frame(self) -> GridFrame:
+        """The map's."""
+        return self.ground.frame
+
+    def take_scan(self, seen: Seen) -> None:
+        """Remember what a lidar or a flattened depth image shows."""
+        pose = self.frame.pose_to_grid(seen.map_from_base)
+        points, sensor = placed(pose, seen.points_m), placed(pose, seen.sensor_m[None])[0]
+        self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
+        away_m = between_cells_all(self.ground.fixed_m, self.frame.resolution_m, points)
+        self._is_unmapped = away_m > self._params.live.explained_m
+        self._velocity_m_s = np.zeros_like(points)
+        self._movers, moving = followed(self._movers, seen.stamp_s, points[self._is_unmapped])
+        self._velocity_m_s[self._is_unmapped] = moving
+        self._points_m, self.scan_stamp_s = points, seen.stamp_s
+
+    def take_range(
+        self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
+    ) -> None:
+        """Remember an echo of an ultrasonic or infrared sensor with a field of view."""
+        sensor = self.frame.pose_to_grid(map_from_base).compose(base_from_sensor)
+        self._live = see_range(
+            self._params.live, self._live, self.frame, self.ground.fixed_m, stamp_s, sensor, range_m, view_rad
+        )
+
+    def close(self, place: Floats, until_s: float) -> None:
+        """Take a place (x, y of the grid's frame) for an obstacle for some time."""
+        self._closed.append((until_s, place.copy()))
+
+    def open_all(self) -> None:
+        """No place is closed any more."""
+        self._closed = []
+
+    def costs(self, now_s: float, *, with_closed: bool = True) -> Costmap:
+        """The costs with all that is seen now; the very ``ground`` where there is nothing but the map."""
+        seen = obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s)
+        return with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
+
+    def _with_closed(self, points_m: Floats, now_s: float) -> Floats:
+        self._closed = [(until_s, place) for until_s, place in self._closed if until_s > now_s]
+        radius_m = self._params.recovery.closed_radius_m
+        around = np.arange(-radius_m, radius_m + 1e-9, self.frame.resolution_m)
+        disc = np.array([(x, y) for x in around for y in around if math.hypot(x, y) <= radius_m])
+        return np.vstack([points_m, *(place + disc for _, place in self._closed)])
+
+    def surroundings(self, here: Pose2D, now_s: float) -> Surroundings:
+        """What is about a pose of the grid's frame: the last scan, who moved going on so, and what was seen before."""
+        arcs, near_m = self._params.follower.arcs, self._params.near_m
+        bridged_s = min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S)
+        remembered = self._remembered(here, now_s)
+        points = np.vstack([self._points_m + self._velocity_m_s * bridged_s, remembered])
+        velocity = np.vstack([self._velocity_m_s, np.zeros_like(remembered)])
+        margin = np.where(self._is_unmapped, arcs.unmapped_margin_m, arcs.margin_m)
+        is_moving = np.hypot(self._velocity_m_s[:, 0], self._velocity_m_s[:, 1]) > 0
+        margin = np.where(is_moving, margin + arcs.moving_margin_m, margin)
+        margin = np.append(margin, np.full(len(remembered), arcs.margin_m))
+        reach_m = near_m + arcs.foresight_s * np.hypot(velocity[:, 0], velocity[:, 1])
+        near = np.hypot(points[:, 0] - here.x_m, points[:, 1] - here.y_m) < reach_m
+        back = here.inverse()
+        turned = Pose2D(0.0, 0.0, back.heading_rad)
+        return Surroundings(
+            placed(back, points[near]),
+            placed(turned, velocity[near]),
+            margin[near],
+            self.ground.fixed_m,
+            self.frame.resolution_m,
+            here,
+        )
+
+    def _remembered(self, here: Pose2D, now_s: float) -> Floats:
+        """Points that the last scan does not show: what a sonar heard, or what a lidar is now blind for."""
+        params, frame, stamp_s = self._params.live, self.frame, self.scan_stamp_s
+        reach = math.ceil(self._params.near_m / frame.resolution_m)
+        row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
+        top, left = max(row - reach, 0), max(column - reach, 0)
+        box = (slice(top, max(row + reach + 1, 0)), slice(left, max(column + reach + 1, 0)))
+        scan_s, range_s = self._live.scan_s[box], self._live.range_s[box]
+        older = (scan_s > now_s - params.scan_kept_s) & (scan_s < stamp_s)
+        heard = range_s > now_s - params.range_kept_s
+        kept = (older | heard) & (self.ground.fixed_m[box] > params.explained_m)
+        return self._live.at_m[box][kept]
+
+    def nearest_ahead(self, near: Surroundings) -> str:
+        """Where in the map the nearest thing is, as a part of a sentence."""
+        if not len(near.points_m):
+            return ""
+        k = int(np.argmin(np.hypot(near.points_m[:, 0] - 0.1, near.points_m[:, 1])))
+        there = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
+        found = self.frame.pose_to_map(there)
+        return f" at ({found.x_m:.2f}, {found.y_m:.2f})"
+
+
+def placed(pose: Pose2D, points_m: Floats) -> Floats:
+    """Points of the pose's frame in the frame that the pose is in."""
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turned: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + [pose.x_m, pose.y_m]
+    return turned
+
+
+def between_cells_all(values: NDArray[np.float32], cell_m: float, points_m: Floats) -> Floats:
+    """``between_cells`` at each point."""
+    return np.array([between_cells(values, cell_m, float(x), float(y)) for x, y in points_m])

@@ -1,0 +1,465 @@
+"""Goals, from being accepted to their end: looks, plans, follows, recovers, and says what it does.
+
+Time is an argument, and poses are ``map_from_base``. Who calls it brings scans as they come, and asks for a step at
+the rate of the control.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.arcs import Surroundings, way
+from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.follower import Followed, Phase, Track, backwards, follow, predicted, slewed
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.planner import Goal, NoPath, Path, plan
+from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
+from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step
+from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.travel import seconds
+from chefbotd.navigation.trips import Trip, blocked_after_m, find, worth
+from chefbotd.navigation.zones import NO_ZONES, Zones
+
+EVADE_S = 1.0
+"""Who will be so near in this time is backed off from already."""
+
+
+class NoMapError(RuntimeError):
+    """There is no map to navigate on."""
+
+
+class Navigator:
+    """Holds what the pure steps take and return: what is known, the goals, and how far the first of them is."""
+
+    def __init__(self, params: NavigationParameters) -> None:
+        self._params = params
+        self._known: Awareness | None = None
+        self._costs: Costmap | None = None
+        self._state = State.IDLE
+        self._goals: list[tuple[int, Goal]] = []
+        self._ended: list[Ended] = []
+        self._count = 0
+        self._last, self._stepped_s = STANDING, -math.inf
+        self._trail: list[tuple[float, float]] = []
+        self._reason = ""
+        self._forget_goal()
+
+    def _forget_goal(self) -> None:
+        """What belongs to the present goal only."""
+        self._trip: Trip | None = None
+        self._recovery: Recovery | None = None
+        self._why = ""
+        self._planned_s = -math.inf
+        self._blocked_since_s: float | None = None
+        self._lost_since_s: float | None = None
+        self._blind_since_s: float | None = None
+        self._moved = (-math.inf, Pose2D())
+        self._backed_from = Pose2D()
+        if self._known is not None:
+            self._known.open_all()
+
+    @property
+    def state(self) -> State:
+        """What it does now."""
+        return self._state
+
+    @property
+    def path(self) -> Path | None:
+        """What it follows, from where it is."""
+        return None if self._trip is None else self._trip.left
+
+    @property
+    def costs(self) -> Costmap | None:
+        """The costs that the last plan was made with."""
+        return self._costs
+
+    # What it is told
+
+    def use_map(self, grid: OccupancyGrid, zones: Zones = NO_ZONES) -> None:
+        """Navigate on this map from now on; what was seen before is forgotten, and a path planned anew."""
+        self._known = Awareness(self._params, grid, zones)
+        self._costs, self._trail = self._known.ground, []
+        self._trip, self._recovery = None, None
+        if self._state in (State.DRIVING, State.RECOVERING):
+            self._state = State.PLANNING
+
+    def take_scan(self, seen: Seen) -> None:
+        """A scan; without a map nothing is remembered of it."""
+        if self._known is not None:
+            self._known.take_scan(seen)
+
+    def take_range(
+        self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
+    ) -> None:
+        """An echo of an ultrasonic or infrared sensor with a field of view."""
+        if self._known is not None:
+            self._known.take_range(stamp_s, map_from_base, base_from_sensor, range_m, view_rad)
+
+    def navigate_to(self, goals: tuple[Goal, ...], *, queue: bool = False) -> tuple[int, ...]:
+        """Accept goals, to be reached one after the other; those before are cancelled unless ``queue``. Their numbers.
+
+        Raises:
+            NoMapError: no map was given.
+        """
+        if self._known is None:
+            raise NoMapError("there is no map to navigate on: load or make one first")
+        if not queue:
+            self.cancel("a new goal took its place")
+        accepted = [(self._count + k + 1, goal) for k, goal in enumerate(goals)]
+        self._count += len(goals)
+        self._goals += accepted
+        if self._state is State.IDLE and self._goals:
+            self._begin()
+        return tuple(number for number, _ in accepted)
+
+    def cancel(self, reason: str = "as asked") -> None:
+        """End all goals."""
+        for number, _ in self._goals:
+            self._ended.append(Ended(number, End.CANCELLED, f"cancelled: {reason}"))
+        if self._goals:
+            self._become_idle(f"cancelled: {reason}")
+
+    def fail(self, reason: str) -> None:
+        """End all goals for what makes driving impossible, such as an e-stop."""
+        if self._goals:
+            self._end(End.FAULT, f"fault: {reason}")
+
+    def pause(self) -> None:
+        """Stand until ``resume``; without a goal nothing happens."""
+        if self._state in (State.PLANNING, State.DRIVING, State.RECOVERING):
+            self._change(Event.PAUSED)
+            self._reason = "paused"
+
+    def resume(self) -> None:
+        """Go on, from wherever the robot is now."""
+        if self._state is State.PAUSED:
+            self._change(Event.RESUMED)
+            self._forget_goal()
+
+    # What it is asked
+
+    def plan_to(self, start: Pose2D, goal: Goal, now_s: float) -> Path | NoPath:
+        """What would be driven, with what is known now.
+
+        Raises:
+            NoMapError: no map was given.
+        """
+        if self._known is None:
+            raise NoMapError("there is no map to plan on: load or make one first")
+        costs = self._known.costs(now_s, with_closed=False)
+        return plan(self._params.planner, self._params.outline, costs, start, goal)
+
+    def time_s(self, path: Path, start: Pose2D) -> float:
+        """How long a path will take, if nothing gets in the way."""
+        return seconds(self._params.follower, path, path.frame.pose_to_grid(start), self._costs)
+
+    def step(self, now_s: float, pose: Pose2D, status: PoseStatus = PoseStatus.LOCALIZED) -> Step:
+        """What to do now; ``pose`` is where the robot is, ``now_s`` is not before that of the last step."""
+        dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
+        self._stepped_s = now_s
+        twist = None
+        if self._known is not None and self._goals and self._state is not State.PAUSED:
+            standing = slewed(self._params.follower, self._last, STANDING, dt_s)
+            wanted = self._act(self._known, now_s, pose, status, dt_s)
+            twist = standing if wanted is None else wanted
+        self._last = STANDING if twist is None else twist
+        ended, self._ended = tuple(self._ended), []
+        return Step(twist if self._goals else None, self._progress(pose), ended)
+
+    def _progress(self, pose: Pose2D) -> Progress:
+        number = self._goals[0][0] if self._goals else None
+        if self._trip is None:
+            return Progress(self._state, number, self._reason)
+        left = self._trip.left
+        return Progress(self._state, number, self._reason, left.length_m, self.time_s(left, pose))
+
+    # From state to state
+
+    def _change(self, event: Event) -> None:
+        self._state = next_state(self._state, event)
+
+    def _begin(self) -> None:
+        self._change(Event.GOAL_ACCEPTED)
+        self._forget_goal()
+        self._reason = "plans"
+
+    def _become_idle(self, reason: str) -> None:
+        self._goals = []
+        self._change(Event.GOAL_ENDED)
+        self._forget_goal()
+        self._reason = reason
+
+    def _end(self, end: End, reason: str) -> None:
+        """End the first goal; what was to follow one that was not reached makes no sense any more."""
+        (number, _), *following = self._goals
+        self._ended.append(Ended(number, end, reason))
+        if end is not End.REACHED:
+            told = f"cancelled: goal {number} before it ended {end}"
+            self._ended += [Ended(later, End.CANCELLED, told) for later, _ in following]
+            following = []
+        self._become_idle(reason)
+        self._goals = following
+        if following:
+            self._begin()
+
+    def _act(
+        self, known: Awareness, now_s: float, pose: Pose2D, status: PoseStatus, dt_s: float
+    ) -> Twist2D | None:
+        """The twist of the present state; None is standing."""
+        if self._is_lost(now_s, status) or self._is_blind(known, now_s):
+            return None
+        if self._state is State.PLANNING:
+            self._plan(known, now_s, pose)
+            return None
+        near = self._near(known, now_s, pose)
+        if self._state is State.RECOVERING and self._recovery is not None:
+            wanted = self._recover(known, self._recovery, near, now_s, pose, dt_s)
+        else:
+            wanted = self._drive(known, near, now_s, pose, status, dt_s)
+        return self._evading(wanted, near, dt_s) if self._goals else None
+
+    def _is_lost(self, now_s: float, status: PoseStatus) -> bool:
+        if status is not PoseStatus.LOST:
+            self._lost_since_s = None
+            return False
+        if self._lost_since_s is None:
+            self._lost_since_s = now_s
+        self._reason = "stands, for it does not know where it is"
+        if now_s - self._lost_since_s >= self._params.lost_s:
+            told = f"lost: for {self._params.lost_s:.0f} s it was not known where the robot is"
+            self._end(End.LOST, told)
+        return True
+
+    def _is_blind(self, known: Awareness, now_s: float) -> bool:
+        if now_s - known.scan_stamp_s < self._params.scan_silent_s:
+            self._blind_since_s = None
+            return False
+        if self._blind_since_s is None:
+            self._blind_since_s = now_s
+        self._reason = "stands, for no scan arrives"
+        if now_s - self._blind_since_s >= self._params.scan_fault_s:
+            self._end(End.FAULT, f"fault: no scan arrived for {self._params.scan_fault_s:.0f} s")
+        return True
+
+    # Planning
+
+    def _find(
+        self, known: Awareness, now_s: float, pose: Pose2D, *, with_closed: bool = True
+    ) -> Trip | NoPath:
+        self._planned_s = now_s
+        self._costs = known.costs(now_s, with_closed=with_closed)
+        goal, params = self._goals[0][1], self._params
+        return find(params.planner, params.outline, self._costs, known.ground, pose, goal)
+
+    def _plan(self, known: Awareness, now_s: float, pose: Pose2D) -> None:
+        found = self._find(known, now_s, pose)
+        if isinstance(found, Trip):
+            self._set_out(found, now_s, pose)
+        elif found.only_for_now:
+            self._become_stuck(known, now_s, pose, found.reason)
+        else:
+            self._end(End.UNREACHABLE, f"unreachable: {found.reason}")
+
+    def _set_out(self, trip: Trip, now_s: float, pose: Pose2D) -> None:
+        self._change(Event.PATH_FOUND)
+        self._trip, self._blocked_since_s, self._moved = trip, None, (now_s, pose)
+        self._reason = self._drives()
+
+    def _drives(self) -> str:
+        goal = self._goals[0][1]
+        return f"drives to ({goal.x_m:.2f}, {goal.y_m:.2f})"
+
+    def _replan(self, known: Awareness, trip: Trip, now_s: float, pose: Pose2D) -> None:
+        """Take a better path, or one round what blocks the present one."""
+        at_goal = trip.follow.phase in (Phase.APPROACHING, Phase.FINAL_TURN, Phase.DONE)
+        if at_goal or now_s - self._planned_s < self._params.replan_s:
+            return
+        found = self._find(known, now_s, pose)
+        costs, left = self._costs or known.ground, trip.left
+        blocked_m = blocked_after_m(self._params.planner, costs, left)
+        if isinstance(found, Trip):
+            is_better = worth(costs, found.path) < self._params.better_share * worth(costs, left)
+            same_kind = found.is_interim == trip.is_interim
+            if blocked_m is not None or (is_better and not trip.is_interim) or not same_kind:
+                self._set_out(found, now_s, pose)
+        elif blocked_m is not None and blocked_m < self._params.turn_back_m:
+            self._become_stuck(known, now_s, pose, found.reason)
+
+    # Driving
+
+    def _drive(
+        self,
+        known: Awareness,
+        near: Surroundings,
+        now_s: float,
+        pose: Pose2D,
+        status: PoseStatus,
+        dt_s: float,
+    ) -> Twist2D | None:
+        if self._trip is not None:
+            self._replan(known, self._trip, now_s, pose)
+        trip = self._trip
+        if self._state is not State.DRIVING or trip is None:
+            return None
+        done = self._follow(known, trip, near, status, dt_s)
+        self._trip = trip = Trip(trip.path, done.state, trip.is_interim)
+        if done.state.phase is Phase.DONE:
+            self._arrive(known, trip, now_s, pose)
+            return None
+        self._remember_trail(near.grid_from_base, done.twist)
+        self._judge(known, done, near, now_s, pose)
+        return done.twist if self._state is State.DRIVING else None
+
+    def _near(self, known: Awareness, now_s: float, pose: Pose2D) -> Surroundings:
+        here = predicted(self._params.follower, known.frame.pose_to_grid(pose), self._last)
+        return known.surroundings(here, now_s)
+
+    def _follow(
+        self, known: Awareness, trip: Trip, near: Surroundings, status: PoseStatus, dt_s: float
+    ) -> Followed:
+        goal, frame, heading_rad = trip.path.goal, trip.path.frame, None
+        if goal.heading_rad is not None:
+            heading_rad = frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad)).heading_rad
+        cell = frame.cell(near.grid_from_base.x_m, near.grid_from_base.y_m)
+        limit = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
+        if status is PoseStatus.DOUBTFUL:
+            limit = min(limit, self._params.doubtful_speed_m_s)
+        track, params = Track(trip.path.points_m, heading_rad, limit), self._params
+        return follow(params.follower, params.outline, trip.follow, track, near, self._last, dt_s)
+
+    def _arrive(self, known: Awareness, trip: Trip, now_s: float, pose: Pose2D) -> None:
+        if trip.is_interim:
+            goal = self._goals[0][1]
+            taken = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
+            self._become_stuck(known, now_s, pose, taken)
+            return
+        told = f"reached ({pose.x_m:.2f}, {pose.y_m:.2f})"
+        if trip.path.is_substitute:
+            told += ", the nearest free place within the tolerance"
+        self._end(End.REACHED, told)
+
+    def _remember_trail(self, here: Pose2D, twist: Twist2D) -> None:
+        """Where it drove forward, the newest last: 2 m."""
+        if twist.linear_m_s <= 0:
+            return
+        if not self._trail or math.hypot(here.x_m - self._trail[-1][0], here.y_m - self._trail[-1][1]) > 0.05:
+            self._trail = [*self._trail[-40:], (here.x_m, here.y_m)]
+
+    def _judge(
+        self, known: Awareness, done: Followed, near: Surroundings, now_s: float, pose: Pose2D
+    ) -> None:
+        """Whether it has been blocked, or has not come on, for too long."""
+        if done.is_blocked:
+            where = known.nearest_ahead(near)
+            if self._blocked_since_s is None:
+                self._blocked_since_s = now_s
+            self._reason = f"waits, for something is in the way{where}"
+            if now_s - self._blocked_since_s >= self._params.recovery.stuck_s:
+                self._become_stuck(known, now_s, pose, f"something is in the way{where}")
+                return
+        elif self._blocked_since_s is not None:
+            self._blocked_since_s, self._reason = None, self._drives()
+        since_s, there = self._moved
+        moved_m = math.hypot(pose.x_m - there.x_m, pose.y_m - there.y_m)
+        turned_rad = abs(math.remainder(pose.heading_rad - there.heading_rad, math.tau))
+        if moved_m > 0.04 or turned_rad > 0.15:
+            self._moved = (now_s, pose)
+        elif now_s - since_s > self._params.idle_s:
+            self._become_stuck(known, now_s, pose, "the robot does not come on")
+
+    def _evading(self, wanted: Twist2D | None, near: Surroundings, dt_s: float) -> Twist2D | None:
+        """Back off from who comes nearer while the robot stands, if there is room behind."""
+        if self._last.linear_m_s > 0.01 or (wanted is not None and wanted.linear_m_s > 0.0):
+            return wanted
+        x, y = near.points_m.T
+        apart = np.hypot(x, y)
+        closing = -(x * near.velocity_m_s[:, 0] + y * near.velocity_m_s[:, 1]) / np.maximum(apart, 1e-6)
+        within = apart - self._params.outline.outer_radius_m < self._params.evade_m + EVADE_S * closing
+        if not ((closing > 0.1) & (x > 0) & within).any():
+            return wanted
+        params, standing = self._params.follower, replace(near, velocity_m_s=np.zeros_like(near.velocity_m_s))
+        back = way(params.arcs, self._params.outline, standing, 0.0, -0.5, params.evading_m_s, 0.5)
+        if back.free < 0.25:
+            return wanted
+        return slewed(params, self._last, Twist2D(-params.evading_m_s, 0.0), dt_s)
+
+    # Recovering
+
+    def _become_stuck(self, known: Awareness, now_s: float, pose: Pose2D, why: str) -> None:
+        goal, self._why = self._goals[0][1], why
+        left_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
+        if self._trip is not None:
+            left_m = self._trip.left.length_m
+        found = stuck(self._params.recovery, self._recovery, now_s, left_m)
+        if found is None:
+            self._give_up(now_s)
+        else:
+            self._change(Event.STUCK)
+            self._try(known, found, pose)
+
+    def _give_up(self, now_s: float) -> None:
+        began_s = now_s if self._recovery is None else self._recovery.began_s
+        self._end(End.BLOCKED, f"blocked for {now_s - began_s:.0f} s: {self._why}")
+
+    def _try(self, known: Awareness, recovery: Recovery, pose: Pose2D) -> None:
+        self._recovery, self._backed_from = recovery, pose
+        self._reason = f"{self._why}: {SAID[recovery.rung]}"
+        if recovery.rung is Rung.OTHER_WAY and self._trip is not None:
+            ahead = self._trip.left.points_m
+            until_s = recovery.rung_began_s + self._params.recovery.closed_s
+            known.close(ahead[min(len(ahead) - 1, 8)], until_s)
+
+    def _recover(
+        self,
+        known: Awareness,
+        recovery: Recovery,
+        near: Surroundings,
+        now_s: float,
+        pose: Pose2D,
+        dt_s: float,
+    ) -> Twist2D | None:
+        params = self._params.recovery
+        waits = recovery.rung in (Rung.WAIT, Rung.ASK)
+        is_done = is_over(params, recovery, now_s)
+        if recovery.rung is Rung.BACK_OUT and not is_done:
+            backing = self._backing(near, pose, dt_s)
+            if backing is not None:
+                return backing
+            is_done = True
+        is_due = is_done if not waits else now_s - self._planned_s >= params.again_s
+        if is_due and self._try_again(known, near, now_s, pose, with_closed=not waits):
+            return None
+        if is_done:
+            following = after(recovery, now_s)
+            if following is None:
+                self._give_up(now_s)
+            else:
+                self._try(known, following, pose)
+        return None
+
+    def _backing(self, near: Surroundings, pose: Pose2D, dt_s: float) -> Twist2D | None:
+        """A twist backwards; None when it is far enough, or when there is no room or no way that it came."""
+        away_m = math.hypot(pose.x_m - self._backed_from.x_m, pose.y_m - self._backed_from.y_m)
+        if away_m >= self._params.recovery.back_out_m or len(self._trail) < 4:
+            return None
+        trail, params = np.array(self._trail[::-1]), self._params
+        done = backwards(params.follower, params.outline, trail, near, self._last, dt_s)
+        return None if done.is_blocked else done.twist
+
+    def _try_again(
+        self, known: Awareness, near: Surroundings, now_s: float, pose: Pose2D, *, with_closed: bool
+    ) -> bool:
+        """Whether there is an end to recovering: a path that can be begun with, or none at all."""
+        found = self._find(known, now_s, pose, with_closed=with_closed)
+        if isinstance(found, NoPath):
+            if not found.only_for_now:
+                self._end(End.UNREACHABLE, f"unreachable: {found.reason}")
+            return not found.only_for_now
+        if not with_closed and self._follow(known, found, near, PoseStatus.LOCALIZED, dt_s=0.05).is_blocked:
+            return False
+        self._set_out(found, now_s, pose)
+        return True

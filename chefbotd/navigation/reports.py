@@ -1,0 +1,58 @@
+"""What navigation is given with a scan, and what it tells with each step."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.states import End, State
+
+
+class PoseStatus(StrEnum):
+    """How well the pose is known."""
+
+    LOCALIZED = "localized"
+    DOUBTFUL = "doubtful"
+    LOST = "lost"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A scan: points (n, 2) in the robot's frame, in the order of their beams, and where it was then.
+
+    ``sensor_m`` is where the lidar is on the robot.
+    """
+
+    stamp_s: float
+    map_from_base: Pose2D
+    sensor_m: Floats
+    points_m: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What is told of a goal: ``goal`` is its number, ``reason`` a sentence, distance and time what is left."""
+
+    state: State
+    goal: int | None = None
+    reason: str = ""
+    distance_m: float | None = None
+    time_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A goal's end."""
+
+    goal: int
+    end: End
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The twist that is wanted (None: nothing is, and no lease is needed), progress, and goals that ended."""
+
+    twist: Twist2D | None
+    progress: Progress
+    ended: tuple[Ended, ...] = ()

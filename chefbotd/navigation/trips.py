@@ -1,0 +1,77 @@
+"""A path that is being driven: found, judged, and compared with a new one."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.follower import FollowState
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan
+
+NEAR_GOAL_M = 0.9
+"""So near to a goal that is taken the robot waits. A free place farther from it may be behind a wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """A path and how far it was followed; an interim one leads only near to a goal that something stands on."""
+
+    path: Path
+    follow: FollowState
+    is_interim: bool = False
+
+    @property
+    def left(self) -> Path:
+        """What is still to be driven."""
+        index = self.follow.index
+        return replace(
+            self.path, points_m=self.path.points_m[index:], heading_rad=self.path.heading_rad[index:]
+        )
+
+
+def find(
+    params: PlannerParameters,
+    outline: OutlineParameters,
+    costs: Costmap,
+    ground: Costmap,
+    pose: Pose2D,
+    goal: Goal,
+) -> Trip | NoPath:
+    """A path with what is known now (``costs``); a path only near to the goal where something stands on it.
+
+    What the map alone (``ground``) does not allow is no matter of waiting; ``only_for_now`` tells them apart.
+    """
+    found = plan(params, outline, costs, pose, goal)
+    if isinstance(found, Path):
+        return Trip(found, FollowState())
+    on_map = found if costs is ground else plan(params, outline, ground, pose, goal)
+    if isinstance(on_map, NoPath):
+        return on_map
+    offered = found.nearest
+    if offered is None or math.hypot(offered.x_m - goal.x_m, offered.y_m - goal.y_m) > NEAR_GOAL_M:
+        return replace(found, only_for_now=True)
+    if math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) > NEAR_GOAL_M:
+        near = plan(params, outline, costs, pose, replace(goal, tolerance_m=math.inf))
+        if isinstance(near, Path):
+            return Trip(
+                replace(near, goal=replace(near.goal, heading_rad=None)), FollowState(), is_interim=True
+            )
+    told = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
+    return NoPath(told, offered, only_for_now=True)
+
+
+def blocked_after_m(params: PlannerParameters, costs: Costmap, path: Path) -> float | None:
+    """How far along a path the first blocked cell is, but for where the robot itself stands."""
+    columns, rows = np.floor(path.points_m / costs.frame.resolution_m).astype(np.int64).T
+    along_m = np.flatnonzero(np.isinf(costs.costs[rows, columns])) * params.spacing_m
+    beyond = along_m[along_m > params.escape_m / 2]
+    return float(beyond[0]) if len(beyond) else None
+
+
+def worth(costs: Costmap, path: Path) -> float:
+    """What a path costs."""
+    columns, rows = np.floor(path.points_m / costs.frame.resolution_m).astype(np.int64).T
+    return float(costs.costs[rows, columns].sum())

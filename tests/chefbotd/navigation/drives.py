@@ -1,0 +1,180 @@
+"""A simulated robot driven by the navigator: kinematics with delay, a lidar, people, and the true clearance."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.navigator import Navigator
+from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.reports import Ended, PoseStatus, Seen, Step
+from tests.chefbotd.mapping.slam.flat import BEAMS, Floats, cast
+
+STEP_S, CONTROL_EVERY, SCAN_EVERY = 0.02, 2, 5
+DELAY_S = 0.1
+NOISE_M, MAX_RANGE_M = 0.008, 12.0
+MOST_M_S, MOST_RAD_S, ACCELERATION_M_S2, TURN_RAD_S2 = 0.34, 2.0, 1.0, 4.0
+RADIUS_M = 0.18
+ROUND = NavigationParameters(outline=OutlineParameters(radius_m=RADIUS_M))
+BEARINGS = -math.pi + math.tau / BEAMS * np.arange(BEAMS)
+
+
+@dataclass
+class Person:
+    """A disc that walks to and fro on its way. Unless blind, it stops before the robot, and turns back after a while."""
+
+    way: Floats
+    speed_m_s: float = 0.6
+    radius_m: float = 0.22
+    is_blind: bool = False
+    along_m: float = 0.0
+    direction: float = 1.0
+    waited_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._sums = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.way, axis=0).T))])
+
+    def at(self, along_m: float) -> tuple[float, float]:
+        """Where it is after so much of its way."""
+        return (
+            float(np.interp(along_m, self._sums, self.way[:, 0])),
+            float(np.interp(along_m, self._sums, self.way[:, 1])),
+        )
+
+    def walk(self, dt_s: float, robot: Pose2D) -> None:
+        """One step, if nobody is in the way."""
+        there = self.along_m + self.direction * self.speed_m_s * dt_s
+        if not 0 <= there <= self._sums[-1]:
+            self.direction = -self.direction
+            return
+        x, y = self.at(self.along_m)
+        ahead_x, ahead_y = self.at(there)
+        apart = math.hypot(robot.x_m - ahead_x, robot.y_m - ahead_y)
+        nearer = apart < math.hypot(robot.x_m - x, robot.y_m - y)
+        if not self.is_blind and nearer and apart < self.radius_m + RADIUS_M + 0.15:
+            self.waited_s += dt_s
+            if self.waited_s > 4.0:
+                self.direction, self.waited_s = -self.direction, 0.0
+            return
+        self.along_m = there
+
+
+@dataclass
+class Drive:
+    """A robot somewhere, and what happened to it: the least clearance, its way, how its goals ended."""
+
+    grid: OccupancyGrid
+    walls: Floats
+    pose: Pose2D
+    people: list[Person] = field(default_factory=list)
+    params: NavigationParameters = ROUND
+    seed: int = 0
+    status: PoseStatus = PoseStatus.LOCALIZED
+    lidar_works: bool = True
+
+    def __post_init__(self) -> None:
+        self.navigator = Navigator(self.params)
+        self.navigator.use_map(self.grid)
+        self.chance = np.random.default_rng(self.seed)
+        self.now_s, self.ticks = 0.0, 0
+        self.twist = Twist2D()
+        self.queue: list[tuple[float, Twist2D]] = []
+        self.asked = Twist2D()
+        self.way_m, self.least_m = 0.0, math.inf
+        self.ended: list[Ended] = []
+        self.said: list[str] = []
+        self.twists: list[Twist2D] = []
+        self.last: Step | None = None
+
+    def clearance_m(self) -> float:
+        """From the outline to the nearest wall, piece of furniture or person; negative is a touch."""
+        hull, pad_m = self.params.outline.hull, self.params.outline.pad_m
+        cos, sin = math.cos(self.pose.heading_rad), math.sin(self.pose.heading_rad)
+        nearest = math.inf
+        ax, ay, bx, by = self.walls.T
+        if len(hull) == 1:
+            ex, ey = bx - ax, by - ay
+            share = ((self.pose.x_m - ax) * ex + (self.pose.y_m - ay) * ey) / np.maximum(
+                ex * ex + ey * ey, 1e-12
+            )
+            share = np.clip(share, 0, 1)
+            nearest = (
+                float(np.hypot(self.pose.x_m - ax - share * ex, self.pose.y_m - ay - share * ey).min())
+                - pad_m
+            )
+        else:
+            for s in np.linspace(0, 1, 60):
+                dx, dy = ax + s * (bx - ax) - self.pose.x_m, ay + s * (by - ay) - self.pose.y_m
+                close = np.hypot(dx, dy) < 1.0
+                for x, y in zip(dx[close], dy[close], strict=True):
+                    nearest = min(nearest, clearance_m(hull, pad_m, cos * x + sin * y, cos * y - sin * x))
+        for person in self.people:
+            x, y = person.at(person.along_m)
+            dx, dy = x - self.pose.x_m, y - self.pose.y_m
+            apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx) - person.radius_m
+            nearest = min(nearest, apart)
+        return nearest
+
+    def tick(self) -> None:
+        """20 ms of the world; a scan every 100 ms, a step of the navigator every 40 ms."""
+        if self.ticks % SCAN_EVERY == 0 and self.lidar_works:
+            self.navigator.take_scan(self._scan())
+        if self.ticks % CONTROL_EVERY == 0:
+            step = self.navigator.step(self.now_s, self._measured(), self.status)
+            self.asked = step.twist or Twist2D()
+            self.twists.append(self.asked)
+            self.ended += step.ended
+            if not self.said or step.progress.reason != self.said[-1]:
+                self.said.append(step.progress.reason)
+            self.last = step
+            self.queue.append((self.now_s + DELAY_S, self.asked))
+        self._move()
+        for person in self.people:
+            person.walk(STEP_S, self.pose)
+        self.ticks += 1
+        self.now_s = self.ticks * STEP_S
+        if self.ticks % 2 == 0:
+            self.least_m = min(self.least_m, self.clearance_m())
+
+    def run(self, until_s: float) -> None:
+        """Until all goals have ended, or so much later."""
+        begin = len(self.ended)
+        limit_s = self.now_s + until_s
+        while self.now_s < limit_s:
+            self.tick()
+            if len(self.ended) > begin and self.last.progress.goal is None:
+                break
+
+    def _scan(self) -> Seen:
+        people = np.array([(*p.at(p.along_m), p.radius_m) for p in self.people]).reshape(-1, 3)
+        pose = np.array([self.pose.x_m, self.pose.y_m, self.pose.heading_rad])
+        ranges = cast(self.walls, pose, people, BEARINGS) + self.chance.normal(0, NOISE_M, BEAMS)
+        good = (ranges < MAX_RANGE_M) & (self.chance.random(BEAMS) > 0.02)
+        points = np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1)[good] * ranges[good, None]
+        return Seen(self.now_s, self._measured(), np.zeros(2), points)
+
+    def _measured(self) -> Pose2D:
+        x, y, heading = self.chance.normal(0, (0.004, 0.004, 0.002))
+        return Pose2D(self.pose.x_m + x, self.pose.y_m + y, self.pose.heading_rad + heading)
+
+    def _move(self) -> None:
+        wanted = self.twist if not self.queue else Twist2D()
+        while self.queue and self.queue[0][0] <= self.now_s:
+            self._obeyed = self.queue.pop(0)[1]
+        wanted = getattr(self, "_obeyed", Twist2D())
+        linear = _towards(self.twist.linear_m_s, wanted.linear_m_s, ACCELERATION_M_S2 * STEP_S, MOST_M_S)
+        angular = _towards(self.twist.angular_rad_s, wanted.angular_rad_s, TURN_RAD_S2 * STEP_S, MOST_RAD_S)
+        self.twist = Twist2D(linear, angular)
+        turned, moved = angular * STEP_S, linear * STEP_S
+        self.way_m += abs(moved)
+        self.pose = self.pose.compose(
+            Pose2D(moved * math.cos(turned / 2), moved * math.sin(turned / 2), turned)
+        )
+
+
+def _towards(now: float, wanted: float, change: float, most: float) -> float:
+    wanted = min(max(wanted, -most), most)
+    return now + min(max(wanted - now, -change), change)

@@ -1,0 +1,58 @@
+"""The states of a goal, and what is tried when the robot cannot go on."""
+
+import itertools
+
+import pytest
+
+from chefbotd.navigation.recovery import ORDER, Recovery, RecoveryParameters, Rung, after, is_over, stuck
+from chefbotd.navigation.states import NEXT, Event, State, next_state
+
+PARAMS = RecoveryParameters()
+ALLOWED = {
+    "idle": {"goal_accepted": "planning"},
+    "planning": {"path_found": "driving", "stuck": "recovering", "paused": "paused", "goal_ended": "idle"},
+    "driving": {"path_found": "driving", "stuck": "recovering", "paused": "paused", "goal_ended": "idle"},
+    "recovering": {"path_found": "driving", "paused": "paused", "goal_ended": "idle"},
+    "paused": {"resumed": "planning", "goal_ended": "idle"},
+}
+
+
+@pytest.mark.parametrize(("state", "event"), list(itertools.product(State, Event)))
+def test_each_pair_of_state_and_event_leads_on_or_is_refused(state: State, event: Event) -> None:
+    """What leads on leads to the state of the table above; all else is a bug, and raises."""
+    expected = ALLOWED[state].get(event)
+    if expected is None:
+        with pytest.raises(ValueError, match=f"{state} with {event}"):
+            next_state(state, event)
+    else:
+        assert next_state(state, event) == expected
+
+
+def test_every_state_is_left_by_an_end_but_idle() -> None:
+    """A goal can end whatever the robot does."""
+    assert {state for state, event in NEXT if event is Event.GOAL_ENDED} == set(State) - {State.IDLE}
+
+
+def test_what_is_tried_comes_in_order_and_has_an_end() -> None:
+    """Looks, backs out, tries another way, waits, asks, and gives up."""
+    tried, recovery = [], stuck(PARAMS, None, 3.0, 5.0)
+    while recovery is not None:
+        tried.append(recovery.rung)
+        recovery = after(recovery, 4.0)
+    assert tuple(tried) == ORDER == (Rung.LOOK, Rung.BACK_OUT, Rung.OTHER_WAY, Rung.WAIT, Rung.ASK)
+
+
+def test_who_is_stuck_again_at_once_tries_the_next_thing() -> None:
+    """0.5 m nearer is the same trouble, 0.7 m nearer another one."""
+    last = Recovery(Rung.BACK_OUT, 10.0, 8.0, left_m=4.0)
+    assert stuck(PARAMS, last, 20.0, 3.5) == Recovery(Rung.OTHER_WAY, 20.0, 8.0, 4.0)
+    assert stuck(PARAMS, last, 20.0, 3.3) == Recovery(Rung.LOOK, 20.0, 20.0, 3.3)
+    assert stuck(PARAMS, Recovery(Rung.ASK, 10.0, 8.0, 4.0), 20.0, 3.9) is None
+
+
+@pytest.mark.parametrize(("rung", "lasts_s"), [(Rung.LOOK, 1.0), (Rung.WAIT, 12.0), (Rung.ASK, 12.0)])
+def test_each_has_its_time(rung: Rung, lasts_s: float) -> None:
+    """Over when it has had it, and not before."""
+    recovery = Recovery(rung, 100.0, 90.0, 4.0)
+    assert not is_over(PARAMS, recovery, 100.0 + lasts_s - 0.01)
+    assert is_over(PARAMS, recovery, 100.0 + lasts_s)
