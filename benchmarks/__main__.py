@@ -46,6 +46,13 @@ def _planner(**options: Any) -> Outcome:
     return planner.run(**options)
 
 
+def _navigation(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import navigation
+
+    return navigation.run(**options)
+
+
 TAKES = {"optiodom": ("folder",), "slam": ("folder", "out"), "planner": ("folder",)}
 """The benchmarks that take recordings, and those that write trajectories."""
 
@@ -63,6 +70,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "ratios": ratios.run,
     "slam": _slam,
     "planner": _planner,
+    "navigation": _navigation,
     "calls": calls.run,
 }
 

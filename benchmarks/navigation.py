@@ -1,0 +1,218 @@
+"""Goals in five simulated buildings, with chairs that are not on the map, and people who walk about.
+
+The robot is ChefBot's: 0.18 m round, 0.34 m/s at the rim, 0.1 s of delay. Scans of 270 beams, 10 a second, with noise;
+the pose is the true one with the noise of a good localization. What can be reached, and the shortest way, is found on
+a grid of 2.5 cm with every wall and chair in it.
+"""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from benchmarks.figures import Figure, Outcome, percentile
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.search import search
+from chefbotd.navigation.smooth import straightened
+from chefbotd.navigation.states import End
+from tests.chefbotd.mapping.slam.flat import Floats, box
+from tests.chefbotd.navigation.buildings import BUILDINGS, Building
+from tests.chefbotd.navigation.drives import RADIUS_M, ROUND, Drive, Person
+from tests.chefbotd.navigation.grids import rasterised
+
+SEEDS, GOALS, QUICK_GOALS, UNREACHABLE = 3, 20, 4, 3
+FINE_M, SURE_M, WIDE_M = 0.025, 0.05, 0.28
+LENGTH_RATIO, TIME_RATIO, POSITION_M, HEADING_DEG, LIMIT_S = 1.08, 1.35, 0.03, 3.0, 180.0
+CLASSIC = "move_base: 7 of 8"
+
+
+@dataclass
+class Tally:
+    """What happened in a building, over all goals."""
+
+    reachable: int = 0
+    reached: int = 0
+    unreachable: int = 0
+    told: int = 0
+    touches: int = 0
+    least_m: list[float] = field(default_factory=list)
+    lengths: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    off_m: list[float] = field(default_factory=list)
+    off_deg: list[float] = field(default_factory=list)
+    told_wrong: list[str] = field(default_factory=list)
+    core: list[float] = field(default_factory=list)
+
+
+class World:
+    """A building with chairs that are on no map, and what is true about it."""
+
+    def __init__(self, building: Building, seed: int, *, chairs: int = 3) -> None:
+        self.building, self.chance = building, np.random.default_rng(1000 * seed + 7)
+        self.grid = rasterised(building.walls, building.width_m, building.depth_m)
+        self.walls = building.walls
+        self._measure()
+        home = self.main
+        for _ in range(100):
+            x, y = (
+                self.chance.uniform(0.5, building.width_m - 0.9),
+                self.chance.uniform(0.5, building.depth_m - 0.9),
+            )
+            with_chair = np.vstack([self.walls, box(x, y, 0.38, 0.38, self.chance.uniform(0, 1.5))])
+            before, self.walls = self.walls, with_chair
+            self._measure()
+            kept = np.count_nonzero(self.main) / np.count_nonzero(home)
+            if not 0.93 < kept < 0.999 or chairs == 0:
+                self.walls = before
+            else:
+                chairs -= 1
+        self._measure()
+
+    def _measure(self) -> None:
+        fine = rasterised(self.walls, self.building.width_m, self.building.depth_m, FINE_M)
+        self.room_m = ndimage.distance_transform_edt(fine.percent == 0) * FINE_M
+        parts, _ = ndimage.label(self.room_m > RADIUS_M + SURE_M)
+        self.main = parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1
+        on_map = rasterised(self.building.walls, self.building.width_m, self.building.depth_m, FINE_M)
+        room_m = ndimage.distance_transform_edt(on_map.percent == 0) * FINE_M
+        possible, _ = ndimage.label(room_m > RADIUS_M - SURE_M)
+        self.never = possible != possible[tuple(np.argwhere(self.main)[0])]
+
+    def place(self, where: np.ndarray) -> Pose2D:
+        """A random pose in some of the cells."""
+        cells = np.argwhere(where)
+        row, column = cells[self.chance.integers(len(cells))]
+        return Pose2D(
+            (column + 0.5) * FINE_M, (row + 0.5) * FINE_M, float(self.chance.uniform(-math.pi, math.pi))
+        )
+
+    def shortest_m(self, start: Pose2D, goal: Pose2D) -> float:
+        """The shortest way for the robot's circle, in metres."""
+        costs = np.where(self.room_m > RADIUS_M, 1, np.inf).astype(np.float32)
+        cells = [(int(p.y_m / FINE_M), int(p.x_m / FINE_M)) for p in (start, goal)]
+        costs[cells[0]] = costs[cells[1]] = 1
+        found = search(costs, *cells)
+        if found is None:
+            return math.inf
+        return float(np.hypot(*np.diff(straightened(found.cells, costs, FINE_M), axis=0).T).sum())
+
+    def person(self) -> Person:
+        """Somebody who walks between four places where there is room for both."""
+        costs = np.where(self.room_m > WIDE_M, 1, np.inf).astype(np.float32)
+        parts, _ = ndimage.label(np.isfinite(costs))
+        largest = parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1
+        places = [self.place(largest) for _ in range(4)]
+        way: list[Floats] = []
+        for a, b in pairwise(places):
+            found = search(costs, *((int(p.y_m / FINE_M), int(p.x_m / FINE_M)) for p in (a, b)))
+            if found is not None:
+                way.append(straightened(found.cells, costs, FINE_M))
+        return Person(np.vstack(way), speed_m_s=float(self.chance.uniform(0.3, 0.7)))
+
+
+def run(*, quick: bool = False, out: Path | None = None) -> Outcome:
+    """All buildings; a touch, or a goal whose end is not the true one, is wrong."""
+    figures, faults, total = list[Figure](), list[str](), Tally()
+    for build in BUILDINGS:
+        tally = Tally()
+        for seed in range(1 if quick else SEEDS):
+            drive_goals(build(seed), seed, QUICK_GOALS if quick else GOALS, tally, total)
+        figures += _figures(build.__name__, tally)
+        faults += [f"{build.__name__}: {told}" for told in tally.told_wrong]
+    figures += _figures("all", total)
+    return Outcome(tuple(figures), faults=tuple(faults))
+
+
+def drive_goals(building: Building, seed: int, count: int, *tallies: Tally) -> None:
+    """Send the robot from goal to goal."""
+    world = World(building, seed)
+    people = [world.person() for _ in range(2)]
+    start = world.place(world.main)
+    drive = Drive(world.grid, world.walls, start, people, seed=seed)
+    _keep_apart(drive)
+    for k in range(count):
+        never = count >= GOALS and k % (count // UNREACHABLE) == 4
+        goal = world.place(world.never if never else world.main)
+        _one(world, drive, goal, never, f"seed {seed}, goal {k}", tallies)
+
+
+def _keep_apart(drive: Drive) -> None:
+    """Nobody begins inside the robot."""
+    for person in drive.people:
+        while (
+            math.hypot(
+                person.at(person.along_m)[0] - drive.pose.x_m, person.at(person.along_m)[1] - drive.pose.y_m
+            )
+            < 1.0
+        ):
+            person.along_m += 0.5
+
+
+def _one(
+    world: World, drive: Drive, goal: Pose2D, never: bool, name: str, tallies: tuple[Tally, ...]
+) -> None:
+    start, way_m, began_s, began_cpu_s = drive.pose, drive.way_m, drive.now_s, time.process_time()
+    drive.least_m, drive.said = math.inf, []
+    drive.navigator.navigate_to((Goal(goal.x_m, goal.y_m, goal.heading_rad),))
+    drive.run(LIMIT_S)
+    end = drive.ended[-1].end if drive.ended and drive.last.progress.goal is None else None
+    told = drive.ended[-1].reason if end else f"nothing: {drive.said[-3:]}"
+    spent_s = drive.now_s - began_s
+    for tally in tallies:
+        tally.touches += drive.least_m < 0
+        tally.least_m.append(drive.least_m)
+        tally.core.append((time.process_time() - began_cpu_s) / spent_s)
+        tally.unreachable += never
+        tally.reachable += not never
+        tally.told += never and end is End.UNREACHABLE
+        tally.reached += not never and end is End.REACHED
+        if drive.least_m < 0:
+            tally.told_wrong.append(f"{name}: touched by {-drive.least_m:.3f} m ({told})")
+        if end is not (End.UNREACHABLE if never else End.REACHED):
+            tally.told_wrong.append(
+                f"{name}: to ({goal.x_m:.2f}, {goal.y_m:.2f}) from ({start.x_m:.2f}, {start.y_m:.2f}): {told}"
+            )
+        elif not never:
+            shortest_m = world.shortest_m(start, goal)
+            turns = _turns(start, goal)
+            if shortest_m > 1.0:
+                tally.lengths.append((drive.way_m - way_m) / shortest_m)
+                tally.times.append(
+                    spent_s
+                    / (shortest_m / ROUND.follower.max_speed_m_s + turns / ROUND.follower.max_turn_rad_s)
+                )
+            tally.off_m.append(math.hypot(drive.pose.x_m - goal.x_m, drive.pose.y_m - goal.y_m))
+            tally.off_deg.append(abs(math.degrees(wrap_angle(drive.pose.heading_rad - goal.heading_rad))))
+    if drive.last.progress.goal is not None:
+        drive.navigator.cancel()
+
+
+def _turns(start: Pose2D, goal: Pose2D) -> float:
+    """At least so much turning: to the goal's direction, and there to its heading."""
+    bearing = math.atan2(goal.y_m - start.y_m, goal.x_m - start.x_m)
+    return abs(wrap_angle(bearing - start.heading_rad)) + abs(wrap_angle(goal.heading_rad - bearing))
+
+
+def _figures(name: str, tally: Tally) -> Iterator[Figure]:
+    yield Figure(f"{name}, not reached of {tally.reachable}", tally.reachable - tally.reached, "", 0, CLASSIC)
+    yield Figure(
+        f"{name}, not told of {tally.unreachable} unreachable", tally.unreachable - tally.told, "", 0
+    )
+    yield Figure(f"{name}, drives with a touch", tally.touches, "", 0)
+    if tally.lengths:
+        yield Figure(
+            f"{name}, way over the shortest, median", percentile(tally.lengths, 50), "x", LENGTH_RATIO
+        )
+        yield Figure(f"{name}, time over the ideal, median", percentile(tally.times, 50), "x", TIME_RATIO)
+    yield Figure(
+        f"{name}, closest approach, median of the drives", -percentile([-m for m in tally.least_m], 50), "m"
+    )
+    if tally.off_m:
+        yield Figure(f"{name}, at the goal off by, worst", max(tally.off_m), "m", POSITION_M)
+        yield Figure(f"{name}, turned off by, worst", max(tally.off_deg), "deg", HEADING_DEG)
