@@ -13,6 +13,7 @@ from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
 from chefbotd.cli.drive.wheel_commands import wheels
 from chefbotd.cli.look import commands as looking
+from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.programs.completion import completion
@@ -95,6 +96,7 @@ def _token(file: TextIO) -> str:
 COMMANDS: tuple[click.Command, ...] = (
     looking.status,
     looking.watch,
+    scan,
     looking.describe,
     driving.drive,
     driving.teleop,

@@ -29,7 +29,8 @@ class FakeDaemon:
     instead; one that ``coasts`` stops only by the dead-man; a ``silent`` one sends no events; ``stuck`` wheels
     do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
     ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``. ``MOST`` is the most that it
-    allows of any speed, and ``held_by`` what it says holds it up.
+    allows of any speed, and ``held_by`` what it says holds it up. ``scan`` is what its lidar sees (None: nothing), and
+    ``lidar_condition`` how that is.
     """
 
     def __init__(self) -> None:
@@ -46,6 +47,8 @@ class FakeDaemon:
         self.protocol = "1.0"
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.held_by: str | None = None
+        self.scan: dict[str, Any] | None = None
+        self.lidar_condition = "healthy"
         self.slip = self.drift_rad_s = self.latency_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
@@ -130,6 +133,9 @@ class FakeDaemon:
             },
             "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
         }
+        if self.scan is not None:
+            topics["scan"] = self.scan
+        topics["lidars"] = {"lidars": [{**LIDAR, "condition": self.lidar_condition}]}
         if self.simulated:
             topics["sim"] = {**_pose(self.truth), **speed, "in_contact": False}
         return topics
@@ -218,6 +224,16 @@ BEAM = {
     "min_range_m": 0.02,
     "max_range_m": 4.0,
     "field_of_view_rad": 0.26,
+    "stamp_s": 3.0,
+}
+
+LIDAR = {
+    "lidar": "top",
+    "model": "ld19",
+    "device": "/dev/ttyUSB0",
+    "state": "up",
+    "healthy": False,
+    "reason": "nothing heard for 2.0 s",
     "stamp_s": 3.0,
 }
 
