@@ -255,3 +255,13 @@ def test_a_folder_that_cannot_be_written_says_so_and_is_read_all_the_same(tmp_pa
         save(store, "flat", grid(1))
     assert failed.value.kind is RefusalKind.STORAGE_FAILED
     assert store.names() == []
+
+
+def test_a_file_beside_the_versions_stays_with_its_map(store: MapStore) -> None:
+    """Zones that a person wrote, through a new version and a new name."""
+    save(store, "flat", grid(1))
+    (store.folder / "flat.map" / "zones.yaml").write_bytes(b"keep_out: []")
+    save(store, "flat", grid(2))
+    store.rename("flat", "home")
+    assert store.read_beside("home", "zones.yaml") == b"keep_out: []"
+    assert store.read_beside("home", "places.json") is None
