@@ -3,7 +3,7 @@
 import asyncio
 import os
 import random
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -55,6 +55,8 @@ log = structlog.get_logger(component="app")
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 FeatureBuilder = Callable[[Bus, Clock], Feature]
+DepthSpawn = Callable[[Any], Awaitable[Any]]
+"""``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
 
 
 class Supervisor(Protocol):
@@ -79,7 +81,7 @@ class Daemon:
 
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
     ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
-    with a lidar: None starts the real one.
+    with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Daemon:
         rng: random.Random | None = None,
         features: Sequence[FeatureBuilder] = (),
         spawn_worker: "Spawn | None" = None,
+        depth_spawn: DepthSpawn | None = None,
     ) -> None:
         self.bus = Bus()
         self._clock = clock
@@ -118,6 +121,7 @@ class Daemon:
         built = [feature(self.bus, clock) for feature in features]
         built += _lidars(settings, self.bus, clock, opener, rng)
         built += self._map_features(settings, spawn_worker, simulated=simulated)
+        built += _depth_cameras(settings, self.bus, clock, rng, depth_spawn)
         self.features = [*built, *self._own_features(settings, simulated=simulated)]
         methods, topics = methods_and_topics(self.features)
         guard = load_guard(settings.api, os.environ)
@@ -274,6 +278,20 @@ def _scan_guard(settings: Settings, bus: Bus, clock: Clock) -> Callable[[OnError
     guard, chassis, lidars = settings.safety.guard, settings.chassis, settings.lidar
     outline = outline_of(chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
     return lambda on_error: ScanWatch(bus, clock, guard, chassis, lidars, outline, on_error=on_error)
+
+
+def _depth_cameras(
+    settings: Settings, bus: Bus, clock: Clock, rng: random.Random, spawn: DepthSpawn | None
+) -> list[Feature]:
+    """Loaded only where there is one; where no lidar is, they bring the topic of the scans."""
+    if not settings.depth_camera:
+        return []
+    from chefbotd.features.depth_cameras.feature import depth_cameras
+    from chefbotd.features.lidars.feature import topics
+    from chefbotd.link.depth.process import spawn_program
+
+    scan = [] if settings.lidar else [topic for topic in topics(()) if topic.name == "scan"]
+    return [depth_cameras(settings.depth_camera, bus, clock, rng, spawn or spawn_program, scan)]
 
 
 def _description(settings: Settings) -> str | None:

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import sys
 import tomllib
 from collections.abc import Iterator
 from importlib import metadata
@@ -54,9 +55,10 @@ def imported() -> Iterator[str]:
 
 
 def used() -> set[str]:
-    """The packages that these modules come from."""
-    packages, modules = metadata.packages_distributions(), set(imported()) - {"chefbotd", "firmware_protocol"}
-    return {canonicalize_name(name) for module in modules for name in packages.get(module, ())}
+    """The packages that these modules come from; one that is not installed goes by its module's name."""
+    packages, ours = metadata.packages_distributions(), {"chefbotd", "firmware_protocol"}
+    modules = set(imported()) - ours - sys.stdlib_module_names
+    return {canonicalize_name(name) for module in modules for name in packages.get(module, (module,))}
 
 
 def test_what_is_imported_is_declared() -> None:

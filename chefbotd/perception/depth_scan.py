@@ -16,61 +16,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
 
-from chefbotd.core.parameters import Parameters
+from chefbotd.perception.depth_camera import DepthCameraParameters
 
 INVALID_MM = 65535
 """Some drivers' mark for no reading; 0 is everybody's."""
 MM_PER_M = 1000.0
 
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
-
-
-class DepthCameraParameters(Parameters):
-    """A depth camera: its pinhole model, its mount on the robot, and what of its image is an obstacle.
-
-    The mount is ``base_from_camera``: pitch is positive nose down, roll is positive right side down (REP-103, about y
-    and x). Obstacles are between ``min_height_m`` and ``max_height_m`` above the floor, and as far as the two ranges.
-    """
-
-    width: int = Field(640, ge=2, le=4096)
-    height: int = Field(480, ge=2, le=4096)
-    focal_x_px: float = Field(585.0, gt=0)
-    focal_y_px: float = Field(585.0, gt=0)
-    center_x_px: float = Field(320.0, ge=0)
-    center_y_px: float = Field(240.0, ge=0)
-    mount_x_m: float = 0.0
-    mount_y_m: float = 0.0
-    mount_height_m: float = Field(0.35, gt=0, le=3)
-    mount_yaw_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
-    mount_pitch_rad: float = Field(0.0, ge=-1.2, le=1.2)
-    mount_roll_rad: float = Field(0.0, ge=-1.2, le=1.2)
-    min_height_m: float = Field(0.03, gt=0)
-    max_height_m: float = Field(1.0, gt=0)
-    min_range_m: float = Field(0.45, gt=0)
-    max_range_m: float = Field(4.0, gt=0, le=60)
-    beams: int = Field(320, ge=1, le=4096)
-    depth_noise_per_m: float = Field(1.425e-3, ge=0, le=0.1)
-    floor_sigmas: float = Field(3.0, ge=0, le=10)
-    tilt_error_rad: float = Field(0.01, ge=0, le=0.2)
-    neighbour_share: float = Field(0.03, gt=0, le=1)
-
-    @model_validator(mode="after")
-    def _bands_are_bands(self) -> "DepthCameraParameters":
-        if self.min_height_m >= self.max_height_m:
-            raise ValueError(
-                f"min_height_m must be below max_height_m, {self.max_height_m}, got {self.min_height_m}"
-            )
-        if self.min_range_m >= self.max_range_m:
-            raise ValueError(
-                f"min_range_m must be below max_range_m, {self.max_range_m}, got {self.min_range_m}"
-            )
-        if self.mount_height_m <= self.min_height_m:
-            raise ValueError(
-                f"the camera must be mounted above min_height_m, {self.min_height_m} m, got {self.mount_height_m}"
-            )
-        return self
 
 
 @dataclass(frozen=True, slots=True)

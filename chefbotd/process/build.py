@@ -4,7 +4,7 @@ import random
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from chefbotd.app import Daemon, FeatureBuilder
+from chefbotd.app import Daemon, DepthSpawn, FeatureBuilder
 from chefbotd.clock import Clock
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
@@ -25,6 +25,7 @@ def build(
     rng: random.Random | None = None,
     features: Sequence[FeatureBuilder] = (),
     spawn_worker: "Spawn | None" = None,
+    depth_spawn: DepthSpawn | None = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     return Daemon(
@@ -37,4 +38,5 @@ def build(
         rng=rng,
         features=features,
         spawn_worker=spawn_worker,
+        depth_spawn=depth_spawn,
     )

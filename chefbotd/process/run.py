@@ -114,7 +114,12 @@ async def _serve_simulated(settings: Settings) -> None:
             ]
         )
         plugged = settings.model_copy(update={"link": link, "lidar": lidars})
-        daemon = build(plugged, clock=SystemClock(), simulated=True)
+        depth_spawn = None
+        if settings.depth_camera:
+            from chefbotd.process.simulated_depth import spawn_with
+
+            depth_spawn = spawn_with(board.share_truth(), settings.sim)
+        daemon = build(plugged, clock=SystemClock(), simulated=True, depth_spawn=depth_spawn)
         await _serve(daemon, settings, lambda: board.run(daemon.bus.publish))
 
 

@@ -113,9 +113,11 @@ def _names(settings: Settings) -> Iterator[str]:
 
 def _lidars(settings: Settings) -> Iterator[str]:
     """Names and devices are each one's own; no lidar is on the board's device, by whatever name."""
-    names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar)]
+    cameras = [camera.name for camera in settings.depth_camera]
+    names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar), *cameras]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
-        yield f"lidars need names of their own among the sensors, repeated: {', '.join(repeated)}"
+        told = "lidars and depth cameras" if cameras else "lidars"
+        yield f"{told} need names of their own among the sensors, repeated: {', '.join(repeated)}"
     holders = {_device(settings.link.device): "link.device"}
     for lidar in settings.lidar:
         key = f"lidar {lidar.name}"

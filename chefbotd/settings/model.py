@@ -23,6 +23,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
+from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
@@ -87,6 +88,7 @@ class Settings(Parameters):
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()
     lidar: tuple[LidarParameters, ...] = ()
+    depth_camera: tuple[DepthSourceParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters
     maps: MapsParameters | None = None

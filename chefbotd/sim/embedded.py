@@ -12,6 +12,7 @@ from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.plugged_lidars import PluggedLidars
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
+from chefbotd.sim.truth_file import Truth, TruthWriter
 
 TRUTH_PERIOD_S = 0.02
 
@@ -24,6 +25,7 @@ class EmbeddedBoard:
 
     def __init__(self, simulation: Simulation, clock: Clock) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="chefbotd-")
+        self._truth_file: TruthWriter | None = None
         self.device = Path(self._folder.name) / "board"
         self._clock = clock
         self._pty = PtyBoard(self._receive, self.device)
@@ -48,7 +50,15 @@ class EmbeddedBoard:
     ) -> None:
         self._lidars.unplug()
         self._pty.unplug()
+        if self._truth_file is not None:
+            self._truth_file.close()
         self._folder.cleanup()
+
+    def share_truth(self) -> Path:
+        """The path of a file that from now on has the truth for other processes (``truth_file.TruthReader``)."""
+        path = Path(self._folder.name) / "truth"
+        self._truth_file = TruthWriter(path)
+        return path
 
     async def run(self, publish: Callable[[object], None]) -> None:
         """Simulate until cancelled, publishing ``TruthSimulated`` 50 times a second."""
@@ -56,5 +66,9 @@ class EmbeddedBoard:
             group.create_task(self._runner.run())
             group.create_task(self._lidars.run())
             while True:
-                publish(self._runner.truth(self._clock.now_s()))
+                truth = self._runner.truth(self._clock.now_s())
+                publish(truth)
+                if self._truth_file is not None:
+                    discs = self._runner.crowd.discs
+                    self._truth_file.write(Truth(truth.stamp_s, truth.world_from_base, discs))
                 await asyncio.sleep(TRUTH_PERIOD_S)

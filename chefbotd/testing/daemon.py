@@ -20,6 +20,7 @@ from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.ld19 import SimulatedLd19
 from chefbotd.sim.lidar import LidarRunner
 from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
+from chefbotd.testing.depth import depth_spawn
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import no_worker
 from chefbotd.worker.spawn import Spawn
@@ -121,6 +122,7 @@ async def simulated_robot(
         simulated=True,
         rng=random.Random(settings.sim.seed),
         spawn_worker=spawn_worker,
+        depth_spawn=depth_spawn(board, settings.sim),
     )
     try:
         async with _running(daemon, token, tls) as client:

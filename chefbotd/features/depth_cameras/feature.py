@@ -1,0 +1,65 @@
+"""The feature: a process for each depth camera, the topic ``depth_cameras``, and what the cameras count."""
+
+import random
+from collections.abc import Mapping, Sequence
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.features.depth_cameras.methods import DepthCameraData, DepthCamerasData
+from chefbotd.features.feature import Feature, Service
+from chefbotd.link.depth.camera import DepthCamera
+from chefbotd.link.depth.process import Spawn, spawn_program
+from chefbotd.metrics import Metrics
+from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.rpc.topics import Topic
+
+Health = Mapping[str, DepthCameraChanged]
+
+
+def depth_cameras(
+    parameters: Sequence[DepthSourceParameters],
+    bus: Bus,
+    clock: Clock,
+    rng: random.Random,
+    spawn: Spawn = spawn_program,
+    further_topics: Sequence[Topic] = (),
+) -> Feature:
+    """Every depth camera, each with a process of its own; ``further_topics`` are what nobody else brings."""
+    cameras = [DepthCamera(each, bus, clock, spawn, rng) for each in parameters]
+    return Feature(
+        "depth_cameras",
+        services=tuple(Service(f"depth camera {each.parameters.name}", each.run) for each in cameras),
+        topics=(
+            Topic("depth_cameras", (DepthCameraChanged,), DepthCamerasData, _data, join=_join),
+            *further_topics,
+        ),
+        add_metrics=lambda metrics: _add_metrics(metrics, cameras),
+    )
+
+
+def _join(health: Health | None, event: DepthCameraChanged) -> Health:
+    return {**(health or {}), event.camera: event}
+
+
+def _data(health: Health) -> DepthCamerasData:
+    told = [
+        DepthCameraData(camera=name, healthy=event.healthy, reason=event.reason, stamp_s=event.stamp_s)
+        for name, event in health.items()
+    ]
+    return DepthCamerasData(cameras=tuple(told))
+
+
+def _add_metrics(metrics: Metrics, cameras: Sequence[DepthCamera]) -> None:
+    metrics.counters(
+        "depth_scans",
+        "Depth images that were made scans.",
+        "camera",
+        lambda: {each.parameters.name: each.scans for each in cameras},
+    )
+    metrics.counters(
+        "depth_camera_starts",
+        "Starts of the depth cameras' processes.",
+        "camera",
+        lambda: {each.parameters.name: each.starts for each in cameras},
+    )

@@ -1,0 +1,81 @@
+"""Where the simulated robot is, for other processes: a small shared file, written often and never waited for."""
+
+import mmap
+import struct
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.sim.arrays import Vector
+
+SIZE = 4096
+COUNTER = struct.Struct("<Q")
+HEAD = struct.Struct("<ddddQ")
+MOST_DISCS = 128
+
+
+class Truth(NamedTuple):
+    """When, from where, and among which discs (D x 3: x, y, radius)."""
+
+    stamp_s: float
+    world_from_base: Pose2D
+    discs: Vector
+
+
+class TruthWriter:
+    """Makes the file and keeps it up to date. The counter at its head is odd while it is being written."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises ``OSError``: the file cannot be made."""
+        path.write_bytes(bytes(SIZE))
+        with path.open("r+b") as file:
+            self._memory = mmap.mmap(file.fileno(), SIZE)
+        self._count = 0
+
+    def write(self, truth: Truth) -> None:
+        """Put this in the place of what is there; of very many discs the first."""
+        discs, pose = truth.discs[:MOST_DISCS], truth.world_from_base
+        COUNTER.pack_into(self._memory, 0, self._count + 1)
+        HEAD.pack_into(
+            self._memory,
+            COUNTER.size,
+            truth.stamp_s,
+            pose.x_m,
+            pose.y_m,
+            pose.heading_rad,
+            len(discs),
+        )
+        start = COUNTER.size + HEAD.size
+        self._memory[start : start + 24 * len(discs)] = discs.astype("<f8").tobytes()
+        self._count += 2
+        COUNTER.pack_into(self._memory, 0, self._count)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._memory.close()
+
+
+class TruthReader:
+    """Reads what another process writes."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises ``OSError``: there is no such file."""
+        with path.open("rb") as file:
+            self._memory = mmap.mmap(file.fileno(), SIZE, access=mmap.ACCESS_READ)
+
+    def read(self) -> Truth | None:
+        """The newest truth; None while there is none, or while it is being written."""
+        data = self._memory[:]
+        (before,), (after,) = COUNTER.unpack_from(data), COUNTER.unpack_from(self._memory)
+        if before == 0 or before % 2 or after != before:
+            return None
+        stamp_s, x_m, y_m, heading_rad, count = HEAD.unpack_from(data, COUNTER.size)
+        start = COUNTER.size + HEAD.size
+        discs = np.frombuffer(data[start : start + 24 * count], "<f8").reshape(-1, 3)
+        return Truth(stamp_s, Pose2D(x_m, y_m, heading_rad), discs)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._memory.close()

@@ -1,0 +1,96 @@
+"""The daemon with a depth camera in the flat: what a lidar does not see becomes a scan."""
+
+import asyncio
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings.model import Settings
+from chefbotd.testing.daemon import simulated_robot
+
+EYE: Mapping[str, object] = {
+    "name": "eye",
+    "width": 160,
+    "height": 120,
+    "focal_x_px": 146.0,
+    "focal_y_px": 146.0,
+    "center_x_px": 80.0,
+    "center_y_px": 60.0,
+    "beams": 80,
+    "mount_x_m": 0.1,
+    "mount_height_m": 0.6,
+    "mount_pitch_rad": 0.15,
+    "rate_hz": 5.0,
+}
+BEFORE_THE_TABLE = {"map_path": "flat", "start_x_m": 2.2, "start_y_m": 1.5, "start_heading_rad": 0.0}
+
+
+def settings(robot: str = "chefbot_lidar", **overrides: object) -> Settings:
+    """A robot with the camera, a metre before the dining table."""
+    told = {"depth_camera": [dict(EYE)], "sim.world": dict(BEFORE_THE_TABLE), **overrides}
+    return load(packaged(robot), overrides=told)
+
+
+def test_a_table_is_in_the_cameras_scan_and_not_in_the_lidars() -> None:
+    """Both publish: the camera's nearest ahead is the table's edge at 1.0 m, the lidar sees beneath it, beyond 2 m."""
+    scans: dict[str, ScanMeasured] = {}
+    told: list[tuple[str, bool]] = []
+
+    async def scenario() -> None:
+        async with simulated_robot(settings()) as robot:
+            robot.daemon.bus.add_handler(lambda event: scans.update({event.lidar: event}), ScanMeasured)
+            robot.daemon.bus.add_handler(lambda e: told.append((e.camera, e.healthy)), DepthCameraChanged)
+            await asyncio.sleep(3.0)
+
+    run_virtual(scenario())
+    eye, lidar = scans["eye"], scans["lidar"]
+    ahead = np.abs(eye.scan.bearing_rad) < 0.08
+    assert np.median(eye.scan.range_m[ahead]) == pytest.approx(1.0, abs=0.03)
+    beam = np.abs((lidar.scan.bearing_rad + math.pi) % math.tau - math.pi) < 0.08
+    read = lidar.scan.range_m[beam]
+    assert read[read > 0].min() > 2.0
+    assert (eye.base_from_lidar.x_m, told) == (0.1, [("eye", True)])
+    assert eye.scan.range_m.min() >= 0.0
+    assert np.isfinite(eye.scan.range_m).all()
+
+
+@pytest.mark.parametrize("robot_name", ["chefbot", "chefbot_lidar"])
+def test_scans_and_health_are_on_the_socket_with_and_without_a_lidar(robot_name: str) -> None:
+    """The topics ``scan`` and ``depth_cameras``; figures of both kinds."""
+
+    async def scenario() -> None:
+        async with simulated_robot(settings(robot_name)) as robot:
+            await asyncio.sleep(1.0)
+            async with asyncio.timeout(5):
+                async with robot.client.subscribe("depth_cameras") as events:
+                    assert (await anext(events)).data.model_dump()["cameras"][0]["healthy"] is True
+                async with robot.client.subscribe("scan") as events:
+                    while (scan := (await anext(events)).data.model_dump())["lidar"] != "eye":
+                        pass
+            assert len(scan["range_mm"]) == 80
+            stats = await robot.client.call("get_stats")
+            assert stats["depth_scans"]["eye"] >= 3
+
+    run_virtual(scenario())
+
+
+def test_a_robot_without_a_depth_camera_has_nothing_of_it() -> None:
+    """No topic."""
+
+    async def scenario() -> None:
+        async with simulated_robot(load()) as robot:
+            assert "depth_cameras" not in {topic.name for f in robot.daemon.features for topic in f.topics}
+
+    run_virtual(scenario())
+
+
+def test_names_are_the_cameras_own() -> None:
+    """One that is called as the lidar is refused."""
+    with pytest.raises(SettingsError, match="lidars and depth cameras need names of their own"):
+        settings(depth_camera=[{**EYE, "name": "lidar"}])
