@@ -1,18 +1,17 @@
 """Logs of what a fault repeats a thousand times a second: the first at once, the rest as a count."""
 
 import asyncio
-from dataclasses import dataclass, field
 from typing import Any
 
+from msgspec import Struct
 from structlog.typing import FilteringBoundLogger
 
 
-@dataclass(slots=True)
-class _Held:
+class _Held(Struct):
     """What has been kept back of one event: how many, and the newest one's fields."""
 
     count: int = 0
-    fields: dict[str, Any] = field(default_factory=dict)
+    fields: dict[str, Any] = {}
 
 
 class RateLimitedLog:

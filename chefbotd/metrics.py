@@ -6,9 +6,10 @@ the addition, and whoever collects the figures (the topic ``stats``, a metrics p
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 Value: TypeAlias = int | float | Mapping[str, int] | None
 
@@ -22,8 +23,7 @@ class Kind(StrEnum):
     GAUGE = "gauge"
 
 
-@dataclass(frozen=True, slots=True)
-class Metric:
+class Metric(Struct, frozen=True):
     """One figure: ``name`` in snake case with its unit, ``help`` in a sentence, ``read`` gives its value now.
 
     ``label`` names what the keys of a figure with several values are (``reason``); None for a figure with one value.

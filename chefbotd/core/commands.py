@@ -1,15 +1,15 @@
 """What a command is answered with: what is allowed of it, or why it is not carried out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar
+
+from chefbotd.core.record import Record
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class Allowed(Generic[T]):
+class Allowed(Record, Generic[T], frozen=True):
     """As much of a command as the configured limits allow; ``limited_by`` is the key of the tightest, if one is."""
 
     command: T

@@ -1,8 +1,9 @@
 """What a feature of the daemon is: services to run, methods and topics of the socket, and figures that it counts."""
 
 from collections.abc import Callable, Coroutine, Iterable
-from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Method
@@ -11,8 +12,7 @@ from chefbotd.rpc.topics import Topic
 Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
+class Service(Struct, frozen=True):
     """A loop that runs as long as the daemon does.
 
     The daemon ends when a ``critical`` one fails. Any other is started again, with the motors stopped.
@@ -27,8 +27,7 @@ def _no_metrics(metrics: Metrics) -> None:
     """Add nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Feature:
+class Feature(Struct, frozen=True):
     """One capability of the robot. ``add_metrics`` adds its figures to the registry."""
 
     name: str

@@ -4,8 +4,9 @@ A board that talks is judged by the share of its lines that are frames; a line i
 no other device comes near it. At a wrong baud rate most bytes are no text.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from chefbotd.core.record import Record
 
 ENOUGH_LINES = 20
 LEAST_FRAME_SHARE = 0.1
@@ -23,8 +24,7 @@ class Condition(StrEnum):
     ECHO_STUCK = "echo_stuck"
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class Heard(Record, frozen=True):
     """Totals since the daemon started: bytes, lines of any kind, and those of them that were frames."""
 
     bytes: int = 0
@@ -36,8 +36,7 @@ class Heard:
         return Heard(self.bytes - before.bytes, self.lines - before.lines, self.frames - before.frames)
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+class Health(Record, frozen=True):
     """The condition, and for people what was heard and what it suggests (empty while healthy)."""
 
     condition: Condition

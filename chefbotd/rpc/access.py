@@ -10,9 +10,10 @@ import os
 import ssl
 import stat
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+
+from msgspec import Struct
 
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
@@ -66,8 +67,7 @@ def _entry(words: list[str], where: str) -> tuple[Role, str]:
     return Role(role), token
 
 
-@dataclass(frozen=True, slots=True)
-class Guard:
+class Guard(Struct, frozen=True):
     """What stands before the socket: the tokens (None: nobody is asked), and TLS."""
 
     keyring: Keyring | None = None

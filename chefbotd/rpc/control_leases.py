@@ -5,7 +5,8 @@ its client or is taken over, the source's last command is withdrawn: nobody answ
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from chefbotd.core.events import ControlChanged
 from chefbotd.rpc.jsonrpc import ErrorKind
@@ -13,8 +14,7 @@ from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session
 
 
-@dataclass(slots=True)
-class Lease:
+class Lease(Struct):
     """Whose a source is, and when it last tried to drive."""
 
     holder: Session

@@ -8,10 +8,10 @@ as its group. For a topic without subscribers only the latest state is kept.
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import structlog
+from msgspec import Struct
 
 from chefbotd.clock import Clock
 from chefbotd.rpc.event import EventPayload
@@ -71,8 +71,7 @@ TIMER_RESOLUTION_S = 0.002
 """How much too early a timer of uvloop's, which counts whole milliseconds, may be."""
 
 
-@dataclass(slots=True)
-class Member:
+class Member(Struct):
     """The last event that a member has had, and when its snapshot is old enough for the next."""
 
     seen: int = 0

@@ -8,11 +8,11 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NoReturn
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.record import Record
 from chefbotd.rpc.event import EventPayload
 
 MAX_DEPTH = 8
@@ -52,8 +52,7 @@ class ErrorKind(StrEnum):
     CANCELLED = "cancelled"
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorClass:
+class ErrorClass(Record, frozen=True):
     """A JSON-RPC code, what a kind of error means, and whether it ends the connection."""
 
     code: int
@@ -131,8 +130,7 @@ ERRORS: Mapping[str, ErrorClass] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Record, frozen=True):
     """A well-formed call; without ``wants_answer`` it is a notification: carried out, never answered."""
 
     method: str
@@ -141,14 +139,13 @@ class Request:
     wants_answer: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Failure:
+class Failure(Record, frozen=True):
     """Why there is no result; ``details`` joins ``kind`` in the error's ``data``."""
 
     kind: str
     message: str
     id: RequestId = None
-    details: Mapping[str, object] = field(default_factory=dict)
+    details: Mapping[str, object] = {}
 
 
 class _Unacceptable(ValueError):

@@ -2,9 +2,10 @@
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from msgspec import Struct
+from msgspec.structs import replace
 from pydantic import BaseModel
 
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
@@ -52,8 +53,7 @@ class Unserved(Exception):
         self.kind, self.details = kind, details or {}
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(Struct, frozen=True):
     """``handle`` takes the caller and checked parameters; ``afterwards`` runs when the answer is on its way.
 
     A coroutine function also takes a ``Progress``. It runs as a job, and the request is answered when it ends.

@@ -1,11 +1,11 @@
 """The server's own methods: what it is, who the client is, what the client receives, and who has control."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import structlog
+from msgspec.structs import replace
 from pydantic import BaseModel, create_model
 
 from chefbotd.clock import Clock

@@ -5,15 +5,15 @@ holds the latest beam of every sensor). States are cheap. Data is made from them
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
+
+from msgspec import Struct
 
 from chefbotd.rpc.models import TopicData
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(Struct, frozen=True):
     """Events of an ``on_demand`` topic are not even made unless someone subscribes.
 
     One that is ``always_known`` has data before its first event, ``data(None)``, and a key of its own in ``get_state``.

@@ -6,10 +6,10 @@ x forward, y left. A wheel's joint has the wheel's name and turns about the y ax
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import Side, WheelParameters
 from chefbotd.settings.body import BodyParameters
 from chefbotd.settings.model import Settings
@@ -26,8 +26,7 @@ here change nothing. To use a URDF of your own, name it in the configuration: [r
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Mount:
+class Mount(Record, frozen=True):
     """A sensor as the configuration has it in ``section``, and its height above the floor.
 
     ``placed`` is False where only its heading is configured, by the key ``heading_key``. What is mounted

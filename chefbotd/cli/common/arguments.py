@@ -1,17 +1,17 @@
 """The formats of command-line arguments: each function is a click type and refuses a bad value as a usage error."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
+
+from chefbotd.core.record import Record
 
 NUMBERS_MAY_BE_NEGATIVE = {"ignore_unknown_options": True}
 """Context settings of a command whose arguments are numbers, so that ``-0.1`` is not taken for an option."""
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(Record, frozen=True):
     """Where a daemon listens."""
 
     host: str

@@ -1,7 +1,6 @@
 """Driving: the methods that move and stop the robot, and the topics ``wheels`` and ``safety``."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol
 
@@ -10,6 +9,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from chefbotd.core import events
 from chefbotd.core.commands import Allowed
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import Record, replace
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.models import DONE, SOURCE, Done, NoParams, Params, TopicData
 from chefbotd.rpc.roles import Role
@@ -247,12 +247,11 @@ def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyState:
+class SafetyState(Record, frozen=True):
     """What the gate last said (None: nothing yet), and who drives."""
 
     gate: events.SafetyChanged | None = None
-    holders: Mapping[str, str] = field(default_factory=dict)
+    holders: Mapping[str, str] = {}
 
 
 def _join_safety(

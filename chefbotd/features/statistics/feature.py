@@ -1,6 +1,6 @@
 """The feature: statistics, of whatever all parts have added to the registry."""
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from chefbotd.clock import Clock
 from chefbotd.features.feature import Feature, Service

@@ -3,13 +3,13 @@
 import asyncio
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
