@@ -75,10 +75,24 @@ class MapsService:
         """Use a map; what somebody put there or has edited is imported first."""
         name = map_name(name)
         async with self._order:
-            if await self._in_thread(self.store.needs_import, name):
-                yaml = self.store.folder / f"{name}.yaml"
-                await self._import(yaml, name, "edited files", progress.report, keeps_graph=True)
-            return await self._use(name)
+            ignored = await self._import_edited(name, progress)
+            used = await self._use(name)
+        if ignored is None:
+            return used
+        return used.model_copy(update={"warning": "; ".join(filter(None, (ignored, used.warning)))})
+
+    async def _import_edited(self, name: str, progress: Progress) -> str | None:
+        """Take in what somebody put there or has edited; why not, if it is no map and a saved version is whole."""
+        if not await self._in_thread(self.store.needs_import, name):
+            return None
+        try:
+            yaml = self.store.folder / f"{name}.yaml"
+            await self._import(yaml, name, "edited files", progress.report, keeps_graph=True)
+        except MapStoreError as problem:
+            if (await self._in_thread(self.store.describe, name)).manifest is None:
+                raise
+            return f"{name}.yaml and its image were changed and are no map, so the saved version is used: {problem}"
+        return None
 
     async def use_saved(self, name: str) -> None:
         """Use a map that was made just now."""

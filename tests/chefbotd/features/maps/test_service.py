@@ -170,6 +170,23 @@ def test_files_put_into_the_folder_or_edited_there_are_read_when_they_are_loaded
     with_daemon(tmp_path, scenario)
 
 
+def test_a_map_whose_public_files_are_spoilt_is_used_as_it_was_saved(tmp_path: Path) -> None:
+    """An image that was cut off while it was copied: the saved version is used, and that is said."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    (tmp_path / "flat.pgm").write_bytes(b"P5\n11 7\n255\n...")
+
+    async def scenario(client: Client) -> None:
+        loaded = await client.load_map("flat")
+        assert loaded.version == 1
+        assert loaded.warning is not None
+        assert loaded.warning.startswith(
+            "flat.yaml and its image were changed and are no map, so the saved version is"
+        )
+        assert same((await client.get_map()).grid(), grid(1))
+
+    with_daemon(tmp_path, scenario)
+
+
 def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
     """Saved, moved, listed in their order, renamed with their map, deleted; each wrong name names what there is."""
     save(MapStore(tmp_path), "flat", grid(1))
