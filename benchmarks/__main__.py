@@ -53,7 +53,19 @@ def _navigation(**options: Any) -> Outcome:
     return navigation.run(**options)
 
 
-TAKES = {"optiodom": ("folder",), "slam": ("folder", "out"), "planner": ("folder",)}
+def _localization(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import localization
+
+    return localization.run(**options)
+
+
+TAKES = {
+    "localization": ("folder", "out"),
+    "optiodom": ("folder",),
+    "slam": ("folder", "out"),
+    "planner": ("folder",),
+}
 """The benchmarks that take recordings, and those that write trajectories."""
 
 Benchmark = Callable[..., Outcome]
@@ -69,6 +81,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "optiodom": optiodom.run,
     "ratios": ratios.run,
     "slam": _slam,
+    "localization": _localization,
     "planner": _planner,
     "navigation": _navigation,
     "calls": calls.run,
@@ -110,7 +123,9 @@ def _arguments() -> argparse.Namespace:
         metavar="FOLDER",
         help="the recordings for optiodom or slam, or the maps for planner",
     )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where slam writes its trajectories")
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="where slam and localization write their trajectories"
+    )
     options = parser.parse_args()
     if unknown := sorted(set(options.names) - set(BENCHMARKS)):
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}")

@@ -192,15 +192,14 @@ def _polished(
     fit = polish(
         grids, scan.points, scan.facing, begin, Prior(expected.pose, information), params.laser_noise_m
     )
-    estimate = fused(params, expected, fit)
+    estimate = fused(params, expected, fit, information)
     return Tracked(estimate, agreement(grids, estimate.pose, scan), matched=True)
 
 
-def fused(params: TrackingParameters, expected: Estimate, fit: Fit) -> Estimate:
-    """The prediction corrected by the match: as far as the scan says something, and no further."""
+def fused(params: TrackingParameters, expected: Estimate, fit: Fit, information: Floats) -> Estimate:
+    """The prediction, of this information, corrected by the match: as far as the scan says something, and no further."""
     measured = _measured(params, fit.information)
-    information = inverted(expected.covariance + 1e-8 * np.eye(3)) + measured
-    covariance = inverted(information)
+    covariance = inverted(information + measured)
     off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
     pose = expected.pose + covariance @ measured @ off
     return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), (covariance + covariance.T) / 2)

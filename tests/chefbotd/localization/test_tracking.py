@@ -65,7 +65,7 @@ def test_a_wall_corrects_across_itself_only() -> None:
     information = np.diag([200 * per_beam * math.sin(0.05) ** 2, 200 * per_beam, 200 * per_beam])
     expected = Estimate(np.array([3.0, 4.0, 0.0]), np.diag([0.04, 0.04, 0.01]))
     fit = Fit(np.array([3.1, 4.1, 0.0]), information, 200, 200, 200, 0, 0.01)
-    found = fused(PARAMS, expected, fit)
+    found = fused(PARAMS, expected, fit, np.linalg.inv(expected.covariance))
     assert found.pose[:2] == pytest.approx([3.0, 4.1], abs=0.002)
     assert math.sqrt(found.covariance[0, 0]) == pytest.approx(0.2, abs=0.001)
     assert math.sqrt(found.covariance[1, 1]) == pytest.approx(PARAMS.map_m, abs=0.002)
