@@ -11,7 +11,8 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from chefbotd.localization.agreement import agreement
-from chefbotd.localization.localizer import LocalizationMap, localization_map, set_pose
+from chefbotd.localization.localizer import localization_map, set_pose
+from chefbotd.localization.searching import LocalizationMap
 from chefbotd.localization.states import State
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy

@@ -194,10 +194,13 @@ class Daemon:
         stored = MapsService(self.bus, self._clock, MapStore(folder, kept), kept)
         if not makes_maps:
             return [maps(stored)]
+        from chefbotd.features.localization.feature import localization
+        from chefbotd.features.localization.service import LocalizationService
         from chefbotd.features.mapping.feature import mapping  # only a robot with a lidar loads numpy
         from chefbotd.features.mapping.service import MappingService
         from chefbotd.features.worker.feature import worker
         from chefbotd.features.worker.service import WorkerService
+        from chefbotd.worker.skills import localization_messages
         from chefbotd.worker.skills.mapping_messages import SKILL, MappingSkillParameters
 
         skill = MappingSkillParameters(
@@ -207,11 +210,22 @@ class Daemon:
             session=os.urandom(8).hex(),
             mapping=settings.mapping,
         )
-        skills = {SKILL: skill.model_dump_json().encode()}
+        located = localization_messages.LocalizationSkillParameters(
+            lidar=settings.localization.lidar or settings.lidar[0].name,
+            folder=folder,
+            pose_file=folder / localization_messages.POSE_FILE,
+            search_by_itself=settings.localization.search_by_itself,
+            save_every_s=settings.localization.save_every_s,
+        )
+        skills = {
+            SKILL: skill.model_dump_json().encode(),
+            localization_messages.SKILL: located.model_dump_json().encode(),
+        }
         feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
+        finder = LocalizationService(self.bus, self._clock, feed)
         made = MappingService(self.bus, self._clock, feed, stored.use_saved)
         stored.growing = made.grid
-        return [maps(stored), worker(feed), mapping(made)]
+        return [maps(stored), worker(feed), mapping(made), localization(finder)]
 
     def _add_metrics(self) -> None:
         """Add what the process itself counts, and have every part add its own."""

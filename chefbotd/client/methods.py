@@ -237,7 +237,20 @@ class Methods(ABC):
         """Restart the board."""
         await self.call("reset_board")
 
-    # mapping, where the robot has a lidar
+    # localization and mapping, where the robot has a lidar
+
+    async def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0) -> models.LocalizationResult:
+        """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
+        from chefbotd.client import models
+
+        answer = await self.call("set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+        return parse(models.LocalizationResult, answer)
+
+    async def localize(self) -> models.LocalizationResult:
+        """Have the robot search the whole map for where it is; the topic ``localization`` tells how that goes."""
+        from chefbotd.client import models
+
+        return parse(models.LocalizationResult, await self.call("localize"))
 
     async def start_mapping(
         self, name: str | None = None, *, unfinished: bool = False

@@ -6,6 +6,7 @@ from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextDa
 from chefbotd.features.description.methods import RobotDescription
 from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
 from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
+from chefbotd.features.localization.methods import LocalizationData, LocalizationResult, PlaceCandidate
 from chefbotd.features.mapping.methods import MapData, MappingData, MappingResult, MapPoseData, MapSaved
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
 from chefbotd.features.odometry.methods import OdometryData
@@ -36,6 +37,8 @@ __all__ = [
     "LidarsData",
     "Limited",
     "LinkData",
+    "LocalizationData",
+    "LocalizationResult",
     "MapData",
     "MapInUse",
     "MapList",
@@ -46,6 +49,7 @@ __all__ = [
     "MappingData",
     "MappingResult",
     "OdometryData",
+    "PlaceCandidate",
     "PlaceData",
     "PlaceList",
     "Pong",
@@ -85,6 +89,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "scan": ScanData,
     "lidars": LidarsData,
     "worker": WorkerData,
+    "localization": LocalizationData,
     "mapping": MappingData,
     "map": MapData,
     "map_pose": MapPoseData,

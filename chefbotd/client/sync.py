@@ -228,6 +228,14 @@ class SyncClient(SyncMaps, SyncTopics):
         """Match all scans once more and save the map. ``on_progress`` is called in another thread."""
         return self._run(self._client.finish_mapping(name, on_progress=on_progress))
 
+    def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0) -> models.LocalizationResult:
+        """Say about where the robot is in the map in use."""
+        return self._run(self._client.set_pose(x_m, y_m, heading_rad))
+
+    def localize(self) -> models.LocalizationResult:
+        """Have the robot search the whole map for where it is."""
+        return self._run(self._client.localize())
+
     def discard_mapping(self) -> models.MappingResult:
         """Forget the map that is being made, or that was never finished; saved maps stay."""
         return self._run(self._client.discard_mapping())

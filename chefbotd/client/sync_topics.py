@@ -78,6 +78,10 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.WorkerData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["localization"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.LocalizationData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["mapping"], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[t.MappingData]: ...
     @overload

@@ -77,6 +77,10 @@ class Topics(ABC):
     ) -> Subscription[t.WorkerData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["localization"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.LocalizationData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["mapping"], **options: Unpack[SubscribeOptions]
     ) -> Subscription[t.MappingData]: ...
     @overload

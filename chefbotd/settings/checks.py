@@ -211,7 +211,11 @@ def _braking(settings: Settings) -> Iterator[str]:
 
 
 def _mapping(settings: Settings) -> Iterator[str]:
-    named, names = settings.mapping.lidar, [lidar.name for lidar in settings.lidar]
-    if named is not None and named not in names:
-        there = f"those configured: {', '.join(names)}" if names else "none is configured"
-        yield f"mapping.lidar {named!r} is no lidar ({there})"
+    names = [lidar.name for lidar in settings.lidar]
+    there = f"those configured: {', '.join(names)}" if names else "none is configured"
+    for section, named in (
+        ("mapping", settings.mapping.lidar),
+        ("localization", settings.localization.lidar),
+    ):
+        if named is not None and named not in names:
+            yield f"{section}.lidar {named!r} is no lidar ({there})"

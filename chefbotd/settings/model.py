@@ -13,6 +13,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.driving.service import ControlParameters
 from chefbotd.link.port import LinkParameters
+from chefbotd.localization.section import LocalizationSection
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.motion.drive_state import DriveParameters
@@ -93,6 +94,7 @@ class Settings(Parameters):
     battery: BatteryParameters
     maps: MapsParameters | None = None
     mapping: MappingParameters = section()
+    localization: LocalizationSection = section()
     worker: WorkerParameters = section()
     api: ApiParameters = section()
     log: LogParameters = section()

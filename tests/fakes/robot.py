@@ -18,6 +18,8 @@ from chefbotd.features.driving.methods import methods as driving_methods
 from chefbotd.features.driving.methods import topics as driving_topics
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.features.lidars.feature import topics as lidar_topics
+from chefbotd.features.localization.methods import TOPICS as LOCALIZATION
+from chefbotd.features.localization.methods import LocalizationMethods, LocalizationResult
 from chefbotd.features.mapping.methods import TOPICS as MAPPING
 from chefbotd.features.mapping.methods import MappingMethods, MappingResult, MapSaved
 from chefbotd.features.maps.feature import maps
@@ -52,6 +54,23 @@ STATS = StatsSampled(
 )
 
 MAPPING_RESULT = MappingResult(state="mapping", name=None, kept_scans=40, loops=2, path_m=12.5)
+
+
+class FakeLocalizer:
+    """Remembers with the robot's other calls what it was told."""
+
+    def __init__(self, robot: "FakeRobot") -> None:
+        self._robot = robot
+
+    async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
+        """Remember it."""
+        self._robot.calls.append(("set_pose", x_m, y_m, heading_rad))
+        return LocalizationResult(state="doubtful", map="flat")
+
+    async def localize(self) -> LocalizationResult:
+        """Remember it."""
+        self._robot.calls.append(("localize",))
+        return LocalizationResult(state="searching", map="flat")
 
 
 class FakeRobot:
@@ -187,6 +206,11 @@ class FakeRobot:
             maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
             *([SIMULATION, Feature("lidars", topics=lidar_topics([LIDAR]))] if simulated else []),
             Feature("worker", topics=WORKER),
+            Feature(
+                "localization",
+                methods=methods_of(LocalizationMethods(FakeLocalizer(self))),
+                topics=LOCALIZATION,
+            ),
             Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
         ]

@@ -7,7 +7,10 @@ from typing import Final
 from chefbotd.clock import Clock
 from chefbotd.worker.skills.skill import Skill
 
-SKILLS: Final[Mapping[str, str]] = {"mapping": "chefbotd.worker.skills.mapping:MappingSkill"}
+SKILLS: Final[Mapping[str, str]] = {
+    "mapping": "chefbotd.worker.skills.mapping:MappingSkill",
+    "localization": "chefbotd.worker.skills.localization:LocalizationSkill",
+}
 """Name -> module and class, which is made with its parameters as JSON and the worker's clock."""
 
 EXTRA: Final = "navigation"

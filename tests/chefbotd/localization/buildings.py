@@ -9,13 +9,13 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import (
     Localization,
-    LocalizationMap,
     Odometry,
     Report,
     advanced,
     step,
 )
 from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.searching import LocalizationMap
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import between
 from chefbotd.mapping.state import Scan

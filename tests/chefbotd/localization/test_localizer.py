@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from chefbotd.localization.localizer import (
-    LocalizationMap,
     Report,
     localization_map,
     localize,
     map_loaded,
     set_pose,
 )
+from chefbotd.localization.searching import LocalizationMap
 from chefbotd.localization.states import Event, State
 from chefbotd.mapping.poses import Floats, compose
 from tests.chefbotd.localization.buildings import PARAMS, Robot, drawn, mirrored, off, twin_rooms

@@ -49,6 +49,7 @@ def test_topics_are_those_of_the_contract() -> None:
         "raw",
         "stats",
         "worker",
+        "localization",
         "mapping",
         "map",
         "map_pose",

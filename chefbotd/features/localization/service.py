@@ -1,0 +1,167 @@
+"""The daemon's side of localization: which map the worker's skill is to use, and what it tells of the robot's pose."""
+
+import asyncio
+from typing import Final
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.commands import Refused
+from chefbotd.core.events import OdometryReset, OdometryUpdated
+from chefbotd.core.events.localization import Alternative, LocalizationChanged
+from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
+from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.geometry import Pose2D, PoseCovariance
+from chefbotd.features.localization.methods import LocalizationResult
+from chefbotd.features.worker.service import WorkerService
+from chefbotd.worker.skills.localization_messages import (
+    LOCATED,
+    SKILL,
+    Localize,
+    Located,
+    SetPose,
+    UseMap,
+    UseNone,
+)
+
+log = structlog.get_logger(component="localization")
+
+SHORT_S: Final = 20.0
+"""For what is a moment's work in the worker, though it may be at something else."""
+
+LONG_S: Final = 60.0
+"""For making a large map ready."""
+
+TOLD_EVERY_S: Final = 1.0
+"""How often the state is told while nothing of it changes."""
+
+
+class LocalizationService:
+    """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose."""
+
+    def __init__(self, bus: Bus, clock: Clock, feed: WorkerService) -> None:
+        self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
+        self._map: MapLoaded | None = None
+        self._is_mapping = False
+        self._has_to_tell = asyncio.Event()
+        self._told: LocalizationChanged | None = None
+        self._jumps = 0
+        self._map_from_steady: Pose2D | None = None
+        self._odom_from_base: Pose2D | None = None
+        self._worker.add_listener(SKILL, self._take_told)
+        self._worker.add_on_ready(self._has_to_tell.set)
+        bus.add_handler(self._take_map, MapLoaded)
+        bus.add_handler(self._take_unloaded, MapUnloaded)
+        bus.add_handler(self._take_mapping, MappingChanged)
+        bus.add_handler(self._take_odometry, OdometryUpdated)
+        bus.add_handler(self._take_reset, OdometryReset)
+
+    def pose(self) -> Pose2D | None:
+        """Where the robot is in the map in use; None where that is not sure."""
+        sure = self._told is not None and self._told.state == "localized"
+        if not sure or self._map_from_steady is None or self._odom_from_base is None:
+            return None
+        return self._map_from_steady.compose(self._feed.steady_from_odom).compose(self._odom_from_base)
+
+    async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
+        """The robot is about here."""
+        return await self._ask(SetPose(x_m, y_m, heading_rad), SHORT_S)
+
+    async def localize(self) -> LocalizationResult:
+        """Search everywhere."""
+        return await self._ask(Localize(), SHORT_S)
+
+    async def run(self) -> None:
+        """Tell the skill which map to use: when that changes, and each time that a worker has become ready."""
+        while True:
+            await self._has_to_tell.wait()
+            self._has_to_tell.clear()
+            if self._worker.is_ready:
+                await self._tell_map()
+
+    async def _tell_map(self) -> None:
+        used = None if self._is_mapping else self._map
+        try:
+            await self._ask(UseNone() if used is None else UseMap(used.name, used.version), LONG_S)
+        except Refused as problem:
+            log.error("localization has no map", reason=str(problem))
+            self._publish(self._clock.now_s(), state="unknown", name=None, reason=str(problem))
+
+    async def _ask(
+        self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float
+    ) -> LocalizationResult:
+        answer = LOCATED.decode(await self._worker.request(SKILL, request, deadline_s=deadline_s))
+        self._take(answer)
+        return LocalizationResult(state=answer.state, map=answer.map)
+
+    # what happens
+
+    def _take_map(self, event: MapLoaded) -> None:
+        self._map = event
+        self._has_to_tell.set()
+
+    def _take_unloaded(self, event: MapUnloaded) -> None:
+        self._map = None
+        self._has_to_tell.set()
+
+    def _take_mapping(self, event: MappingChanged) -> None:
+        is_mapping = event.state != "idle"
+        if is_mapping is not self._is_mapping:
+            self._is_mapping = is_mapping
+            self._has_to_tell.set()
+
+    def _take_odometry(self, event: OdometryUpdated) -> None:
+        self._odom_from_base = event.odom_from_base
+
+    def _take_reset(self, event: OdometryReset) -> None:
+        self._odom_from_base = event.after
+
+    def _take_told(self, body: bytes) -> None:
+        """Raises ``msgspec.DecodeError`` for what the skill does not say."""
+        if not self._is_mapping:
+            self._take(LOCATED.decode(body))
+
+    def _take(self, told: Located) -> None:
+        self._jumps += told.jumped
+        if told.map_from_base is not None:
+            pose, steady_from_base = Pose2D(*told.map_from_base), Pose2D(*told.odometry)
+            self._map_from_steady = pose.compose(steady_from_base.inverse())
+        alternatives = tuple(
+            Alternative(Pose2D(x, y, heading), fit) for x, y, heading, fit in told.alternatives
+        )
+        self._publish(
+            told.stamp_s, told.state, told.map, told.fit, alternatives, told.searched, reason=told.reason
+        )
+        if told.map_from_base is not None and self._map_from_steady is not None:
+            self._bus.publish(
+                MapPoseUpdated(
+                    told.stamp_s,
+                    Pose2D(*told.map_from_base),
+                    self._map_from_steady.compose(self._feed.steady_from_odom),
+                    PoseCovariance(*told.covariance),
+                    told.fit,
+                    told.state,
+                )
+            )
+
+    def _publish(
+        self,
+        stamp_s: float,
+        state: str,
+        name: str | None,
+        fit: float = 0.0,
+        alternatives: tuple[Alternative, ...] = (),
+        searched: float = 0.0,
+        *,
+        reason: str = "",
+    ) -> None:
+        """Tell how it stands if that has changed, or was told a while ago."""
+        last = self._told
+        now = LocalizationChanged(stamp_s, state, name, fit, alternatives, searched, self._jumps, reason)
+        if last is not None:
+            same = (last.state, last.map, last.jumps, last.reason) == (state, name, self._jumps, reason)
+            if same and len(last.alternatives) == len(alternatives) and stamp_s - last.stamp_s < TOLD_EVERY_S:
+                return
+        self._told = now
+        self._bus.publish(now)

@@ -1,0 +1,16 @@
+"""The ``[localization]`` section of the configuration; needs no numpy."""
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class LocalizationSection(Parameters):
+    """Which lidar's scans tell where the robot is, and what it may do by itself."""
+
+    lidar: str | None = Field(default=None, min_length=1)
+    """Its name; the first one that is configured, if none is named."""
+    search_by_itself: bool = True
+    """Whether a robot that is lost looks everywhere without being asked to."""
+    save_every_s: float = Field(default=5.0, gt=0, le=3600)
+    """How often the pose is kept on disk, at most; a robot that stands is not kept again."""

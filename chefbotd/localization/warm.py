@@ -1,0 +1,44 @@
+"""Compile, or load from the cache, all that localization needs, before the first scan waits for it."""
+
+import numpy as np
+
+from chefbotd.core.compiled import release_compiler
+from chefbotd.core.geometry import Pose2D
+from chefbotd.localization.localizer import (
+    Localization,
+    Odometry,
+    advanced,
+    localization_map,
+    localize,
+    set_pose,
+    step,
+)
+from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.states import State
+from chefbotd.mapping.correlate import Window, search
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.state import Scan
+from chefbotd.mapping.surfaces import normals
+
+SIDE, BEAMS = 60, 90
+
+
+def warm() -> None:
+    """Find the way in a small room, and give back the compiler's memory."""
+    params = LocalizationParameters()
+    percent = np.zeros((SIDE, SIDE), np.int8)
+    percent[[0, -1]] = percent[:, [0, -1]] = 100
+    percent[10:20, 14:30] = 100
+    within = localization_map(params, OccupancyGrid(0.05, Pose2D(-1.0, -1.2), percent))
+    angles = np.linspace(0, 2 * np.pi, BEAMS, endpoint=False)
+    points = np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32)
+    center = np.zeros(2)
+    scan = Scan(points, normals(points, center), center)
+    now, odometry = localize(Localization()), Odometry(np.zeros(3))
+    for k in range(3):
+        now, _ = step(params, within, now, 0.1 * k, odometry, scan)
+        now = advanced(params, within, now)
+    search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
+    tracking = Localization(state=State.DOUBTFUL)
+    step(params, within, set_pose(params, tracking, np.zeros(3)), 0.0, odometry, scan)
+    release_compiler()

@@ -1,0 +1,214 @@
+"""The skill that finds the way on a stored map: localization scan by scan, and the pose kept for the next run."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.localization.localizer import (
+    Localization,
+    Odometry,
+    Report,
+    advanced,
+    localization_map,
+    localize,
+    set_pose,
+    step,
+)
+from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.saved import SavedPose
+from chefbotd.localization.searching import LocalizationMap
+from chefbotd.localization.states import State
+from chefbotd.localization.warm import warm
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.poses import Floats, compose
+from chefbotd.maps.contents import read_grid
+from chefbotd.maps.store import MapStore
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.skills import localization_messages as messages
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
+from chefbotd.worker.skills.localization_messages import LocalizationSkillParameters, Located
+from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
+from chefbotd.worker.skills.skill import Job, Struct
+
+KEPT_ANEW_M, KEPT_ANEW_RAD = 0.02, 0.02
+NOTHING: Final = (0.0, 0.0, 0.0)
+NO_COVARIANCE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+ReadGrid = Callable[[str], OccupancyGrid]
+"""The cells of a stored map; raises ``Refused``."""
+
+
+def stored_grids(folder: Path) -> ReadGrid:
+    """Those of the store in this folder."""
+    store = MapStore(folder, 1)
+    return lambda name: read_grid(store, name)
+
+
+class LocalizationSkill:
+    """One map at a time."""
+
+    def __init__(
+        self,
+        parameters: bytes,
+        clock: Clock,
+        read_map: ReadGrid | None = None,
+        pose_file: PoseFile | None = None,
+    ) -> None:
+        self._parameters = LocalizationSkillParameters.model_validate_json(parameters)
+        self._read_map = read_map or stored_grids(self._parameters.folder)
+        self._pose_file = pose_file or PoseOnDisk(self._parameters.pose_file)
+        self._clock = clock
+        searching = {"by_itself": self._parameters.search_by_itself}
+        self._localization = LocalizationParameters.model_validate({"searching": searching})
+        self._aligner = ScanAligner()
+        self._within: LocalizationMap | None = None
+        self._map: tuple[str, int] | None = None
+        self._now = Localization()
+        self._reason = ""
+        self._kept: Floats | None = None
+        self._keep_at_s = float("-inf")
+
+    def warm(self) -> None:
+        """Load, or compile, all that localization needs."""
+        warm()
+
+    # what is measured
+
+    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+        """A turn of the lidar by which the robot finds its way."""
+        if self._within is not None and scan.lidar == self._parameters.lidar:
+            self._aligner.add_scan(scan)
+        return self._follow_what_is_aligned()
+
+    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+        """Where the robot is by odometry."""
+        self._aligner.add_odometry(odometry)
+        return self._follow_what_is_aligned()
+
+    def _follow_what_is_aligned(self) -> Iterator[Struct]:
+        while self._within is not None:
+            aligned = self._aligner.next_aligned(self._clock.now_s())
+            if aligned is None:
+                return
+            yield self._followed(self._within, aligned)
+
+    def _followed(self, within: LocalizationMap, aligned: AlignedScan) -> Located:
+        odometry = Odometry(aligned.odometry)
+        self._now, report = step(
+            self._localization, within, self._now, aligned.stamp_s, odometry, aligned.scan
+        )
+        return self._located(report)
+
+    # what has its own time
+
+    def step(self, now_s: float) -> Iterable[Struct]:
+        """Go on with a search between two scans; keep the pose now and then."""
+        yield from self._follow_what_is_aligned()
+        if self._within is None:
+            return
+        self._now = advanced(self._localization, self._within, self._now)
+        if now_s >= self._keep_at_s:
+            self._keep_at_s = now_s + self._parameters.save_every_s
+            self._keep()
+
+    def _keep(self) -> None:
+        """Keep the pose, if there is one that may be believed, and another than was kept last."""
+        estimate = self._now.estimate
+        if self._map is None or self._now.state is not State.LOCALIZED or estimate is None:
+            return
+        pose = estimate.pose
+        if self._kept is not None:
+            off = np.abs(pose - self._kept)
+            if max(off[0], off[1]) < KEPT_ANEW_M and off[2] < KEPT_ANEW_RAD:
+                return
+        name, version = self._map
+        x, y, heading = _triple(pose)
+        covariance = tuple(float(value) for value in estimate.covariance.ravel())
+        kept = SavedPose(map=name, version=version, x_m=x, y_m=y, heading_rad=heading, covariance=covariance)
+        self._reason = self._pose_file.write(kept)
+        self._kept = pose.copy()
+
+    def close(self) -> None:
+        """The daemon ends: keep the pose."""
+        self._keep()
+
+    # what is asked
+
+    def handle(self, body: bytes) -> Struct | Job:
+        """One request."""
+        match messages.REQUEST.decode(body):
+            case messages.UseMap() as request:
+                self._use(request.name, request.version)
+            case messages.UseNone():
+                self._keep()
+                self._rest()
+            case messages.SetPose() as request:
+                self._require_map()
+                pose = np.array([request.x_m, request.y_m, request.heading_rad])
+                self._now = set_pose(self._localization, self._now, pose)
+            case _:  # Localize
+                self._require_map()
+                self._now = localize(self._now)
+        return self._standing()
+
+    def _use(self, name: str, version: int) -> None:
+        try:
+            within = localization_map(self._localization, self._read_map(name))
+        except ValueError as problem:
+            self._rest()
+            raise Refused(
+                RefusalKind.MAP_UNREADABLE, f"nobody can find the way on {name!a}: {problem}"
+            ) from problem
+        self._rest()
+        self._within, self._map = within, (name, version)
+        kept = self._pose_file.read()
+        if kept is not None and kept.map == name:
+            pose = np.array([kept.x_m, kept.y_m, kept.heading_rad])
+            covariance = np.array(kept.loosened()).reshape(3, 3)
+            self._now = set_pose(self._localization, self._now, pose, covariance)
+
+    def _rest(self) -> None:
+        self._within = self._map = self._kept = None
+        self._now, self._reason = Localization(), ""
+        self._aligner.clear()
+
+    def _require_map(self) -> None:
+        if self._within is None:
+            raise Refused(
+                RefusalKind.NO_MAP_LOADED, "no map is in use, or one is being made: load one, or finish it"
+            )
+
+    # what is told
+
+    def _located(self, report: Report) -> Located:
+        odometry, there = self._now.odometry, report.map_from_base
+        moved = odometry is not None and there is not None and report.map_from_odom is not None
+        c = there.covariance if there is not None else np.zeros((3, 3))
+        upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
+        return Located(
+            stamp_s=report.stamp_s,
+            state=str(report.state),
+            map=self._map[0] if self._map else None,
+            map_from_base=_triple(compose(report.map_from_odom, odometry.pose)) if moved else None,  # type: ignore[arg-type,union-attr]
+            odometry=_triple(odometry.pose) if odometry else NOTHING,
+            covariance=tuple(float(value) for value in upper),  # type: ignore[arg-type]
+            fit=report.fit,
+            jumped=report.jumped,
+            alternatives=tuple((*_triple(one.estimate.pose), one.fit) for one in report.alternatives),
+            searched=report.searched,
+            reason=self._reason,
+        )
+
+    def _standing(self) -> Located:
+        """How it stands between two scans."""
+        now_s, state = self._clock.now_s(), str(self._now.state)
+        name = self._map[0] if self._map else None
+        return Located(now_s, state, name, None, NOTHING, NO_COVARIANCE, 0.0, False, (), 0.0, self._reason)
+
+
+def _triple(pose: Floats) -> tuple[float, float, float]:
+    return float(pose[0]), float(pose[1]), float(pose[2])

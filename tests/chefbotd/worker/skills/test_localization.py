@@ -1,0 +1,223 @@
+"""The skill that finds the way, by what it is given and asked, and what it tells; the disk is in memory."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chefbotd.clock import ManualClock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.geometry import Pose2D
+from chefbotd.localization.saved import SavedPose
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.worker.messages import ScanSeen, packed
+from chefbotd.worker.skills.localization import LocalizationSkill
+from chefbotd.worker.skills.localization_messages import (
+    LocalizationRequest,
+    LocalizationSkillParameters,
+    Localize,
+    Located,
+    SetPose,
+    UseMap,
+    UseNone,
+)
+from chefbotd.worker.skills.pose_file import PoseOnDisk
+from chefbotd.worker.skills.skill import Struct
+from tests.chefbotd.localization.buildings import drawn
+from tests.chefbotd.mapping.slam.flat import furnished_flat
+from tests.chefbotd.worker.skills.drives import TRUTH, measured
+
+FLAT = drawn(furnished_flat())
+
+
+@dataclass
+class Memory:
+    """What keeps a pose; ``refuses`` is what is wrong with it."""
+
+    kept: SavedPose | None = None
+    writes: int = 0
+    refuses: str = ""
+
+    def read(self) -> SavedPose | None:
+        """It."""
+        return self.kept
+
+    def write(self, pose: SavedPose) -> str:
+        """Keep it."""
+        self.writes += 1
+        if not self.refuses:
+            self.kept = pose
+        return self.refuses
+
+
+def read_map(name: str) -> OccupancyGrid:
+    """The flat, and a map without walls."""
+    if name == "flat":
+        return FLAT
+    return OccupancyGrid(0.05, Pose2D(), np.zeros((9, 9), np.int8))
+
+
+class Bench:
+    """A skill, its disk and its clock, and all that it has told."""
+
+    def __init__(self, memory: Memory | None = None) -> None:
+        self.clock, self.memory = ManualClock(50.0), memory or Memory()
+        parameters = LocalizationSkillParameters(
+            lidar="top",
+            folder=Path("/nowhere"),
+            pose_file=Path("/nowhere/pose"),
+            search_by_itself=True,
+            save_every_s=1.0,
+        )
+        data = parameters.model_dump_json().encode()
+        self.skill = LocalizationSkill(data, self.clock, read_map, self.memory)
+        self.told: list[Located] = []
+
+    def ask(self, request: LocalizationRequest) -> Located:
+        """The answer."""
+        answer = self.skill.handle(packed(request))
+        assert isinstance(answer, Located)
+        return answer
+
+    def drive(self, first: int, last: int) -> None:
+        """A part of the tour, ten scans a second."""
+        for message in measured(first, last):
+            if message.stamp_s > self.clock.now_s():
+                self.clock.advance(message.stamp_s - self.clock.now_s())
+            take = self.skill.take_scan if isinstance(message, ScanSeen) else self.skill.take_odometry
+            self._hear(take(message))  # type: ignore[operator]
+            self._hear(self.skill.step(self.clock.now_s()))
+
+    def _hear(self, told: Iterable[Struct]) -> None:
+        for one in told:
+            assert isinstance(one, Located)
+            self.told.append(one)
+
+
+def off_m(told: Located, k: int) -> float:
+    """How far the told pose is from where the robot was at scan ``k`` of the tour."""
+    assert told.map_from_base is not None
+    return math.dist(told.map_from_base[:2], TRUTH[k][:2])
+
+
+def test_it_finds_the_way_on_a_stored_map() -> None:
+    """From a start that nobody tells, by a lidar that is mounted aside and turned: right within a second."""
+    bench = Bench()
+    assert bench.ask(UseMap("flat", 1)).state == "unknown"
+    bench.drive(0, 40)
+    assert bench.told[0].state == "searching"
+    assert bench.told[-1].state == "localized"
+    assert bench.told[-1].map == "flat"
+    assert off_m(bench.told[-1], 39) < 0.03
+    assert bench.told[-1].fit > 0.9
+    assert sum(told.jumped for told in bench.told) == 1
+
+
+def test_without_a_map_it_rests_and_refuses() -> None:
+    """Nothing is told of scans, and a pose that is given has no map to be on."""
+    bench = Bench()
+    bench.drive(0, 5)
+    assert bench.told == []
+    for request in (SetPose(1.0, 2.0, 0.3), Localize()):
+        with pytest.raises(Refused) as refused:
+            bench.ask(request)
+        assert refused.value.kind is RefusalKind.NO_MAP_LOADED
+
+
+def test_the_pose_is_kept_and_used_after_a_restart() -> None:
+    """The next worker starts where this one ended, 20 cm on: no search, right at once."""
+    first = Bench()
+    first.ask(UseMap("flat", 1))
+    first.drive(0, 60)
+    assert first.memory.writes >= 3
+    first.skill.close()
+    second = Bench(first.memory)
+    assert second.ask(UseMap("flat", 1)).state == "doubtful"
+    second.drive(61, 70)
+    assert {told.state for told in second.told} == {"doubtful", "localized"}
+    assert second.told[-1].state == "localized"
+    assert off_m(second.told[-1], 69) < 0.03
+
+
+def test_a_robot_that_stands_keeps_its_pose_once() -> None:
+    """An SD card is not worn out by a robot that stands: five seconds, one write."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    x, y, heading = map(float, TRUTH[0])
+    bench.ask(SetPose(x, y, heading))
+    standing = list(measured(0, 1))
+    for k in range(50):
+        bench.clock.advance(0.1)
+        for message in standing:
+            moved = type(message)(50.0 + 0.1 * k + 0.001 * standing.index(message), *_rest(message))
+            take = bench.skill.take_scan if isinstance(message, ScanSeen) else bench.skill.take_odometry
+            bench._hear(take(moved))  # type: ignore[operator]
+        bench._hear(bench.skill.step(bench.clock.now_s()))
+    assert bench.told[-1].state == "localized"
+    assert bench.memory.writes == 1
+
+
+def _rest(message: Struct) -> list[object]:
+    return [getattr(message, name) for name in message.__struct_fields__[1:]]
+
+
+def test_a_pose_of_another_map_is_not_used() -> None:
+    """It was kept for the office."""
+    kept = SavedPose(
+        map="office", version=1, x_m=1, y_m=1, heading_rad=0, covariance=(0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01)
+    )
+    assert Bench(Memory(kept)).ask(UseMap("flat", 1)).state == "unknown"
+
+
+def test_a_pose_that_cannot_be_kept_is_told() -> None:
+    """The disk is full: the robot drives on, and the reason is in the topic."""
+    bench = Bench(Memory(refuses="the pose cannot be kept: no space left"))
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 40)
+    assert bench.told[-1].state == "localized"
+    assert bench.told[-1].reason == "the pose cannot be kept: no space left"
+
+
+def test_set_pose_and_localize_change_the_state_at_once() -> None:
+    """Doubtful until scans confirm it; searching, whatever is known; and no map, nothing."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    assert bench.ask(SetPose(*map(float, TRUTH[0]))).state == "doubtful"
+    bench.drive(0, 6)
+    assert bench.told[-1].state == "localized"
+    assert bench.ask(Localize()).state == "searching"
+    assert bench.ask(UseNone()) == bench.ask(UseNone())
+    assert bench.ask(UseNone()).map is None
+
+
+def test_a_map_without_walls_is_refused_with_its_name() -> None:
+    """Nobody can find the way in nothing."""
+    with pytest.raises(Refused, match="way on 'meadow'"):
+        Bench().ask(UseMap("meadow", 1))
+
+
+def test_the_file_is_replaced_in_one_moment_and_damage_is_nothing(tmp_path: Path) -> None:
+    """What was written is read again; half of it, nonsense and no file are all the same: no pose."""
+    file = PoseOnDisk(tmp_path / "maps" / "last_pose.json")
+    assert file.read() is None
+    covariance = (0.04, 0.001, 0.0, 0.001, 0.02, 0.0, 0.0, 0.0, 0.003)
+    pose = SavedPose(map="flat", version=3, x_m=1.25, y_m=-0.5, heading_rad=0.7, covariance=covariance)
+    assert file.write(pose) == ""
+    assert file.read() == pose
+    assert [path.name for path in (tmp_path / "maps").iterdir()] == ["last_pose.json"]
+    path = tmp_path / "maps" / "last_pose.json"
+    whole = path.read_bytes()
+    for damaged in (whole[: len(whole) // 2], b"\xff\xfe", b"{}", whole.replace(b"0.02", b"-9.0")):
+        path.write_bytes(damaged)
+        assert file.read() is None
+
+
+def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    """A file lies where the folder should be."""
+    (tmp_path / "maps").write_text("")
+    covariance = (0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01)
+    pose = SavedPose(map="flat", version=1, x_m=0, y_m=0, heading_rad=0, covariance=covariance)
+    assert PoseOnDisk(tmp_path / "maps" / "last_pose.json").write(pose).startswith("the pose cannot be kept")
