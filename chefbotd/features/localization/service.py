@@ -8,7 +8,6 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
-from chefbotd.core.events import OdometryReset, OdometryUpdated
 from chefbotd.core.events.localization import Alternative, LocalizationChanged
 from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
@@ -47,22 +46,11 @@ class LocalizationService:
         self._has_to_tell = asyncio.Event()
         self._told: LocalizationChanged | None = None
         self._jumps = 0
-        self._map_from_steady: Pose2D | None = None
-        self._odom_from_base: Pose2D | None = None
         self._worker.add_listener(SKILL, self._take_told)
         self._worker.add_on_ready(self._has_to_tell.set)
         bus.add_handler(self._take_map, MapLoaded)
         bus.add_handler(self._take_unloaded, MapUnloaded)
         bus.add_handler(self._take_mapping, MappingChanged)
-        bus.add_handler(self._take_odometry, OdometryUpdated)
-        bus.add_handler(self._take_reset, OdometryReset)
-
-    def pose(self) -> Pose2D | None:
-        """Where the robot is in the map in use; None where that is not sure."""
-        sure = self._told is not None and self._told.state == "localized"
-        if not sure or self._map_from_steady is None or self._odom_from_base is None:
-            return None
-        return self._map_from_steady.compose(self._feed.steady_from_odom).compose(self._odom_from_base)
 
     async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
         """The robot is about here."""
@@ -111,12 +99,6 @@ class LocalizationService:
             self._is_mapping = is_mapping
             self._has_to_tell.set()
 
-    def _take_odometry(self, event: OdometryUpdated) -> None:
-        self._odom_from_base = event.odom_from_base
-
-    def _take_reset(self, event: OdometryReset) -> None:
-        self._odom_from_base = event.after
-
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""
         if not self._is_mapping:
@@ -124,26 +106,26 @@ class LocalizationService:
 
     def _take(self, told: Located) -> None:
         self._jumps += told.jumped
-        if told.map_from_base is not None:
-            pose, steady_from_base = Pose2D(*told.map_from_base), Pose2D(*told.odometry)
-            self._map_from_steady = pose.compose(steady_from_base.inverse())
         alternatives = tuple(
             Alternative(Pose2D(x, y, heading), fit) for x, y, heading, fit in told.alternatives
         )
         self._publish(
             told.stamp_s, told.state, told.map, told.fit, alternatives, told.searched, reason=told.reason
         )
-        if told.map_from_base is not None and self._map_from_steady is not None:
-            self._bus.publish(
-                MapPoseUpdated(
-                    told.stamp_s,
-                    Pose2D(*told.map_from_base),
-                    self._map_from_steady.compose(self._feed.steady_from_odom),
-                    PoseCovariance(*told.covariance),
-                    told.fit,
-                    told.state,
-                )
+        if told.map_from_base is None:
+            return
+        pose, steady_from_base = Pose2D(*told.map_from_base), Pose2D(*told.odometry)
+        map_from_steady = pose.compose(steady_from_base.inverse())
+        self._bus.publish(
+            MapPoseUpdated(
+                told.stamp_s,
+                pose,
+                map_from_steady.compose(self._feed.steady_from_odom),
+                PoseCovariance(*told.covariance),
+                told.fit,
+                told.state,
             )
+        )
 
     def _publish(
         self,
