@@ -67,13 +67,11 @@ class ChildProcess:
 
     def rss_mb(self) -> float | None:
         """Its resident memory, by /proc."""
-        fields = _content(PROC / str(self.pid) / "statm").split()
-        return int(fields[1]) * PAGE_MB if len(fields) > 1 else None
+        return rss_mb_of(self.pid)
 
     def cpu_s(self) -> float | None:
         """Its processor time in both modes, by /proc."""
-        fields = _content(PROC / str(self.pid) / "stat").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND if len(fields) > 12 else None
+        return cpu_s_of(self.pid)
 
     def kill(self) -> None:
         """SIGKILL: it may be stopped, or stuck in a library."""
@@ -97,6 +95,18 @@ class ChildProcess:
             for line in data.decode(errors="replace").splitlines():
                 self._last_lines.append(line.strip())
                 log.warning("the worker says", line=line)
+
+
+def rss_mb_of(pid: int) -> float | None:
+    """A process's resident memory, None where there is no /proc or no such process."""
+    fields = _content(PROC / str(pid) / "statm").split()
+    return int(fields[1]) * PAGE_MB if len(fields) > 1 else None
+
+
+def cpu_s_of(pid: int) -> float | None:
+    """The processor time that a process has used, in both modes."""
+    fields = _content(PROC / str(pid) / "stat").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND if len(fields) > 12 else None
 
 
 def _content(path: Path) -> str:

@@ -1,11 +1,12 @@
 """A daemon on a simulated robot in a child process."""
 
 import asyncio
+import os
 import socket
 import sys
 import tempfile
 from asyncio.subprocess import Process
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import IO
@@ -28,9 +29,24 @@ async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
     Raises:
         ProgramError: it ended, or did not listen in time; its last log lines are in the message.
     """
+    async with simulated_process(None if robot is None else str(robot), {}) as (address, _):
+        yield address
+
+
+@asynccontextmanager
+async def simulated_process(
+    robot: str | None, environment: Mapping[str, str]
+) -> AsyncIterator[tuple[Address, int]]:
+    """The same, with its process id; ``robot`` may also name a packaged configuration.
+
+    ``environment`` is added to ours.
+
+    Raises:
+        ProgramError: as ``simulated_daemon`` does.
+    """
     address = Address("127.0.0.1", _free_port())
     with tempfile.TemporaryFile("w+") as log:
-        configured = () if robot is None else ("--config", str(robot))
+        configured = () if robot is None else ("--config", robot)
         command = (
             "-m",
             "chefbotd.cli.programs.chefbotd",
@@ -45,11 +61,12 @@ async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
             *command,
             stdout=log,
             stderr=log,
+            env={**os.environ, **environment},
             start_new_session=True,  # Ctrl-C reaches only us: we stop the robot before its daemon ends
         )
         try:
             await _listening(process, address, log)
-            yield address
+            yield address, process.pid
         finally:
             code = await _end(process)
     if code != Exit.OK:

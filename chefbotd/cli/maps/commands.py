@@ -10,6 +10,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.maps.asking import ask, write_file
+from chefbotd.cli.maps.making import COMMANDS as MAKING
 from chefbotd.cli.maps.progress import progress_bar
 from chefbotd.client import Client
 
@@ -24,7 +25,7 @@ MODES = ("trinary", "scale", "raw")
 
 @click.group("map")
 def map_group() -> None:
-    """Show, load, import and export maps."""
+    """Make, show, load, import and export maps."""
 
 
 @map_group.command("list")
@@ -206,3 +207,7 @@ def delete(context: CommandContext, name: str, yes: bool) -> None:
         click.confirm(f"Delete the map {name} with all its versions and places?", abort=True, err=True)
     ask(context, lambda robot: robot.delete_map(name))
     output.say(context.as_json, {"ok": True}, f"The map {name} is deleted.")
+
+
+for command in MAKING:
+    map_group.add_command(command)

@@ -14,7 +14,7 @@ import numpy as np
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.mapping.finish import refining
-from chefbotd.mapping.live_map import LiveMap, changes, grid_of, nothing, updated
+from chefbotd.mapping.live_map import LiveMap, Patch, changes, grid_of, nothing, updated
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.parts import apart
@@ -32,6 +32,9 @@ from chefbotd.worker.skills.skill import Done, Job, Struct
 
 SESSION: Final = "daemon_session"
 """Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
+
+WHOLE_EVERY_S: Final = 10.0
+"""Whoever has begun to listen late, or has missed a part, has the whole map after so long."""
 
 BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
@@ -66,7 +69,7 @@ class MappingSkill:
         self._grid: OccupancyGrid | None = None
         self._scans = 0
         self._told_number = self._saved_number = 0
-        self._tell_at_s = self._save_at_s = float("-inf")
+        self._tell_at_s = self._save_at_s = self._whole_at_s = float("-inf")
         self._aligner.clear()
 
     def warm(self) -> None:
@@ -116,11 +119,13 @@ class MappingSkill:
         self._live = updated(self._live, self._state.nodes)
         self._grid = grid_of(self._live)
         patch = None if self._grid is None else changes(before, self._grid)
+        if self._grid is not None and now_s >= self._whole_at_s:
+            patch = Patch(0, 0, self._grid.percent, whole=True)
         if self._grid is not None and patch is not None:
             self._revision += 1
-            yield self._grid_part(
-                now_s, self._grid, patch.row, patch.column, patch.percent, whole=patch.whole
-            )
+            if patch.whole:
+                self._whole_at_s = now_s + WHOLE_EVERY_S
+            yield self._grid_part(now_s, self._grid, patch)
         yield self._status()
         took_s = self._clock.now_s() - now_s
         self._tell_at_s = now_s + max(self._parameters.mapping.told_every_s, took_s / BUSY_SHARE)
@@ -247,8 +252,7 @@ class MappingSkill:
         self._files.discard_autosave()
         self._mode, self._name = Mode.IDLE, None
         self._forget()
-        loops = int(state.edges.loop.sum())
-        return messages.Finished(name, version, len(state.nodes), loops, status.path_m)
+        return messages.Finished(name, version, status.kept_scans, status.loops, status.path_m)
 
     def _require_map(self) -> None:
         if self._mode in (Mode.IDLE, Mode.FINISHING):
@@ -258,7 +262,7 @@ class MappingSkill:
     def _whole_grid(self) -> Struct:
         if self._grid is None:
             raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or nothing is in it yet")
-        return self._grid_part(self._clock.now_s(), self._grid, 0, 0, self._grid.percent, whole=True)
+        return self._grid_part(self._clock.now_s(), self._grid, Patch(0, 0, self._grid.percent, whole=True))
 
     # what is told
 
@@ -269,7 +273,7 @@ class MappingSkill:
             name=self._name,
             kept_scans=len(state.nodes),
             loops=int(state.edges.loop.sum()),
-            path_m=state.path_m,
+            path_m=way_m(state),
             scans=self._scans,
             unfinished=self._mode is Mode.IDLE and self._files.has_autosave(),
             reason=self._reason,
@@ -282,11 +286,7 @@ class MappingSkill:
         self,
         stamp_s: float,
         grid: OccupancyGrid,
-        row: int,
-        column: int,
-        percent: "np.ndarray[tuple[int, ...], np.dtype[np.int8]]",
-        *,
-        whole: bool,
+        patch: Patch,
     ) -> messages.GridPart:
         origin, (rows, columns) = grid.map_from_grid, grid.percent.shape
         return messages.GridPart(
@@ -296,12 +296,12 @@ class MappingSkill:
             origin=(origin.x_m, origin.y_m, origin.heading_rad),
             columns=columns,
             rows=rows,
-            column=column,
-            row=row,
-            part_columns=percent.shape[1],
-            part_rows=percent.shape[0],
-            whole=whole,
-            cells=zlib.compress(np.ascontiguousarray(percent).tobytes(), 1),
+            column=patch.column,
+            row=patch.row,
+            part_columns=patch.percent.shape[1],
+            part_rows=patch.percent.shape[0],
+            whole=patch.whole,
+            cells=zlib.compress(np.ascontiguousarray(patch.percent).tobytes(), 1),
         )
 
 
@@ -326,6 +326,12 @@ def _pose_found(aligned: AlignedScan, report: Report) -> PoseFound:
         fit=report.fit,
         state=str(report.mode),
     )
+
+
+def way_m(state: SlamState) -> float:
+    """The way from kept scan to kept scan; SLAM's own ``path_m`` counts turning too."""
+    steps = np.diff(state.nodes.local[:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 def _triple(pose: Floats) -> tuple[float, float, float]:

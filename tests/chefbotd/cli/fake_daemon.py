@@ -22,6 +22,9 @@ WHEELS = ("left_wheel", "right_wheel")
 PID = PidParameters(kp=400.0, ki=100.0, output_limit=255.0).model_dump()
 
 
+MAPPING = {"state": "mapping", "name": None, "kept_scans": 40, "loops": 2, "path_m": 12.4}
+
+
 class FakeDaemon:
     """Answers on a port of its own; ``calls`` is everything it was asked, in order.
 
@@ -188,6 +191,10 @@ class FakeDaemon:
             "release_control": lambda: {"sources": []},
             "get_pid": lambda: {"wheels": self.gains[-1]},
             "undo_pid": lambda: {"wheels": self._undo_pid()},
+            "start_mapping": lambda: MAPPING,
+            "pause_mapping": lambda: MAPPING | {"state": "paused"},
+            "finish_mapping": lambda: MAPPING | {"name": params["name"], "version": 3},
+            "discard_mapping": lambda: MAPPING | {"state": "idle"},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},
             "describe": lambda: description(simulated=self.simulated),
         }

@@ -115,6 +115,10 @@ def test_a_map_is_made_and_saved(tmp_path: Path) -> None:
             cells = np.frombuffer(decompress(b64decode(patch.cells)), np.int8)
             assert cells.size == patch.part_rows * patch.part_columns
             assert (await s.data("mapping")).kept_scans > 20
+            growing = await s.client.get_map()
+            assert growing.version == patch.revision
+            assert (growing.rows, growing.columns) == (patch.rows, patch.columns)
+            assert (np.frombuffer(growing.cells, np.int8) >= 65).sum() > 100
             told: list[float] = []
             saved = await s.client.call(
                 "finish_mapping",

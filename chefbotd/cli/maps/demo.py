@@ -1,0 +1,215 @@
+"""``chefbotctl map demo``: a simulated ChefBot with a lidar maps the flat, from the first scan to the files.
+
+It is driven through rooms that are known from the flat's plan, by where SLAM says that it is. At the end the map is held
+against the true walls.
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.drive.simulated_daemon import simulated_process
+from chefbotd.cli.maps.listening import listen
+from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
+from chefbotd.cli.maps.tour import Show, Tour
+from chefbotd.client import Client
+from chefbotd.client.models import MapSaved
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+
+ROOMS: Final[tuple[Point, ...]] = (
+    (2.35, 2.9), (2.35, 4.0), (2.72, 4.25), (2.75, 5.6), (2.72, 4.1), (4.9, 4.05), (4.93, 5.1), (5.1, 6.1),
+    (5.6, 6.93), (6.7, 6.93), (7.2, 6.25), (8.35, 6.3), (8.45, 5.3), (8.45, 3.9), (6.65, 3.9), (6.62, 2.9),
+    (6.55, 1.5), (5.45, 1.45), (4.5, 1.45), (4.45, 2.57), (3.0, 2.57), (2.4, 2.75), (2.35, 3.95), (2.4, 2.9),
+)  # fmt: skip
+"""Through hall, bedroom, study, child's room, hall and kitchen back into the living room: two loops in the plan."""
+
+READY_S: Final = 240.0
+"""The worker compiles its code once, when it is started for the first time."""
+
+STUCK_S: Final = 15.0
+COMMAND_S: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Processes:
+    """What the daemon (with the simulator in it) and its worker used while the robot drove; None: cannot be told."""
+
+    daemon_cpu: float | None
+    daemon_mb: float | None
+    worker_cpu: float | None
+    worker_mb: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class DemoResult:
+    """What came of it."""
+
+    saved: MapSaved
+    grid: OccupancyGrid
+    map_from_world: Pose2D
+    pose: Pose2D
+    seconds: float
+    control_steps: int
+    missed_steps: int
+    worker_restarts: int
+    processes: Processes
+
+
+class Demo:
+    """One run; ``show`` is called with each change."""
+
+    def __init__(self, folder: Path, name: str, start: Pose2D, show: Show) -> None:
+        self._folder, self._name, self._show = folder, name, show
+        self._start = start
+        self._tour = Tour(points=seen_from(start, ROOMS), doing="starting the simulated robot")
+        self._parameters = RouteParameters()
+        self._worker_pid: int | None = None
+
+    async def run(self) -> DemoResult:
+        """Start the robot, map, and save.
+
+        Raises:
+            ProgramError: it was not done, and why.
+        """
+        self._show(self._tour)
+        environment = {"CHEFBOTD_MAPS__FOLDER": str(self._folder.absolute())}
+        async with simulated_process("chefbot_lidar", environment) as (where, daemon_pid):
+            return await CommandContext(where).with_client(lambda robot: self._with_robot(robot, daemon_pid))
+
+    async def _with_robot(self, robot: Client, daemon_pid: int) -> DemoResult:
+        await robot.wait_until_armed()
+        await self._until_ready(robot)
+        await robot.discard_mapping()
+        await robot.start_mapping()
+        began_s, before, used = time.monotonic(), await robot.get_stats(), Usage(daemon_pid, self._worker_pid)
+        async with self._listening(robot):
+            await self._drive(robot)
+            self._tour.driven_s = time.monotonic() - began_s
+            processes = used.since()
+            self._tour.doing = "matching all scans with each other"
+            saved = await robot.finish_mapping(self._name, on_progress=self._report)
+        after, image = await robot.get_stats(), await self._saved_map(robot)
+        return DemoResult(
+            saved=saved,
+            grid=image,
+            map_from_world=self._start.inverse(),
+            pose=self._tour.tracker.pose or Pose2D(),
+            seconds=self._tour.driven_s,
+            control_steps=_count(after, "control_steps") - _count(before, "control_steps"),
+            missed_steps=missed_steps(before, after),
+            worker_restarts=_count(after, "worker_restarts") - _count(before, "worker_restarts"),
+            processes=processes,
+        )
+
+    async def _saved_map(self, robot: Client) -> OccupancyGrid:
+        return (await robot.get_map(self._name)).grid()
+
+    async def _until_ready(self, robot: Client) -> None:
+        """Wait for the worker, and say what it is at."""
+        try:
+            async with asyncio.timeout(READY_S), robot.subscribe("worker") as reports:
+                async for event in reports:
+                    self._worker_pid = event.data.pid
+                    if event.data.state == "ready":
+                        return
+                    if event.data.state == "unavailable":
+                        raise ProgramError(Exit.NOT_DONE, event.data.reason)
+                    self._tour.doing = (
+                        f"the worker is {event.data.state} (the first time it compiles its code)"
+                    )
+                    self._show(self._tour)
+        except TimeoutError:
+            told = f"the worker was not ready within {READY_S:g} s"
+            raise ProgramError(Exit.NOT_DONE, told) from None
+
+    @asynccontextmanager
+    async def _listening(self, robot: Client) -> AsyncIterator[None]:
+        task = asyncio.create_task(listen(robot, self._tour, self._show))
+        try:
+            yield
+        finally:
+            task.cancel()
+            await asyncio.wait({task})
+
+    async def _drive(self, robot: Client) -> None:
+        """Through all points; it fails where the robot comes no nearer to the end for some time."""
+        loop, tour, total = asyncio.get_running_loop(), self._tour, len(self._tour.points)
+        nearest_m, nearer_s = float("inf"), loop.time()
+        try:
+            while tour.points:
+                tour.doing = f"driving, point {total - len(tour.points) + 1} of {total}"
+                pose = tour.tracker.pose
+                if pose is not None:
+                    if is_reached(self._parameters, pose, tour.points[0]):
+                        tour.points = tour.points[1:]
+                        continue
+                    after = tour.points[1] if len(tour.points) > 1 else None
+                    twist = velocity_to(self._parameters, pose, tour.points[0], after)
+                    await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+                    left_m = length_m(pose, tour.points)
+                    if left_m < nearest_m - 0.05:
+                        nearest_m, nearer_s = left_m, loop.time()
+                if loop.time() - nearer_s > STUCK_S:
+                    raise ProgramError(Exit.NOT_DONE, await self._why_stuck(robot))
+                await asyncio.sleep(COMMAND_S)
+        finally:
+            await robot.stop()
+
+    async def _why_stuck(self, robot: Client) -> str:
+        safety = (await robot.get_state()).safety
+        held_by = safety.limited_by or (safety.reason if safety.mode != "armed" else "nobody knows what")
+        return f"{self._tour.doing}: no nearer for {STUCK_S:g} s, held by {held_by}"
+
+    def _report(self, done: float, total: float, text: str) -> None:
+        self._tour.doing = f"{text} ({100 * done / total:.0f} %)"
+        self._show(self._tour)
+
+
+class Usage:
+    """Processor time and memory of two processes, from when this was made."""
+
+    def __init__(self, daemon: int, worker: int | None) -> None:
+        self._pids = (daemon, worker)
+        self._began_s = time.monotonic()
+        self._before = [_cpu_s(pid) for pid in self._pids]
+
+    def since(self) -> Processes:
+        """What they have used since."""
+        passed_s = time.monotonic() - self._began_s
+        shares = [
+            None if then is None or now is None else (now - then) / passed_s
+            for then, now in zip(self._before, map(_cpu_s, self._pids), strict=True)
+        ]
+        memory = [_memory_mb(pid) for pid in self._pids]
+        return Processes(shares[0], memory[0], shares[1], memory[1])
+
+
+def _cpu_s(pid: int | None) -> float | None:
+    from chefbotd.worker.spawn import cpu_s_of
+
+    return None if pid is None else cpu_s_of(pid)
+
+
+def _memory_mb(pid: int | None) -> float | None:
+    from chefbotd.worker.spawn import rss_mb_of
+
+    return None if pid is None else rss_mb_of(pid)
+
+
+def _count(stats: Any, name: str) -> int:
+    return int(stats.model_dump()[name])
+
+
+def missed_steps(before: Any, after: Any) -> int:
+    """Readings of the encoders for which there was no control step; one may still be on its way."""
+    then, now = before.model_dump(), after.model_dump()
+    readings = now["frames"].get("encoders", 0) - then["frames"].get("encoders", 0)
+    steps = now["control_steps"] - then["control_steps"]
+    return max(0, int(readings - steps))

@@ -1,0 +1,33 @@
+"""What a screen of the growing map listens to."""
+
+from typing import Any
+
+from chefbotd.cli.maps.tour import Show, Tour
+from chefbotd.client import Client
+
+TOPICS = ("map", "map_pose", "mapping", "odometry")
+
+
+async def listen(robot: Client, tour: Tour, show: Show) -> None:
+    """Take in what is told of the map, and show each change, until cancelled.
+
+    One that begins in mid-mapping sees the map after ten seconds at most, when it is told as a whole again.
+    """
+    async with robot.subscribe(TOPICS, policy="ordered") as events:
+        async for event in events:
+            take_event(tour, event)
+            if event.topic == "map":
+                show(tour)
+
+
+def take_event(tour: Tour, event: Any) -> None:
+    """Take in an event of these topics."""
+    if event.topic == "odometry":
+        tour.tracker.take_odometry(event.stamp_s, event.data)
+    elif event.topic == "map_pose":
+        tour.tracker.take_map_pose(event.stamp_s, event.data)
+        tour.state, tour.fit = event.data.state, event.data.fit
+    elif event.topic == "mapping":
+        tour.loops, tour.kept_scans = event.data.loops, event.data.kept_scans
+    else:
+        tour.live.take_part(event.data)

@@ -1,0 +1,136 @@
+"""The commands of ``chefbotctl map`` that make a map: start, pause, finish, discard, live, demo."""
+
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.maps.asking import write_file
+from chefbotd.cli.maps.progress import progress_bar
+from chefbotd.client import CallError, Client
+
+T = TypeVar("T")
+
+NEEDS_LIDAR = "this robot makes no maps: its configuration has no [[lidar]], or [worker] enabled = false"
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--unfinished", is_flag=True, help="Go on with the map that was never finished.")
+@click.pass_obj
+def start(context: CommandContext, name: str | None, unfinished: bool) -> None:
+    """Begin a map, or go on with the saved map NAME, or after a pause.
+
+    Drive the robot through the rooms then, by whatever means, and 'chefbotctl map finish NAME'.
+    """
+    told = _run(context, lambda robot: robot.start_mapping(name, unfinished=unfinished))
+    begun = f"Mapping: {told.kept_scans} scans so far." if told.kept_scans else "Mapping."
+    output.say(context.as_json, told.model_dump(), f"{begun} 'chefbotctl map live' shows the map.")
+
+
+@click.command()
+@click.pass_obj
+def pause(context: CommandContext) -> None:
+    """Add nothing to the map until 'map start'."""
+    told = _run(context, lambda robot: robot.pause_mapping())
+    output.say(context.as_json, told.model_dump(), f"Paused, with {told.kept_scans} scans.")
+
+
+@click.command()
+@click.argument("name")
+@click.pass_obj
+def finish(context: CommandContext, name: str) -> None:
+    """Put the last touch on the map, save it as NAME, and end. Ctrl-C gives up, and mapping goes on."""
+    with progress_bar(f"finishing {name}", quiet=context.as_json) as report:
+        saved = _run(context, lambda robot: robot.finish_mapping(name, on_progress=report))
+    text = f"Saved {saved.name}, version {saved.version}: {saved.kept_scans} scans on {saved.path_m:.0f} m."
+    output.say(context.as_json, saved.model_dump(), text)
+
+
+@click.command()
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.pass_obj
+def discard(context: CommandContext, yes: bool) -> None:
+    """Forget the map that is being made, or was never finished. Saved maps stay."""
+    if not (yes or context.as_json):
+        click.confirm("Forget the map that is being made?", abort=True, err=True)
+    told = _run(context, lambda robot: robot.discard_mapping())
+    output.say(context.as_json, told.model_dump(), "The map is forgotten.")
+
+
+@click.command()
+@click.pass_obj
+def live(context: CommandContext) -> None:
+    """Draw the map that is being made, as it grows, with the robot in it, until Ctrl-C."""
+    from chefbotd.cli.maps.demo_view import DemoView
+    from chefbotd.cli.maps.listening import listen
+    from chefbotd.cli.maps.tour import Tour
+
+    view = DemoView(quiet=context.as_json)
+
+    async def watch(robot: Client) -> None:
+        with view.showing() as show:
+            await listen(robot, Tour(doing="mapping"), show)
+
+    _run(context, watch)
+
+
+@click.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("build/map"),
+    show_default=True,
+    help="The folder for the map's files.",
+)
+@click.pass_obj
+def demo(context: CommandContext, out: Path) -> None:
+    """Have a simulated ChefBot with a lidar map a flat: no robot and no daemon is needed.
+
+    It is driven through the rooms, and the map is drawn as it grows. At the end the map is held against the flat's
+    true walls. It takes about three minutes.
+    """
+    from chefbotd.cli.maps.against_truth import wall_errors
+    from chefbotd.cli.maps.demo import Demo
+    from chefbotd.cli.maps.demo_view import DemoView, as_json
+    from chefbotd.cli.maps.draw import Mark
+    from chefbotd.cli.maps.png import to_png
+    from chefbotd.sim.scene import of_solids
+    from chefbotd.sim.worlds.building import SLICE_M
+    from chefbotd.sim.worlds.flat import FLAT
+
+    view = DemoView(quiet=context.as_json)
+    with view.showing() as show:
+        result = context.run(Demo(out, FLAT.name, FLAT.start, show).run())
+    errors = wall_errors(result.grid, FLAT.start, of_solids(FLAT.solids).slice(SLICE_M)[0])
+    picture = out / f"{FLAT.name}.png"
+    robot = Mark(result.pose.x_m, result.pose.y_m, result.pose.heading_rad)
+    write_file(picture, to_png(result.grid, [robot]), force=True)
+    files = [out / f"{FLAT.name}.yaml", out / f"{FLAT.name}.pgm", picture]
+    if context.as_json:
+        echo(json.dumps(as_json(result, errors, files)))
+    else:
+        view.show(result, errors, files)
+    if result.missed_steps:
+        raise ProgramError(Exit.NOT_DONE, f"{result.missed_steps} control steps were missed")
+
+
+def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
+    async def asking(robot: Client) -> T:
+        try:
+            return await action(robot)
+        except CallError as error:
+            if error.kind not in ("method_not_found", "unknown_topic"):
+                raise
+            raise ProgramError(Exit.REFUSED, f"{error.kind}: {NEEDS_LIDAR}", kind=error.kind) from error
+
+    return context.run_with_client(asking)
+
+
+COMMANDS = (start, pause, finish, discard, live, demo)

@@ -1,0 +1,67 @@
+"""Driving from point to point: pure functions from the robot's pose to a velocity."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TypeAlias
+
+from pydantic import Field
+
+from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
+from chefbotd.core.parameters import Parameters
+
+Point: TypeAlias = tuple[float, float]
+
+
+class RouteParameters(Parameters):
+    """Speeds and tolerances: within doors 0.9 m wide the robot has 25 cm on each side."""
+
+    cruise_m_s: float = Field(default=0.32, gt=0)
+    creep_m_s: float = Field(default=0.08, gt=0)
+    deceleration_m_s2: float = Field(default=0.35, gt=0)
+    turn_rad_s: float = Field(default=0.9, gt=0)
+    """The classic board is silent for up to a second when an echo is missing: turning fast, it overshoots meanwhile."""
+    turn_gain_per_s: float = Field(default=1.8, gt=0)
+    turn_in_place_rad: float = Field(default=0.5, gt=0)
+    """With more to turn it stands meanwhile."""
+    reached_m: float = Field(default=0.1, gt=0)
+
+
+def seen_from(start: Pose2D, points: Sequence[Point]) -> tuple[Point, ...]:
+    """Points of the plan in the map of a robot that began at ``start``."""
+    there = [start.inverse().compose(Pose2D(x_m, y_m)) for x_m, y_m in points]
+    return tuple((pose.x_m, pose.y_m) for pose in there)
+
+
+def length_m(pose: Pose2D, points: Sequence[Point]) -> float:
+    """The way from the robot through all points."""
+    way = [(pose.x_m, pose.y_m), *points]
+    return sum(math.dist(a, b) for a, b in pairwise(way))
+
+
+def is_reached(parameters: RouteParameters, pose: Pose2D, point: Point) -> bool:
+    """Whether the robot is at the point."""
+    return math.dist((pose.x_m, pose.y_m), point) <= parameters.reached_m
+
+
+def velocity_to(parameters: RouteParameters, pose: Pose2D, point: Point, after: Point | None) -> Twist2D:
+    """The velocity towards a point; it slows down as much as the turn towards the point after it asks."""
+    dx, dy = point[0] - pose.x_m, point[1] - pose.y_m
+    off_rad = wrap_angle(math.atan2(dy, dx) - pose.heading_rad)
+    limit = parameters.turn_rad_s
+    angular = max(-limit, min(limit, parameters.turn_gain_per_s * off_rad))
+    if abs(off_rad) > parameters.turn_in_place_rad:
+        return Twist2D(0.0, angular)
+    at_point_m_s = parameters.cruise_m_s * max(0.0, _straightness(pose, point, after))
+    braking = math.sqrt(at_point_m_s**2 + 2 * parameters.deceleration_m_s2 * math.hypot(dx, dy))
+    linear = max(parameters.creep_m_s, min(parameters.cruise_m_s, braking))
+    return Twist2D(linear * math.cos(off_rad), angular)
+
+
+def _straightness(pose: Pose2D, point: Point, after: Point | None) -> float:
+    """1 where the way goes straight on at the point, 0 from a turn of 60 degrees, or at the end."""
+    if after is None:
+        return 0.0
+    here = math.atan2(point[1] - pose.y_m, point[0] - pose.x_m)
+    there = math.atan2(after[1] - point[1], after[0] - point[0])
+    return 2 * math.cos(wrap_angle(there - here)) - 1
