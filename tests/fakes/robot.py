@@ -12,6 +12,7 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.features.board.methods import TOPICS as BOARD
 from chefbotd.features.board.methods import BoardMethods
+from chefbotd.features.depth_cameras.feature import topic as depth_cameras_topic
 from chefbotd.features.description.feature import description
 from chefbotd.features.driving.methods import DrivingMethods
 from chefbotd.features.driving.methods import methods as driving_methods
@@ -204,7 +205,11 @@ class FakeRobot:
             statistics_without_service(self, Metrics()),
             description(self.description),
             maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
-            *([SIMULATION, Feature("lidars", topics=lidar_topics([LIDAR]))] if simulated else []),
+            *(
+                [SIMULATION, Feature("scans", topics=(*lidar_topics([LIDAR]), depth_cameras_topic()))]
+                if simulated
+                else []
+            ),
             Feature("worker", topics=WORKER),
             Feature(
                 "localization",

@@ -30,12 +30,14 @@ def depth_cameras(
     return Feature(
         "depth_cameras",
         services=tuple(Service(f"depth camera {each.parameters.name}", each.run) for each in cameras),
-        topics=(
-            Topic("depth_cameras", (DepthCameraChanged,), DepthCamerasData, _data, join=_join),
-            *further_topics,
-        ),
+        topics=(topic(), *further_topics),
         add_metrics=lambda metrics: _add_metrics(metrics, cameras),
     )
+
+
+def topic() -> Topic:
+    """The topic ``depth_cameras``."""
+    return Topic("depth_cameras", (DepthCameraChanged,), DepthCamerasData, _data, join=_join)
 
 
 def _join(health: Health | None, event: DepthCameraChanged) -> Health:
