@@ -25,6 +25,9 @@ STRAIGHT_RAD_S = 1e-6
 STANDING_M_S = 1e-6
 """A robot no part of which is faster than this stands."""
 
+CREEPING_M_S = 0.01
+"""No motion is begun, or left over, that is slower than this: a robot before a wall stands still."""
+
 CLOSING_M_S = 1e-3
 """What comes closer more slowly than this does not come closer."""
 
@@ -60,6 +63,8 @@ def limit(
     share, limited_by = look.share_of(twist)
     if share >= WHOLE:
         return wanted, None
+    if share * look.rim_m_s(twist) < CREEPING_M_S:
+        share = 0.0
     if isinstance(wanted, WheelVelocities):
         return wanted.slowed(share), limited_by
     return look.most_of(wanted, share), limited_by
@@ -78,9 +83,13 @@ class _Look:
             params.reaction_s + max(now_s - view.stamp_s, view.turn_s, 0.0) for view in self._heard
         ]
 
+    def rim_m_s(self, twist: Twist2D) -> float:
+        """No part of the robot is faster."""
+        return abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._outline.radius_m
+
     def share_of(self, twist: Twist2D) -> tuple[float, str]:
         """How much of its speed the motion may have, 0 to 1 and more, and for what."""
-        rim_m_s = abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._outline.radius_m
+        rim_m_s = self.rim_m_s(twist)
         if rim_m_s < STANDING_M_S:
             return 1.0, ""
         share, limited_by = 1.0, ""

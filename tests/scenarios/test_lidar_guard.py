@@ -1,0 +1,83 @@
+"""The simulated ChefBot with a lidar keeps off what it sees, in every direction, and lets itself be driven away."""
+
+import asyncio
+import math
+import random
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.settings import Settings, load, packaged
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+
+START = (2.5, 2.4, 1.8)
+RADIUS_M = 0.18
+
+
+def robot_among(*things: tuple[float, float, float]) -> Settings:
+    """ChefBot with a lidar in the flat, and things about it: ahead of it, to its left, and their radius."""
+    x_m, y_m, heading = START
+    cos, sin = math.cos(heading), math.sin(heading)
+    placed = [
+        {"x_m": x_m + cos * ahead - sin * left, "y_m": y_m + sin * ahead + cos * left, "radius_m": radius}
+        for ahead, left, radius in things
+    ]
+    return load(packaged("chefbot_lidar"), overrides={"sim.things": placed})
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Drive so, twenty times a second, without touching anything."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+        truth = robot.board.truth(0.0)
+        assert not truth.in_contact, truth
+
+
+def test_it_stands_before_what_is_behind_it_and_lets_itself_be_driven_away() -> None:
+    """A bag of 0.15 m, 0.9 m behind: backwards it stands 1 to 9 cm before it; then it drives off."""
+
+    async def scenario() -> None:
+        async with simulated_robot(robot_among((-0.9, 0.08, 0.15))) as robot:
+            await asyncio.sleep(1.5)
+            await drive(robot, -0.3, 0.0, 5.0)
+            assert (await robot.client.get_state()).safety.limited_by == "obstacle:lidar"
+            truth = robot.board.truth(0.0)
+            backed_m = math.dist(START[:2], (truth.world_from_base.x_m, truth.world_from_base.y_m))
+            gap_m = math.hypot(0.9 - backed_m, 0.08) - 0.15 - RADIUS_M
+            assert 0.01 < gap_m < 0.09
+            assert abs(truth.twist.linear_m_s) < 0.005
+            await drive(robot, 0.3, 0.0, 1.5)
+            assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.3, abs=0.02)
+
+    run_virtual(scenario())
+
+
+def test_what_it_passes_at_the_side_does_not_slow_it() -> None:
+    """Two things 0.06 m beside its way, left and right."""
+
+    async def scenario() -> None:
+        beside_m = RADIUS_M + 0.06 + 0.1
+        async with simulated_robot(robot_among((0.8, beside_m, 0.1), (0.8, -beside_m, 0.1))) as robot:
+            await asyncio.sleep(1.5)
+            await drive(robot, 0.25, 0.0, 1.0)
+            for _ in range(5):
+                await drive(robot, 0.25, 0.0, 0.4)
+                assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.25, abs=0.02)
+
+    run_virtual(scenario())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_driven_about_among_things_it_touches_none(seed: int) -> None:
+    """A minute of motions that change every two seconds, arcs and reverse among them, between five things."""
+    rng = random.Random(seed)
+    things = ((0.9, 0.2, 0.1), (-0.8, -0.3, 0.08), (0.1, 0.7, 0.12), (0.2, -0.8, 0.05), (-0.6, 0.6, 0.1))
+
+    async def scenario() -> None:
+        async with simulated_robot(robot_among(*things)) as robot:
+            await asyncio.sleep(1.5)
+            for _ in range(30):
+                await drive(robot, rng.uniform(-0.34, 0.34), rng.uniform(-1.5, 1.5), 2.0)
+
+    run_virtual(scenario())
