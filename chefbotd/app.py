@@ -284,14 +284,18 @@ def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: ran
 
 
 def _scan_guard(settings: Settings, bus: Bus, clock: Clock) -> Callable[[OnError], Scans] | None:
-    """Loaded only where a lidar guards."""
-    if not any(lidar.guards for lidar in settings.lidar):
+    """Loaded only where a lidar or a depth camera guards."""
+    lidars, cameras = settings.lidar, settings.depth_camera
+    if not any(lidar.guards for lidar in lidars) and not any(camera.guards for camera in cameras):
         return None
     from chefbotd.features.driving.scan_watch import ScanWatch, outline_of
 
-    guard, chassis, lidars = settings.safety.guard, settings.chassis, settings.lidar
+    guard, chassis = settings.safety.guard, settings.chassis
     outline = outline_of(chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
-    return lambda on_error: ScanWatch(bus, clock, guard, chassis, lidars, outline, on_error=on_error)
+    near = [camera.name for camera in cameras]
+    return lambda on_error: ScanWatch(
+        bus, clock, guard, chassis, [*lidars, *cameras], outline, blind_near=near, on_error=on_error
+    )
 
 
 def _depth_cameras(

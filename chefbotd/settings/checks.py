@@ -132,7 +132,9 @@ def _device(name: str) -> str:
 
 def _guard(settings: Settings) -> Iterator[str]:
     guard = settings.safety.guard
-    sensors = [*settings.range_mounts(), *(lidar for lidar in settings.lidar if lidar.guards)]
+    lidars = [lidar.name for lidar in settings.lidar if lidar.guards]
+    cameras = [camera.name for camera in settings.depth_camera if camera.guards]
+    sensors = [*settings.range_mounts(), *lidars, *cameras]
     if guard.enabled and "guard" in settings.safety.model_fields_set and not sensors:
         yield (
             "[safety.guard] has no sensor to guard with: configure [ultrasonic], [[infrared]] or [[lidar]], "

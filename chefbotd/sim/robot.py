@@ -74,7 +74,6 @@ class Robot:
             )
         self._plant, self._body, self._world = plant, body, world
         self._crowd = crowd or Crowd((), (), seed=0)
-        world.discs = self._crowd.discs
         self._pulse_width: Vector | None = None
         idle_v, _ = plant.load(plant.standing, None, battery.supply)
         self._now = self._before = RobotState(
@@ -107,7 +106,6 @@ class Robot:
         self._read_s = max(to_s, self._read_s)
         while self._steps * self._plant.step_s < self._read_s:
             self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
-            self._world.discs = self._crowd.discs
             self._before, self._now = self._now, self._step(self._now)
             self._steps += 1
             self._leave_trail(self._now.world_from_base)

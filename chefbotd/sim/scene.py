@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.world import World
 from chefbotd.sim.worlds.solids import CEILING_M, Material, Solid
 
@@ -34,13 +35,18 @@ class Scene:
     slabs: tuple[Slab, ...] = ()
     start: Pose2D = ORIGIN
 
-    def below(self, height_m: float) -> World:
-        """The walls that something of this height can bump into.
+    def below(self, height_m: float, crowd: Crowd | None = None) -> World:
+        """The walls that something of this height can bump into, and who walks between them.
 
         Raises:
             ValueError: there are none.
         """
-        return World(self.edges[self.bottom_m < height_m])
+        return World(self.edges[self.bottom_m < height_m], crowd)
+
+    def at(self, height_m: float, crowd: Crowd | None = None) -> World:
+        """The walls that a level look at this height meets, glass too; all where it meets none."""
+        edges, _ = self.slice(height_m)
+        return World(edges if len(edges) else self.edges, crowd)
 
     def slice(self, height_m: float) -> tuple[Vector, npt.NDArray[np.int8]]:
         """What a level beam at this height can meet: edges, and the material of each."""

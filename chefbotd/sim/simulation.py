@@ -21,6 +21,9 @@ from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParame
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from firmware_protocol.codec import CLASSIC, Variant
 
+RANGE_SENSORS_M = 0.15
+"""The height at which ultrasonic and infrared sensors look (assumed): beneath a table's top."""
+
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
@@ -78,24 +81,25 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
     seed = parameters.seed if seed is None else seed
     body = parameters.body
     scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
-    world = scene.below(body.height_m)
+    crowd = Crowd(parameters.people, parameters.things, seed)
+    world, seen = scene.below(body.height_m, crowd), scene.at(RANGE_SENSORS_M, crowd)
     robot = Robot(
         Plant(parameters.motor, body, parameters.step_s, simulation.chassis),
         body,
         world,
         Battery.fresh(parameters.battery),
         start_pose(parameters.world, scene.start),
-        Crowd(parameters.people, parameters.things, seed),
+        crowd,
     )
     mount = simulation.ultrasonic
     wiring = Wiring(
         robot,
         simulation.chassis,
-        None if mount is None else Ultrasonic(parameters.ultrasonic, mount, world),
+        None if mount is None else Ultrasonic(parameters.ultrasonic, mount, seen),
         parameters.imu if simulation.has_imu else None,
         simulation.divider,
         simulation.variant,
-        tuple(Infrared(each, world) for each in simulation.infrared),
+        tuple(Infrared(each, seen) for each in simulation.infrared),
     )
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 

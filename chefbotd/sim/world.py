@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.rays import to_discs_m
 
 Point: TypeAlias = tuple[float, float]
@@ -18,10 +19,12 @@ NO_DISCS: Vector = np.zeros((0, 3))
 class World:
     """A set of wall segments in the world frame, S x 4: each row is x1, y1, x2, y2 in metres.
 
-    ``discs`` (D x 3: x, y, radius) is where people and things are now; whoever moves them sets it.
+    ``discs`` (D x 3: x, y, radius) is where people and things are now: the crowd's, if there is one.
     """
 
-    def __init__(self, walls: Vector | Iterable[tuple[float, float, float, float]]) -> None:
+    def __init__(
+        self, walls: Vector | Iterable[tuple[float, float, float, float]], crowd: Crowd | None = None
+    ) -> None:
         """Raises ``ValueError`` unless there is at least one wall, each with a length."""
         rows = np.asarray(walls if isinstance(walls, np.ndarray) else list(walls), dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 4 or not len(rows):
@@ -30,7 +33,12 @@ class World:
         self._length_squared = (self._along**2).sum(axis=1)
         if not self._length_squared.all():
             raise ValueError("a wall has no length")
-        self.discs = NO_DISCS
+        self._crowd = crowd
+
+    @property
+    def discs(self) -> Vector:
+        """Where people and things are now."""
+        return NO_DISCS if self._crowd is None else self._crowd.discs
 
     def clearance_m(self, point: Point) -> float:
         """Distance from the point to the nearest wall."""

@@ -90,6 +90,52 @@ def test_a_robot_without_a_depth_camera_has_nothing_of_it() -> None:
     run_virtual(scenario())
 
 
+TALL = {
+    "sim.body.height_m": 0.9,
+    "sim.ultrasonic.max_range_m": 10.0,  # without an echo the published sketch is silent for a second
+}
+
+
+@pytest.mark.parametrize("guards", [True, False])
+def test_a_tall_robot_stops_before_a_tables_top_and_only_the_camera_sees_it(guards: bool) -> None:
+    """Three times towards the edge, at 0.2 m/s for 6 s each: it never touches; without the camera's guard it does."""
+
+    async def scenario() -> None:
+        told = settings("chefbot", depth_camera=[{**EYE, "guards": guards}], **TALL)
+        async with simulated_robot(told) as robot:
+            await asyncio.sleep(3.0)
+            for _ in range(3):
+                await robot.client.drive_for(6.0, 0.2)
+                await asyncio.sleep(1.0)  # it stands so near that the camera does not see the edge any more
+            truth = robot.board.truth(0.0)
+            to_edge_m = 3.3 - 0.18 - truth.world_from_base.x_m
+            assert truth.in_contact is not guards
+            assert (0.05 < to_edge_m < 0.35) if guards else (abs(to_edge_m) < 0.01)
+
+    run_virtual(scenario())
+
+
+def test_beside_the_table_the_camera_lets_it_drive_away() -> None:
+    """After the stop: back by a third of a metre, then turned towards the free floor and on."""
+
+    async def scenario() -> None:
+        async with simulated_robot(settings("chefbot", **TALL)) as robot:
+            await asyncio.sleep(3.0)
+            await robot.client.drive_for(6.0, 0.2)
+            stopped = robot.board.truth(0.0).world_from_base
+            await robot.client.drive_for(2.0, -0.15)
+            await robot.client.drive_for(4.0, 0.0, 0.6)
+            await robot.client.drive_for(3.0, 0.15)
+            moved = robot.board.truth(0.0)
+            assert (
+                math.dist((moved.world_from_base.x_m, moved.world_from_base.y_m), (stopped.x_m, stopped.y_m))
+                > 0.4
+            )
+            assert not moved.in_contact
+
+    run_virtual(scenario())
+
+
 def test_names_are_the_cameras_own() -> None:
     """One that is called as the lidar is refused."""
     with pytest.raises(SettingsError, match="lidars and depth cameras need names of their own"):

@@ -5,8 +5,9 @@ Only a robot with a lidar loads this: it needs numpy.
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -21,10 +22,12 @@ from chefbotd.safety import scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Box, Disc, Floats, Outline
 from chefbotd.safety.scan_guard import NOT_SEEN, View
-from chefbotd.sensing.lidar import LidarParameters
 
 TRAIL = 200
 """Poses of the last seconds: more than a turn and its way here take."""
+
+NEAR_MARGIN_M, NEAR_CELL_M = 0.02, 0.02
+"""So far beyond the nearest reading is still too near to be sure of; near points are kept to the cell of this size."""
 
 TURNS_KEPT = 2
 """What one turn missed, the one before has seen."""
@@ -63,10 +66,30 @@ def outline_of(
     return Box(max(length_m / 2, half_length_m), max(width_m / 2, half_width_m))
 
 
+class GuardSensor(Protocol):
+    """A lidar or a depth camera, as far as the guard needs to know it."""
+
+    @property
+    def name(self) -> str:
+        """Its scans' name."""
+        ...
+
+    @property
+    def guards(self) -> bool:
+        """Whether the guard is to look at it."""
+        ...
+
+    @property
+    def band_m(self) -> tuple[float, float]:
+        """The nearest and the farthest reading that is used."""
+        ...
+
+
 class ScanWatch:
     """Keeps the last turns of each lidar that guards, and where the wheels have taken the robot since.
 
-    The trail is its own: a pose that somebody sets anew is no motion.
+    The trail is its own: a pose that somebody sets anew is no motion. A depth camera (``blind_near``: its name) sees
+    nothing that is nearer than its band: what it saw there before is kept until the robot is away from it.
     """
 
     def __init__(
@@ -75,18 +98,20 @@ class ScanWatch:
         clock: Clock,
         parameters: GuardParameters,
         chassis: ChassisParameters,
-        lidars: Sequence[LidarParameters],
+        sensors: Sequence[GuardSensor],
         outline: Outline,
         *,
+        blind_near: Collection[str] = (),
         on_error: OnError,
     ) -> None:
         self._clock, self._parameters, self._outline = clock, parameters, outline
         self._kinematics = Kinematics(chassis)
-        bands = {lidar.name: lidar.band_m for lidar in lidars if lidar.guards}
+        bands = {sensor.name: sensor.band_m for sensor in sensors if sensor.guards}
         self._beams = {
             name: BeamParameters(min_range_m=nearest_m, max_range_m=farthest_m)
             for name, (nearest_m, farthest_m) in bands.items()
         }
+        self._near_m = {name: bands[name][0] + NEAR_MARGIN_M for name in blind_near if name in bands}
         self._seen: dict[str, deque[_Seen]] = {name: deque(maxlen=TURNS_KEPT) for name in bands}
         self._pose = Pose2D()
         self._trail: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL)
@@ -120,7 +145,19 @@ class ScanWatch:
         after_s = event.scan.after_s
         turn_s = float(np.ptp(after_s)) if len(after_s) else 0.0
         points_m = _moved(trail_from_base, in_base)
+        if event.lidar in self._near_m:
+            points_m = self._with_near(event.lidar, points_m, trail_from_base.compose(event.base_from_lidar))
         self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s))
+
+    def _with_near(self, name: str, points_m: Floats, sensor: Pose2D) -> Floats:
+        """These points, and of those before them what is now too near to the sensor to be seen."""
+        seen = self._seen[name]
+        if not seen:
+            return points_m
+        before = seen[-1].points_m
+        is_near = np.hypot(before[:, 0] - sensor.x_m, before[:, 1] - sensor.y_m) < self._near_m[name]
+        kept = np.unique(np.round(before[is_near] / NEAR_CELL_M), axis=0) * NEAR_CELL_M
+        return np.concatenate((points_m, kept))
 
     def _view(self, name: str) -> View:
         """The lidar's last turns from where the robot is now."""

@@ -81,8 +81,7 @@ def test_things_are_put_and_taken_away() -> None:
 
 def test_a_beam_ends_at_a_person() -> None:
     """The wall at 2 m, a person of 0.25 m at 1.2 m before it."""
-    world = World([(2.0, -5.0, 2.0, 5.0)])
-    world.discs = np.array([[1.2, 0.0, 0.25]])
+    world = World([(2.0, -5.0, 2.0, 5.0)], Crowd([], [ThingParameters(x_m=1.2, y_m=0.0)], seed=1))
     assert world.first_hits_m((0.0, 0.0), np.array([0.0, math.pi / 4])) == pytest.approx(
         [0.95, 2 * math.sqrt(2)]
     )
