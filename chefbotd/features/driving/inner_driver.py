@@ -1,0 +1,80 @@
+"""A driver inside the daemon, such as navigation: its commands go the way of every client's.
+
+The source has a lease, the dead-man ends each command, limits and guards hold, and a higher source takes over at once.
+"""
+
+from collections.abc import Collection
+from typing import Final, Protocol
+
+from chefbotd.clock import Clock
+from chefbotd.core.geometry import Motion, Twist2D
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.session import Session
+
+MOST_AGE_S: Final = 0.3
+"""A wish that is older than this is not driven: a worker that was held up must not drive by what it saw before."""
+
+
+class Gate(Protocol):
+    """What takes the commands; ``features.driving.service.DriveService`` does."""
+
+    def command(self, source: str, motion: Motion) -> None:
+        """Take a command; raises ``Refused``."""
+        ...
+
+    def release(self, source: str) -> None:
+        """Forget the source's command."""
+        ...
+
+    def resume(self, sources: Collection[str]) -> None:
+        """No stop holds these sources any longer."""
+        ...
+
+
+class InnerDriver:
+    """Drives as one source; it is told as ``source``'s holder under the source's own name."""
+
+    def __init__(self, gate: Gate, leases: ControlLeases, clock: Clock, source: str) -> None:
+        self._gate, self._leases, self._clock, self.source = gate, leases, clock, source
+        self._session = _Inner(source, clock.now_s())
+        self._has_lease = False
+
+    def drive(self, twist: Twist2D, wished_s: float) -> None:
+        """Move so until the next wish, or until the dead-man ends it; ``wished_s`` is when it was wished.
+
+        A wish that is too old moves nothing.
+
+        Raises:
+            Unserved: a client has the source.
+            Refused: a stop holds it, or the robot is not armed.
+        """
+        now_s = self._clock.now_s()
+        if now_s - wished_s > MOST_AGE_S:
+            return
+        self._leases.require(self.source, self._session, now_s)
+        self._gate.command(self.source, twist)
+        self._leases.renew(self.source, self._session, now_s)
+        self._has_lease = True
+
+    def begin(self) -> None:
+        """A new goal was asked for: a stop from before does not hold it."""
+        self._gate.resume((self.source,))
+
+    def let_go(self) -> None:
+        """Nothing is wished any more: the robot comes to rest, or a lower source goes on."""
+        if self._has_lease:
+            self._has_lease = False
+            self._leases.release(self._session, self._clock.now_s())
+
+
+class _Inner(Session):
+    """Nobody's connection."""
+
+    def __init__(self, source: str, now_s: float) -> None:
+        super().__init__(ApiParameters(), "", 0, Role.DRIVE, now_s)
+        self._source = source
+
+    def __str__(self) -> str:
+        return f"the robot's own {self._source}"
