@@ -197,8 +197,9 @@ def _follow(
     now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
     if told.overlap < tracking.least_overlap:
         return now, None
-    if not found.matched:
-        return _misfit(watch, now, stamp_s)
+    if not found.matched or told.fit < watch.weak_fit:
+        patience_s = watch.weak_after_s if found.matched else watch.lost_after_s
+        return _misfit(watch, now, stamp_s, patience_s)
     suspicious = told.fit < now.usual_fit - tracking.suspicious_drop
     now = replace(
         now,
@@ -213,11 +214,13 @@ def _follow(
     return now, None
 
 
-def _misfit(watch: WatchParameters, now: Localization, stamp_s: float) -> tuple[Localization, Event | None]:
+def _misfit(
+    watch: WatchParameters, now: Localization, stamp_s: float, patience_s: float
+) -> tuple[Localization, Event | None]:
     since_s = stamp_s if now.misfit_since_s is None else now.misfit_since_s
     misfits = 1 if now.misfit_since_s is None else now.misfits + 1
     now = replace(now, misfit_since_s=since_s, misfits=misfits, fits=0)
-    if stamp_s - since_s >= watch.lost_after_s and misfits >= watch.lost_after_scans:
+    if stamp_s - since_s >= patience_s and misfits >= watch.lost_after_scans:
         return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
     if stamp_s - since_s >= watch.doubtful_after_s and now.state is State.LOCALIZED:
         return _on(now, Event.MISFITS), Event.MISFITS

@@ -18,6 +18,9 @@ class WatchParameters(Parameters):
     lost_after_s: float = Field(default=1.5, gt=0, le=60)
     lost_after_scans: int = Field(default=5, ge=1, le=1000)
     """A pose is given up when its scans misfit for so long, and are so many."""
+    weak_fit: float = Field(default=0.6, gt=0, le=1)
+    weak_after_s: float = Field(default=20.0, gt=0, le=600)
+    """A pose whose scans fit worse than this is doubtful as well, and given up after so long."""
     confirmed_fit: float = Field(default=0.65, gt=0, le=1)
     confirmed_scans: int = Field(default=3, ge=1, le=100)
     """So many scans in a row that fit so well end a doubt."""

@@ -151,7 +151,10 @@ def test_people_and_a_moved_chair_do_no_harm(flat: LocalizationMap) -> None:
 
 
 def test_glass_does_no_harm(flat: LocalizationMap) -> None:
-    """The long wall at y = 3.2 turns out to be glass, and beams go through it. The fit falls, the pose holds."""
+    """The long wall at y = 3.2 turns out to be glass, and beams go through it. The fit falls, the pose holds.
+
+    Where the robot drives along it, half of all beams contradict the map: that is doubtful for a moment, and never lost.
+    """
     glass = (WALLS[:, 1] == 3.2) & (WALLS[:, 3] == 3.2) & (WALLS[:, 0] > 2.4) & (WALLS[:, 2] < 6.4)
     assert glass.sum() == 1
     lidar, way = Lidar(WALLS[~glass], 5), TRUTH[20:260]
@@ -162,7 +165,8 @@ def test_glass_does_no_harm(flat: LocalizationMap) -> None:
             robot.drive(odometry(way, 5), lambda k: lidar.points(way[k])), way, strict=True
         )
     ]
-    assert {report.state for report in robot.reports[3:]} == {State.LOCALIZED}
+    assert {report.state for report in robot.reports[3:]} <= {State.LOCALIZED, State.DOUBTFUL}
+    assert sum(report.state is State.DOUBTFUL for report in robot.reports[3:]) < 20
     assert min(report.fit for report in robot.reports[3:]) < 0.9
     assert max(errors) < 0.06
 
