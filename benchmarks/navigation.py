@@ -27,7 +27,9 @@ from tests.chefbotd.navigation.drives import RADIUS_M, ROUND, Drive, Person
 from tests.chefbotd.navigation.grids import rasterised
 
 SEEDS, GOALS, QUICK_GOALS, UNREACHABLE = 3, 20, 4, 3
-FINE_M, SURE_M, WIDE_M = 0.025, 0.05, 0.28
+FINE_M, SURE_M, UNMAPPED_SURE_M, WIDE_M = 0.025, 0.05, 0.09, 0.28
+"""A goal counts as reachable where a way has 5 cm on either side, and 9 cm beside what is on no map."""
+
 LENGTH_RATIO, TIME_RATIO, POSITION_M, HEADING_DEG, LIMIT_S = 1.08, 1.35, 0.03, 3.0, 180.0
 CLASSIC = "move_base: 7 of 8"
 
@@ -77,7 +79,14 @@ class World:
     def _measure(self) -> None:
         fine = rasterised(self.walls, self.building.width_m, self.building.depth_m, FINE_M)
         self.room_m = ndimage.distance_transform_edt(fine.percent == 0) * FINE_M
-        parts, _ = ndimage.label(self.room_m > RADIUS_M + SURE_M)
+        chairs = rasterised(
+            self.walls[len(self.building.walls) :], self.building.width_m, self.building.depth_m, FINE_M
+        )
+        near_chairs_m = np.full(self.room_m.shape, np.inf)
+        if chairs.percent.any():
+            near_chairs_m = ndimage.distance_transform_edt(chairs.percent == 0) * FINE_M
+        wide = (self.room_m > RADIUS_M + SURE_M) & (near_chairs_m > RADIUS_M + UNMAPPED_SURE_M)
+        parts, _ = ndimage.label(wide)
         self.main = parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1
         on_map = rasterised(self.building.walls, self.building.width_m, self.building.depth_m, FINE_M)
         room_m = ndimage.distance_transform_edt(on_map.percent == 0) * FINE_M

@@ -29,7 +29,7 @@ class ArcParameters(Parameters):
 
     margin_m: float = Field(default=0.015, ge=0, le=1)
     """From what stands on the map: the lidar's noise, and no more, so that narrow doors are passed."""
-    unmapped_margin_m: float = Field(default=0.05, ge=0, le=1)
+    unmapped_margin_m: float = Field(default=0.03, ge=0, le=1)
     """From what is not on the map: a chair's leg is seen, its seat is not, and people move."""
     horizon_m: float = Field(default=1.0, gt=0, le=10)
     map_slack_m: float = Field(default=0.06, ge=0, le=1)

@@ -10,7 +10,14 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import Costmap, between_cells, costmap, with_obstacles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
-from chefbotd.navigation.live import nothing_seen, obstacles_seen, see_range, see_scan
+from chefbotd.navigation.live import (
+    LiveObstacles,
+    is_there,
+    nothing_seen,
+    obstacles_seen,
+    see_range,
+    see_scan,
+)
 from chefbotd.navigation.movers import Mover, followed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import Seen
@@ -113,11 +120,13 @@ class Awareness:
         row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
         top, left = max(row - reach, 0), max(column - reach, 0)
         box = (slice(top, max(row + reach + 1, 0)), slice(left, max(column + reach + 1, 0)))
-        scan_s, range_s = self._live.scan_s[box], self._live.range_s[box]
-        older = (scan_s > now_s - params.scan_kept_s) & (scan_s < stamp_s)
-        heard = range_s > now_s - params.range_kept_s
-        kept = (older | heard) & (self.ground.fixed_m[box] > params.explained_m)
-        return self._live.at_m[box][kept]
+        live = self._live
+        seen = LiveObstacles(
+            live.scan_s[box], live.range_s[box], live.since_s[box], live.passes[box], live.at_m[box]
+        )
+        hidden = (seen.scan_s < stamp_s) | (seen.range_s > now_s - params.range_kept_s)
+        kept = is_there(params, seen, now_s) & hidden & (self.ground.fixed_m[box] > params.explained_m)
+        return seen.at_m[kept]
 
     def nearest_ahead(self, near: Surroundings) -> str:
         """Where in the map the nearest thing is, as a part of a sentence."""

@@ -41,6 +41,8 @@ class CostParameters(Parameters):
     """Room beside the outline from which on more room is worth nothing."""
     wall_weight: float = Field(default=4.0, ge=0, le=50)
     """A cell just as wide as the robot costs so much more than a free one."""
+    unmapped_margin_m: float = Field(default=0.04, ge=0, le=1)
+    """What is not on the map is planned round with so much room at least: more than what stops the robot there."""
     rounding_cells: float = Field(default=0.25, ge=0, le=1)
     """So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
     door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
@@ -52,6 +54,7 @@ class Inflation:
 
     blocked_below_m: float
     inner_m: float
+    unmapped_below_m: float
     comfort_m: float
     weight: float
 
@@ -101,9 +104,10 @@ def costmap(
         surcharges[unknown] += np.float32(params.unknown_weight)
     inner_m = outline.inner_radius_m
     blocked_below_m = inner_m - params.rounding_cells * grid.resolution_m
-    inflation = Inflation(blocked_below_m, inner_m, params.comfort_m, params.wall_weight)
+    unmapped_below_m = inner_m + params.unmapped_margin_m
+    inflation = Inflation(blocked_below_m, inner_m, unmapped_below_m, params.comfort_m, params.wall_weight)
     costs = np.empty_like(distance_m)
-    _fill(distance_m, surcharges, _numbers(inflation), costs)
+    _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)
     return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, limits)
 
 
@@ -112,14 +116,13 @@ def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
     if not len(points_m):
         return ground
     distance_m, costs = ground.distance_m.copy(), ground.costs.copy()
-    _stamp(
-        points_m, ground.frame.resolution_m, _numbers(ground.inflation), ground.surcharges, distance_m, costs
-    )
+    numbers = _numbers(ground.inflation, ground.inflation.unmapped_below_m)
+    _stamp(points_m, ground.frame.resolution_m, numbers, ground.surcharges, distance_m, costs)
     return replace(ground, distance_m=distance_m, costs=costs)
 
 
-def _numbers(inflation: Inflation) -> Floats:
-    return np.array([inflation.blocked_below_m, inflation.inner_m, inflation.comfort_m, inflation.weight])
+def _numbers(inflation: Inflation, blocked_below_m: float) -> Floats:
+    return np.array([blocked_below_m, inflation.inner_m, inflation.comfort_m, inflation.weight])
 
 
 @kernel
@@ -158,7 +161,8 @@ def _stamp(
                     apart_m = 0.0
                 if apart_m < distance_m[row, column]:
                     distance_m[row, column] = apart_m
-                    costs[row, column] = _cost(apart_m, inflation) * surcharges[row, column]
+                    cost = _cost(apart_m, inflation) * surcharges[row, column]
+                    costs[row, column] = max(cost, costs[row, column])
 
 
 @kernel

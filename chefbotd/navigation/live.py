@@ -15,7 +15,7 @@ from pydantic import Field
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 
 Counts = NDArray[np.uint8]
@@ -34,7 +34,11 @@ class LiveParameters(Parameters):
     """For how long what was seen is remembered, and what the map already explains."""
 
     scan_kept_s: float = Field(default=60.0, gt=0, le=3600)
-    """What the lidar saw, and no beam has passed since, is forgotten after this."""
+    """What the lidar saw, and no beam has passed since, is forgotten after this;"""
+    brief_kept_s: float = Field(default=4.0, gt=0, le=3600)
+    """what it saw for a moment only, after this: somebody who went by is elsewhere by now."""
+    kept_share: float = Field(default=4.0, gt=0, le=1000)
+    """In between, what was seen for a second is remembered for so many."""
     range_kept_s: float = Field(default=3.0, gt=0, le=600)
     """The same for ultrasonic and infrared sensors."""
     range_at_most_m: float = Field(default=1.5, gt=0, le=10)
@@ -49,12 +53,13 @@ class LiveParameters(Parameters):
 class LiveObstacles:
     """For each cell when it was last seen occupied, (rows, columns): by lidar, and by a cone of sound or light.
 
-    ``passes`` counts the scans since in which beams only passed a cell that the lidar saw occupied. ``at_m`` (rows,
-    columns, 2) is where in the cell, so that a gap does not lose two cells to rounding.
+    ``since_s`` is since when the lidar sees it there, ``passes`` in how many scans since then beams only passed.
+    ``at_m`` (rows, columns, 2) is where in the cell it is, so that a gap does not lose two cells to rounding.
     """
 
     scan_s: Floats
     range_s: Floats
+    since_s: Floats
     passes: Counts
     at_m: Floats
 
@@ -63,21 +68,23 @@ def nothing_seen(frame: GridFrame) -> LiveObstacles:
     """Nothing was seen yet."""
     shape = (frame.rows, frame.columns)
     scan_s, range_s = np.full(shape, NEVER_S), np.full(shape, NEVER_S)
-    return LiveObstacles(scan_s, range_s, np.zeros(shape, np.uint8), np.zeros((*shape, 2)))
+    return LiveObstacles(scan_s, range_s, np.zeros(shape), np.zeros(shape, np.uint8), np.zeros((*shape, 2)))
 
 
 def see_scan(
     live: LiveObstacles, frame: GridFrame, stamp_s: float, sensor_m: Floats, points_m: Floats
 ) -> LiveObstacles:
     """Mark the points and clear the way to them; sensor and points (n, 2) are in the grid's frame."""
-    scan_s, passes, at_m = live.scan_s.copy(), live.passes.copy(), live.at_m.copy()
-    _see(scan_s, passes, at_m, frame.resolution_m, stamp_s, sensor_m, points_m)
-    return replace(live, scan_s=scan_s, passes=passes, at_m=at_m)
+    scan_s, since_s = live.scan_s.copy(), live.since_s.copy()
+    passes, at_m = live.passes.copy(), live.at_m.copy()
+    _see(scan_s, since_s, passes, at_m, frame.resolution_m, stamp_s, sensor_m, points_m)
+    return replace(live, scan_s=scan_s, since_s=since_s, passes=passes, at_m=at_m)
 
 
 @kernel
 def _see(
     scan_s: Floats,
+    since_s: Floats,
     passes: Counts,
     at_m: Floats,
     cell_m: float,
@@ -89,7 +96,9 @@ def _see(
     for i in range(points_m.shape[0]):
         row, column = math.floor(points_m[i, 1] / cell_m), math.floor(points_m[i, 0] / cell_m)
         if 0 <= row < rows and 0 <= column < columns:
-            share = AVERAGED if scan_s[row, column] > -math.inf else 1.0
+            share = AVERAGED
+            if scan_s[row, column] == -math.inf:
+                share, since_s[row, column] = 1.0, stamp_s
             for axis in range(2):
                 at_m[row, column, axis] += share * (points_m[i, axis] - at_m[row, column, axis])
             scan_s[row, column], passes[row, column] = stamp_s, 0
@@ -175,6 +184,16 @@ def _explained(
 
 def obstacles_seen(params: LiveParameters, live: LiveObstacles, fixed_m: Singles, now_s: float) -> Floats:
     """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell."""
-    since_scan_s, since_range_s = now_s - params.scan_kept_s, now_s - params.range_kept_s
-    found = ((live.scan_s > since_scan_s) | (live.range_s > since_range_s)) & (fixed_m > params.explained_m)
-    return live.at_m[found]
+    there = is_there(params, live, now_s) & (fixed_m > params.explained_m)
+    return live.at_m[there]
+
+
+def is_there(params: LiveParameters, live: LiveObstacles, now_s: float) -> Flags:
+    """Which cells are occupied as far as is remembered."""
+    heard: Flags = live.range_s > now_s - params.range_kept_s
+    row_column = np.nonzero(live.scan_s > now_s - params.scan_kept_s)
+    scan_s = live.scan_s[row_column]
+    seen_for_s = scan_s - live.since_s[row_column]
+    kept_s = np.clip(params.kept_share * seen_for_s, params.brief_kept_s, params.scan_kept_s)
+    heard[row_column] |= now_s - scan_s < kept_s
+    return heard

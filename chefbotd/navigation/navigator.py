@@ -354,12 +354,11 @@ class Navigator:
     ) -> None:
         """Whether it has been blocked, or has not come on, for too long."""
         if done.is_blocked:
-            where = known.nearest_ahead(near)
             if self._blocked_since_s is None:
                 self._blocked_since_s = now_s
-            self._reason = f"waits, for something is in the way{where}"
+                self._reason = f"waits, for something is in the way{known.nearest_ahead(near)}"
             if now_s - self._blocked_since_s >= self._params.recovery.stuck_s:
-                self._become_stuck(known, now_s, pose, f"something is in the way{where}")
+                self._become_stuck(known, now_s, pose, f"something is in the way{known.nearest_ahead(near)}")
                 return
         elif self._blocked_since_s is not None:
             self._blocked_since_s, self._reason = None, self._drives()

@@ -21,6 +21,8 @@ class RecoveryParameters(Parameters):
     closed_radius_m: float = Field(default=0.15, gt=0, le=2)
     wait_s: float = Field(default=12.0, ge=0, le=600)
     ask_s: float = Field(default=12.0, ge=0, le=600)
+    patience_s: float = Field(default=30.0, ge=0, le=600)
+    """Before so long it does not give up, even if everything was tried."""
     again_s: float = Field(default=1.0, gt=0, le=60)
     """While it waits it looks for a path so often."""
     progress_m: float = Field(default=0.6, gt=0, le=10)
@@ -59,11 +61,14 @@ class Recovery:
 def stuck(params: RecoveryParameters, last: Recovery | None, now_s: float, left_m: float) -> Recovery | None:
     """Begin with the first rung, or, with no progress since the last recovery, go on with the one after its last.
 
-    None: there is none left, so the goal is blocked.
+    None: there is none left and its patience is over, so the goal is blocked.
     """
     if last is None or last.left_m - left_m > params.progress_m:
         return Recovery(Rung.LOOK, now_s, now_s, left_m)
-    return after(last, now_s)
+    following = after(last, now_s)
+    if following is None and now_s - last.began_s < params.patience_s:
+        return replace(last, rung=Rung.WAIT, rung_began_s=now_s)
+    return following
 
 
 def after(recovery: Recovery, now_s: float) -> Recovery | None:

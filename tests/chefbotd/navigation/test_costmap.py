@@ -90,17 +90,26 @@ def test_a_slow_zone_costs_the_time_that_it_takes() -> None:
     assert made.costs[made.frame.cell(0.4, 0.5)] == 1.0
 
 
-def test_what_was_seen_changes_costs_as_an_obstacle_of_the_map_does() -> None:
-    """The two costmaps agree in each cell, and the first stays as it was."""
+def test_what_was_seen_is_kept_away_from_as_an_obstacle_of_the_map_with_a_margin() -> None:
+    """A point in the middle of a cell: costs as of an obstacle, but blocked to 0.22 m instead of 0.1675 m."""
     rows = ["." * 40] * 30
     rows[11] = "." * 13 + "#" + "." * 26
-    with_one, without = drawn(*rows), drawn(*["." * 40] * 30)
-    params, ground = CostParameters(), costmap(CostParameters(), ROUND, without, 0.3)
+    ground = costmap(CostParameters(), ROUND, drawn(*["." * 40] * 30), 0.3)
     live = with_obstacles(ground, np.array([[0.675, 0.925]]))
-    expected = costmap(params, ROUND, with_one, 0.3)
-    assert np.allclose(live.costs, expected.costs, rtol=1e-5)
+    on_map = costmap(CostParameters(), ROUND, drawn(*rows), 0.3)
+    near = on_map.distance_m < 0.45
+    assert live.distance_m[near] == pytest.approx(on_map.distance_m[near], abs=1e-6)
+    free = np.isfinite(live.costs)
+    assert np.allclose(live.costs[free], on_map.costs[free], rtol=1e-5)
+    assert on_map.distance_m[~free].max() < 0.22 <= on_map.distance_m[free].min() + 1e-6
     assert np.isfinite(ground.costs).all()
-    assert live.distance_m[18, 16] == pytest.approx(0.15)
+
+
+def test_a_point_is_not_rounded_to_its_cell() -> None:
+    """At the edge of a cell, 0.02 m from its middle: the next cells are 0.03 and 0.07 m away."""
+    live = with_obstacles(costmap(CostParameters(), ROUND, EMPTY, 0.3), np.array([[0.545, 0.525]]))
+    assert live.distance_m[10, 10] == 0.0
+    assert (live.distance_m[10, 11], live.distance_m[10, 9]) == pytest.approx((0.03, 0.07))
 
 
 def test_between_the_middles_of_cells_values_are_linear() -> None:

@@ -53,11 +53,15 @@ def test_a_beam_along_a_surface_does_not_clear_the_surface() -> None:
     assert {column for _, column in cells(live, 5.1)} == set(range(16, 53))
 
 
-def test_what_no_beam_passes_is_forgotten_after_a_minute() -> None:
-    """At 59 s it is there, at 61 s it is not."""
-    live = see_scan(NOTHING, FRAME, 5.0, SENSOR, np.array([[1.33, 1.41]]))
-    assert cells(live, 64.0) == [(28, 26)]
-    assert cells(live, 66.0) == []
+def test_what_no_beam_passes_is_remembered_the_longer_the_longer_it_was_seen() -> None:
+    """A glimpse for 4 s, five seconds of seeing for 20 s, a minute of seeing for a minute and no longer."""
+    leg = np.array([[1.33, 1.41]])
+    live = see_scan(NOTHING, FRAME, 5.0, SENSOR, leg)
+    assert (len(cells(live, 8.9)), len(cells(live, 9.1))) == (1, 0)
+    live = see_scan(live, FRAME, 10.0, SENSOR, leg)
+    assert (len(cells(live, 29.9)), len(cells(live, 30.1))) == (1, 0)
+    live = see_scan(live, FRAME, 65.0, SENSOR, leg)
+    assert (len(cells(live, 124.9)), len(cells(live, 125.1))) == (1, 0)
 
 
 def test_what_the_map_shows_already_is_no_live_obstacle() -> None:

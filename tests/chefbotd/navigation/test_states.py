@@ -47,7 +47,13 @@ def test_who_is_stuck_again_at_once_tries_the_next_thing() -> None:
     last = Recovery(Rung.BACK_OUT, 10.0, 8.0, left_m=4.0)
     assert stuck(PARAMS, last, 20.0, 3.5) == Recovery(Rung.OTHER_WAY, 20.0, 8.0, 4.0)
     assert stuck(PARAMS, last, 20.0, 3.3) == Recovery(Rung.LOOK, 20.0, 20.0, 3.3)
-    assert stuck(PARAMS, Recovery(Rung.ASK, 10.0, 8.0, 4.0), 20.0, 3.9) is None
+
+
+def test_nobody_gives_up_within_half_a_minute() -> None:
+    """Everything was tried within 12 s: it waits again; after 31 s it is the end."""
+    asked = Recovery(Rung.ASK, 10.0, 8.0, 4.0)
+    assert stuck(PARAMS, asked, 20.0, 3.9) == Recovery(Rung.WAIT, 20.0, 8.0, 4.0)
+    assert stuck(PARAMS, asked, 39.0, 3.9) is None
 
 
 @pytest.mark.parametrize(("rung", "lasts_s"), [(Rung.LOOK, 1.0), (Rung.WAIT, 12.0), (Rung.ASK, 12.0)])

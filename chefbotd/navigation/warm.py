@@ -1,0 +1,35 @@
+"""Compile, or load from the cache, all that navigation needs, before the first goal waits for it."""
+
+import math
+
+import numpy as np
+
+from chefbotd.core.compiled import release_compiler
+from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.navigation.navigator import Navigator
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.reports import Seen
+
+CELLS, CELL_M, STEPS = 80, 0.05, 60
+
+
+def warm(params: NavigationParameters) -> None:
+    """Begin to drive through a small room with a post in it, and give back the compiler's memory."""
+    percent = np.full((CELLS, CELLS), FREE, np.int8)
+    percent[0], percent[-1], percent[:, 0], percent[:, -1] = OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED
+    middle_m = CELLS * CELL_M / 2
+    navigator, pose = Navigator(params), Pose2D(middle_m / 2, middle_m, math.pi / 2)
+    navigator.use_map(OccupancyGrid(CELL_M, ORIGIN, percent))
+    post = np.array([[0.3, -middle_m / 2], [0.35, -middle_m / 2]])
+    navigator.take_scan(Seen(0.0, pose, np.zeros(2), post))
+    navigator.take_range(0.0, pose, Pose2D(), 0.7, 0.26)
+    navigator.navigate_to((Goal(1.5 * middle_m, middle_m, 0.0),))
+    for k in range(STEPS):
+        navigator.take_scan(Seen(0.05 * k, pose, np.zeros(2), post))
+        step = navigator.step(0.05 * k, pose)
+        if step.twist is not None:
+            turned = pose.heading_rad + step.twist.angular_rad_s * 0.05
+            pose = Pose2D(pose.x_m, pose.y_m, turned)
+    release_compiler()
