@@ -65,6 +65,9 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
     absent = {
         "chefbotd.sim",
         "chefbotd.client",
+        "chefbotd.link.lidar",
+        "chefbotd.features.lidars",
+        "chefbotd.safety.scan_guard",
         "numpy",
         "PIL",
         "rich",

@@ -107,6 +107,13 @@ def _beam(data: Data) -> str:
     return f"{data['sensor']} {told}"
 
 
+def lidars(data: Data) -> Fact:
+    """How each lidar is."""
+    told = ", ".join(f"{each['lidar']} {each['condition'].replace('_', ' ')}" for each in data["lidars"])
+    good = all(each["condition"] == "healthy" for each in data["lidars"])
+    return Fact("lidars", told or "none", Style.GOOD if good else Style.NOTICE)
+
+
 def imu(data: Data) -> Fact:
     """The IMU's own heading, or its turning rate where it has no heading."""
     if data["heading_rad"] is not None:
@@ -145,6 +152,7 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("wheels", wheels),
     ("imu", imu),
     ("ranges", ranges),
+    ("lidars", lidars),
     ("battery", battery),
     ("sim", truth),
 )

@@ -115,3 +115,11 @@ def test_what_moves_goes_stale() -> None:
     )
     assert (link_fact.style, link_fact.age_s) == (Style.GOOD, None)
     assert (battery_fact.style, battery_fact.age_s) == (Style.FAINT, 1.5)
+
+
+def test_lidars_are_told_each_with_its_condition() -> None:
+    """Green only where all of them are healthy."""
+    top, low = {"lidar": "top", "condition": "healthy"}, {"lidar": "low", "condition": "motor_stalled"}
+    fact = state_text.lidars({"lidars": [top, low]})
+    assert (fact.text, fact.style) == ("top healthy, low motor stalled", Style.NOTICE)
+    assert state_text.lidars({"lidars": [top]}).style is Style.GOOD
