@@ -13,6 +13,7 @@ from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
 from chefbotd.testing.daemon import simulated_robot
+from chefbotd.testing.depth import SimulatedDepthChild
 
 EYE: Mapping[str, object] = {
     "name": "eye",
@@ -132,6 +133,39 @@ def test_beside_the_table_the_camera_lets_it_drive_away() -> None:
                 > 0.4
             )
             assert not moved.in_contact
+
+    run_virtual(scenario())
+
+
+def test_a_camera_that_hangs_leaves_a_crawl_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its process stands still: told as silent half a second later; started again, nothing limits the robot."""
+    hangs = False
+    read = SimulatedDepthChild.read
+
+    async def read_or_hang(child: SimulatedDepthChild) -> bytes:
+        await asyncio.sleep(1e6 if hangs else 0)
+        return await read(child)
+
+    monkeypatch.setattr(SimulatedDepthChild, "read", read_or_hang)
+
+    async def scenario() -> None:
+        nonlocal hangs
+        away = {**BEFORE_THE_TABLE, "start_heading_rad": 2.4}
+        told = settings("chefbot", **{**TALL, "sim.world": away, "safety.guard.enabled": True})
+        async with simulated_robot(told) as robot:
+            await asyncio.sleep(3.0)
+            hangs = True
+            await asyncio.sleep(0.7)
+            await robot.client.drive(0.0, 1.0)
+            await asyncio.sleep(0.2)
+            crawling = (await robot.client.get_state()).safety
+            await robot.client.stop()
+            hangs = False
+            await asyncio.sleep(5.0)
+            await robot.client.drive(0.0, 1.0)
+            await asyncio.sleep(0.2)
+            free = (await robot.client.get_state()).safety
+            assert (crawling.limited_by, free.limited_by) == ("silent:eye", None)
 
     run_virtual(scenario())
 

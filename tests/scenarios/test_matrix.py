@@ -42,6 +42,8 @@ NOT_INJECTED = {
     "The daemon starts again after it was killed": "its test starts two programs",
     "The daemon starts again after it ended": "its test starts two programs",
     "The latch cannot be written": "its test has no board",
+    "Obstacle that only a depth camera sees": "its test has a taller robot",
+    "A depth camera is gone": "its tests have a camera",
     "Whoever saves a map is killed": "its test kills a program that saves",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
