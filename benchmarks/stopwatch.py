@@ -25,7 +25,7 @@ from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Feed
 from chefbotd.safety import gate
 from chefbotd.sensing import battery, imu, ultrasonic
-from chefbotd.transport.tcp.outbox import Outbox
+from chefbotd.transport.outbox import Outbox
 from firmware_protocol.decoder import Decoder
 
 DOORS: dict[str, tuple[tuple[Any, str], ...]] = {

@@ -9,8 +9,8 @@ from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.connection import Connection
-from chefbotd.transport.tcp.unread import UnreadSockets
+from chefbotd.transport.connection import Connection
+from chefbotd.transport.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
 

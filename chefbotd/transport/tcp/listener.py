@@ -21,8 +21,8 @@ from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager, Headroom
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.connection import Connection
-from chefbotd.transport.tcp.unread import UnreadSockets
+from chefbotd.transport.connection import Connection
+from chefbotd.transport.unread import UnreadSockets
 
 BACKLOG = 128
 ACCEPT_AGAIN_S = 0.1

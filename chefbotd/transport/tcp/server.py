@@ -8,7 +8,7 @@ import structlog
 from chefbotd.rpc.parameters import ApiParameters, is_loopback
 from chefbotd.rpc.server import RpcServer
 from chefbotd.transport.tcp.listener import Listener
-from chefbotd.transport.tcp.unread import UnreadSockets
+from chefbotd.transport.unread import UnreadSockets
 
 log = structlog.get_logger(__name__)
 

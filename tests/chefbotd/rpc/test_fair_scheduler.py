@@ -9,8 +9,8 @@ import pytest
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.rpc.fair_scheduler import SLICE_S, FairScheduler
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.connection import Connection
-from chefbotd.transport.tcp.unread import UnreadSockets
+from chefbotd.transport.connection import Connection
+from chefbotd.transport.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
 

@@ -22,6 +22,7 @@ FULL_S = 1.0
 class Outbox:
     """The output of one client; ``drops`` counts, by topic, what all clients together have lost.
 
+    What comes in is encoded already; ``encode`` does so with what the outbox itself has to say.
     ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
 
@@ -31,9 +32,10 @@ class Outbox:
         parameters: ApiParameters,
         drops: Counter[str],
         give_up: Callable[[], None],
+        encode: Callable[[bytes], bytes],
     ) -> None:
         self._transport, self._parameters, self._all_drops = transport, parameters, drops
-        self._give_up = give_up
+        self._give_up, self._encode = give_up, encode
         self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._waiting_bytes = 0
         self._order = itertools.count(1)
@@ -96,7 +98,7 @@ class Outbox:
             notice = Dropped(topics=dict(self._dropped), total=self._dropped.total())
             self._dropped.clear()
             message = jsonrpc.notification("dropped", notice.model_dump_json().encode())
-            self._transport.write(message + b"\n")
+            self._transport.write(self._encode(message))
         while self._waiting and not self.blocked:
             _, line = self._waiting.popitem(last=False)
             self._waiting_bytes -= len(line)
@@ -107,9 +109,11 @@ class Outbox:
         self.closing = True
         self._waiting.clear()
 
-    def close(self) -> None:
-        """Send only what the transport already has; cut off after ``stuck_s`` without progress."""
+    def close(self, goodbye: bytes = b"") -> None:
+        """Send only what the transport already has, and ``goodbye``; cut off after ``stuck_s`` without progress."""
         self.shut()
+        if goodbye:
+            self._transport.write(goodbye)
         self._transport.close()
         self._expect_progress(self._parameters.stuck_s)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.transport.tcp.state import NEXT, READING, SERVING, Event, State
+from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
 
 EXPECTED = """
              EOF          END       DRAIN_OVER   SERVED    CLOSE   LOST

@@ -1,4 +1,4 @@
-"""One client's TCP connection: cuts bytes into lines, has them served, and limits both directions.
+"""One client's connection, over TCP or a WebSocket: has its requests served, and limits both directions.
 
 Requests are served in order, when their answers find room, and when the scheduler gives this client its share. Stops
 do not wait for that. A client that has to wait is still read, within a limit, and what was read is searched for stops.
@@ -9,7 +9,7 @@ its buffers and its outbox, and no stop that has reached the socket is lost.
 import asyncio
 import socket
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from typing import cast
 
 from chefbotd.rpc import jsonrpc
@@ -20,13 +20,17 @@ from chefbotd.rpc.drain import DRAIN_BYTES, DRAIN_S, DrainLimit
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.outbox import Outbox
-from chefbotd.transport.tcp.state import NEXT, READING, SERVING, Event, State
-from chefbotd.transport.tcp.unread import UnreadSockets, unread_bytes
+from chefbotd.transport.framing import Framing, LineFraming
+from chefbotd.transport.outbox import Outbox
+from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
+from chefbotd.transport.unread import UnreadSockets, unread_bytes
 
 
 class Connection(asyncio.Protocol):
-    """The server's end of one socket; ``plain`` is that socket, where what it holds is not encrypted."""
+    """The server's end of one socket; ``plain`` is that socket, where what it holds is not encrypted.
+
+    ``framing`` finds the requests in its bytes; without one, each is a line.
+    """
 
     def __init__(
         self,
@@ -34,7 +38,9 @@ class Connection(asyncio.Protocol):
         unread: UnreadSockets,
         session: Session,
         plain: socket.socket | None = None,
+        framing: Framing | None = None,
     ) -> None:
+        self._framing: Framing = framing or LineFraming()
         self._manager, self._unread, self.session, self._plain = manager, unread, session, plain
         self._backlog = Backlog(manager.parameters.max_request_bytes, manager.dispatcher.urgent_pattern)
         self._state = State.OPEN
@@ -44,6 +50,7 @@ class Connection(asyncio.Protocol):
         self._descriptor = -1
         self._paused = False
         self._unread_since = session.arrival  # the earliest arrival of what the kernel holds
+        self._partial_since: Arrival | None = None  # and of what the framing holds
         self._drain_limit = DrainLimit()
         self._drain_timer: asyncio.TimerHandle | None = None
         self._finish: Callable[[], None] = self.close  # once everything was served
@@ -60,31 +67,54 @@ class Connection(asyncio.Protocol):
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # The kernel would keep megabytes for a slow client, all of it stale before it is read.
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._manager.parameters.write_buffer_bytes)
-        self._outbox = Outbox(self._transport, self._manager.parameters, self._manager.drops, self._end_stuck)
+        self._outbox = Outbox(
+            self._transport,
+            self._manager.parameters,
+            self._manager.drops,
+            self._end_stuck,
+            self._framing.encode,
+        )
         self.reply(self._manager.add(self))
 
     def reply(self, message: bytes, *, keep: bool = False) -> None:
         """Send an answer; never waits. ``keep``: even if the client reads too little and the answer has no room."""
-        self._outbox.reply(message + b"\n", keep=keep)
+        self._outbox.reply(self._framing.encode(message), keep=keep)
 
     def send_progress(self, message: bytes) -> None:
         """Send a progress notification, or keep the latest while the client is behind; never waits."""
-        self._outbox.telemetry("progress", True, message + b"\n")
+        self._outbox.telemetry("progress", True, self._framing.encode(message))
 
     def send_event(self, payload: EventPayload, latest: bool) -> None:
         """Send an event, or keep it by the policy while the client is behind; never waits."""
-        self._outbox.telemetry(payload.topic, latest, _event_line(payload))
+        self._outbox.telemetry(payload.topic, latest, self._framing.event(payload))
 
     def data_received(self, data: bytes) -> None:
         """Asyncio: bytes from the client, cut anywhere."""
         if self._state not in READING:
             return
         self.session.record_activity(self._manager.clock.now_s())
-        self._backlog.add(data, self._arrival())
+        self._take(data)
         self._clear_unread_mark()
         if self.closing:
             self._drain_limit.count_bytes(len(data))
         self._serve_waiting()
+        if self._framing.failure is not None and not self.closing:
+            self.end(self._framing.failure, at_once=True)
+        elif self._framing.ended and self._state in READING:
+            self._read_no_more(Event.EOF)
+
+    def _take(self, data: bytes) -> None:
+        """Put the requests in these bytes into the backlog; a request is as old as its first byte."""
+        arrival = self._arrival()
+        lines = self._framing.lines(data)
+        self._backlog.add(lines, self._partial_since or arrival)
+        if not self._framing.partial:
+            self._partial_since = None
+        elif lines or self._partial_since is None:
+            self._partial_since = arrival
+        control = self._framing.control()
+        if control:
+            self._outbox.reply(control)
 
     def mark_unread(self, arrival: Arrival) -> None:
         """What the kernel holds of this client may have arrived as early as this."""
@@ -125,7 +155,7 @@ class Connection(asyncio.Protocol):
             self._enter(Event.SERVED)
             if ends_here:
                 self._finish()
-        self.session.set_incomplete(self._backlog.unfinished)
+        self.session.set_incomplete(self._backlog.unfinished or self._framing.partial)
         self._limit_reading()
 
     def _schedule(self) -> None:
@@ -163,6 +193,8 @@ class Connection(asyncio.Protocol):
         self._backlog.record_own_stop(before, arrivals.stops)
         if self._unread_since is not None and self._unread_since.stops == before:
             self._unread_since = self._unread_since._replace(stops=arrivals.stops)
+        if self._partial_since is not None and self._partial_since.stops == before:
+            self._partial_since = self._partial_since._replace(stops=arrivals.stops)
 
     def _serve_urgent(self) -> bool:
         """Serve the next urgent request in the backlog, before or, when draining, instead of others.
@@ -240,7 +272,7 @@ class Connection(asyncio.Protocol):
         if self._drain_timer is not None:
             self._drain_timer.cancel()
         if self._state in READING:
-            self._backlog.add(self._read_kernel(), self._arrival())
+            self._take(self._read_kernel())
         self._unread.unregister(self._descriptor, self)
         self._manager.remove(self.session)
         self._enter(Event.LOST)
@@ -282,7 +314,7 @@ class Connection(asyncio.Protocol):
         self._finish = finish
         self._enter(Event.END)
         if at_once:
-            self._backlog.add(self._read_kernel(), self._arrival())
+            self._take(self._read_kernel())
             self._read_no_more(Event.DRAIN_OVER)
         else:
             loop = asyncio.get_running_loop()
@@ -308,15 +340,9 @@ class Connection(asyncio.Protocol):
         """Close once the client has what was already on its way; nothing it sends is read any more."""
         self._enter(Event.CLOSE)
         self._backlog.clear()
-        self._outbox.close()
+        self._outbox.close(self._framing.goodbye())
 
     def abort(self) -> None:
         """Close now."""
         self._enter(Event.CLOSE)
         self._transport.abort()
-
-
-@lru_cache(maxsize=4)
-def _event_line(payload: EventPayload) -> bytes:
-    """An event as a line; the fan-out hands one payload to many clients in turn, so the line is made once."""
-    return jsonrpc.event(payload) + b"\n"

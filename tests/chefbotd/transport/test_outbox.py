@@ -6,7 +6,8 @@ from collections import Counter
 
 from chefbotd.clock import run_virtual
 from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.transport.tcp.outbox import Outbox
+from chefbotd.transport.framing import LineFraming
+from chefbotd.transport.outbox import Outbox
 from tests.fakes.transport import FakeTransport
 
 LIMITS = ApiParameters(write_buffer_bytes=4096, outbox_bytes=4096, stuck_s=5.0)
@@ -16,7 +17,7 @@ FILL = b"x" * 5000  # more than the write buffer takes before it pauses
 def outbox() -> tuple[Outbox, FakeTransport, Counter[str]]:
     """An outbox on a fake socket, and the count of all clients' drops."""
     transport, drops = FakeTransport(), Counter[str]()
-    box = Outbox(transport, LIMITS, drops, transport.abort)
+    box = Outbox(transport, LIMITS, drops, transport.abort, LineFraming().encode)
     transport.pause_writing, transport.resume_writing = box.pause, box.resume
     return box, transport, drops
 

@@ -3,7 +3,7 @@
 import socket
 
 from chefbotd.rpc.arrivals import Arrival
-from chefbotd.transport.tcp.unread import UnreadSockets, unread_bytes
+from chefbotd.transport.unread import UnreadSockets, unread_bytes
 
 BEFORE = Arrival(7.0, 3)
 

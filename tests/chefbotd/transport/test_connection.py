@@ -12,8 +12,8 @@ from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.session import Session
-from chefbotd.transport.tcp.connection import Connection
-from chefbotd.transport.tcp.unread import UnreadSockets
+from chefbotd.transport.connection import Connection
+from chefbotd.transport.unread import UnreadSockets
 from tests.chefbotd.rpc.test_lenient import STOPS
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot

@@ -1,0 +1,82 @@
+"""How messages lie in a transport's stream of bytes: what is different between a TCP socket and a WebSocket.
+
+A framing does no I/O. Requests come out of it as lines, so that one backlog serves every transport.
+"""
+
+from functools import lru_cache
+from typing import Protocol
+
+from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.jsonrpc import Failure
+
+
+class Framing(Protocol):
+    """One connection's framing, both ways."""
+
+    @property
+    def partial(self) -> bool:
+        """Whether bytes were taken that are no part of a line yet."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """Whether the client has said that it sends no more."""
+        ...
+
+    @property
+    def failure(self) -> Failure | None:
+        """Why nothing more can be read, if that is so."""
+        ...
+
+    def lines(self, data: bytes) -> bytes:
+        """The requests in what the client has sent, cut anywhere, each with a line end."""
+        ...
+
+    def control(self) -> bytes:
+        """What the framing itself has to answer by now."""
+        ...
+
+    def encode(self, message: bytes) -> bytes:
+        """A message as it goes to the client."""
+        ...
+
+    def event(self, payload: EventPayload) -> bytes:
+        """An event as it goes to the client."""
+        ...
+
+    def goodbye(self) -> bytes:
+        """What is sent before our side closes."""
+        ...
+
+
+class LineFraming:
+    """A line is a message: the stream is what the backlog takes."""
+
+    partial, ended, failure = False, False, None
+
+    def lines(self, data: bytes) -> bytes:
+        """The bytes as they are."""
+        return data
+
+    def control(self) -> bytes:
+        """Lines need none."""
+        return b""
+
+    def encode(self, message: bytes) -> bytes:
+        """The message with a line end."""
+        return message + b"\n"
+
+    def event(self, payload: EventPayload) -> bytes:
+        """The event as a line."""
+        return _event_line(payload)
+
+    def goodbye(self) -> bytes:
+        """A line socket just closes."""
+        return b""
+
+
+@lru_cache(maxsize=4)
+def _event_line(payload: EventPayload) -> bytes:
+    """An event as a line; the fan-out hands one payload to many clients in turn, so the line is made once."""
+    return jsonrpc.event(payload) + b"\n"
