@@ -9,6 +9,7 @@ import pytest
 from chefbotd.features.driving.safety_keeper import ENCODERS_STALE, OBSTACLE
 from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
+from chefbotd.safety.scan_guard import SILENT
 from chefbotd.safety.watchdog import WatchdogParameters
 
 ROOT = Path(__file__).parents[1]
@@ -50,7 +51,7 @@ def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
     seen = " ".join(row[3] for row in rows())
     for kind in FaultKind:
         assert f"`safety.fault` `{kind}`" in seen, kind
-    for limit in (DEAD_MAN, ENCODERS_STALE, OBSTACLE):
+    for limit in (DEAD_MAN, ENCODERS_STALE, OBSTACLE, SILENT):
         assert f"`safety.limited_by` `{limit}`" in seen, limit
     text = PAGE.read_text(encoding="utf-8")
     for mode in Mode:

@@ -19,6 +19,9 @@ from chefbotd.safety.outline import Outline
 
 Floats: TypeAlias = NDArray[np.float64]
 
+OBSTACLE, SILENT = "obstacle:", "silent:"
+"""What a motion is limited for; the lidar's name follows."""
+
 STRAIGHT_RAD_S = 1e-6
 """Slower turning than this is driving straight."""
 
@@ -94,11 +97,11 @@ class _Look:
             return 1.0, ""
         share, limited_by = 1.0, ""
         if self._silent:
-            share, limited_by = self._params.scan.silent_speed_m_s / rim_m_s, f"silent:{self._silent[0]}"
+            share, limited_by = self._params.scan.silent_speed_m_s / rim_m_s, SILENT + self._silent[0]
         for view, delay_s in zip(self._heard, self._delays_s, strict=True):
             allowed = _share(self._params, self._outline, view.points_m, twist, delay_s)
             if allowed < share:
-                share, limited_by = allowed, f"obstacle:{view.lidar}"
+                share, limited_by = allowed, OBSTACLE + view.lidar
         return share, limited_by
 
     def most_of(self, wanted: Twist2D, share: float) -> Twist2D:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 DRAWN_HZ = 5.0
 FIRST_WITHIN_S = 5.0
 CAPTION_ROWS = 2
+STALE_S = 1.0
 
 
 @click.command()
@@ -79,9 +80,10 @@ async def _scans(robot: Client, lidar: str | None) -> AsyncGenerator["Event[Scan
 
 
 async def _next_of(events: AsyncIterator["Event[ScanData]"], lidar: str | None) -> "Event[ScanData]":
+    """The next one that is new: the first may be of when somebody last looked."""
     while True:
         event = await anext(events)
-        if lidar in (None, event.data.lidar):
+        if lidar in (None, event.data.lidar) and event.age_s < STALE_S:
             return event
 
 

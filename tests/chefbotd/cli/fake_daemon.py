@@ -33,7 +33,7 @@ class FakeDaemon:
     do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
     ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``. ``MOST`` is the most that it
     allows of any speed, and ``held_by`` what it says holds it up. ``scan`` is what its lidar sees (None: nothing), and
-    ``lidar_condition`` how that is.
+    ``lidar_condition`` how that is; everything that it tells is ``age_s`` old.
     """
 
     def __init__(self) -> None:
@@ -52,6 +52,7 @@ class FakeDaemon:
         self.held_by: str | None = None
         self.scan: dict[str, Any] | None = None
         self.lidar_condition = "healthy"
+        self.age_s = 0.004
         self.slip = self.drift_rad_s = self.latency_s = 0.0
         self.pose, self.truth, self.twist = Pose2D(), Pose2D(1.0, 2.0, 0.5), STANDING
         self._driven_s = -math.inf
@@ -144,7 +145,8 @@ class FakeDaemon:
         return topics
 
     def _latest(self, topic: str, now_s: float) -> dict[str, Any]:
-        return {"seq": self._seq, "stamp_s": now_s - 0.004, "age_s": 0.004, "data": self._topics()[topic]}
+        age_s = self.age_s
+        return {"seq": self._seq, "stamp_s": now_s - age_s, "age_s": age_s, "data": self._topics()[topic]}
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()

@@ -120,3 +120,9 @@ def test_a_lidar_of_another_name_is_not_waited_for_without_end(control: Control,
     result = control("scan", "--lidar", "low")
     assert result.exit_code == Exit.FAILED
     assert "no scan of 'low' within 5 s (top: healthy" in " ".join(result.stderr.split())
+
+
+def test_an_old_scan_is_not_drawn(control: Control, daemon: FakeDaemon) -> None:
+    """What comes first may be of minutes ago."""
+    daemon.scan, daemon.age_s = SCAN, 2.0
+    assert "no scan within 5 s" in " ".join(control("scan", "--once").stderr.split())
