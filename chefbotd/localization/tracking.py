@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from chefbotd.core.compiled import kernel
 from chefbotd.core.parameters import Parameters
 from chefbotd.localization.agreement import Agreement, agreement
 from chefbotd.mapping.correlate import Window, search
@@ -198,21 +199,75 @@ def _polished(
 
 def fused(params: TrackingParameters, expected: Estimate, fit: Fit, information: Floats) -> Estimate:
     """The prediction, of this information, corrected by the match: as far as the scan says something, and no further."""
-    measured = _measured(params, fit.information)
-    covariance = inverted(information + measured)
     off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
-    pose = expected.pose + covariance @ measured @ off
-    return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), (covariance + covariance.T) / 2)
+    noise = np.array([params.map_m**2, params.map_m**2, params.map_rad**2])
+    covariance, shift = np.empty((3, 3)), np.empty(3)
+    pretended = math.sin(params.normal_rad) ** 2
+    _fuse(information, fit.information, pretended, noise, off, covariance, shift)
+    pose = expected.pose + shift
+    return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), covariance)
 
 
-def _measured(params: TrackingParameters, information: Floats) -> Floats:
-    """What a match says of the pose (its information), with the errors of the map and of its normals taken off.
+@kernel
+def _fuse(
+    prior: Floats,
+    measured: Floats,
+    pretended: float,
+    noise: Floats,
+    off: Floats,
+    covariance: Floats,
+    shift: Floats,
+) -> None:
+    """Fill ``covariance`` and ``shift``: the prior's information and the match's, less what only noise seems to say.
 
-    A wall whose direction is known to ``normal_rad`` seems to tell something along itself, too: nothing that counts.
+    A wall whose direction is not known exactly seems to tell something along itself, too: that share ``pretended`` of
+    what all surfaces tell counts in no direction. ``noise`` are the variances of the map's own errors.
     """
-    told = information.copy()
-    told[:2, :2] -= math.sin(params.normal_rad) ** 2 * np.trace(information[:2, :2]) * np.eye(2)
-    values, axes = np.linalg.eigh((told + told.T) / 2)
-    told = (axes * np.maximum(values, 1e-9)) @ axes.T
-    spread = inverted(told) + np.diag([params.map_m**2, params.map_m**2, params.map_rad**2])
-    return inverted(spread)
+    told, spread = np.empty((3, 3)), np.empty((3, 3))
+    xx, xy, yy = measured[0, 0], measured[0, 1], measured[1, 1]
+    middle, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
+    turn = 0.5 * math.atan2(2 * xy, xx - yy)
+    along = math.sqrt(max(middle + half - pretended * 2 * middle, 0.0) / max(middle + half, 1e-9))
+    across = math.sqrt(max(middle - half - pretended * 2 * middle, 0.0) / max(middle - half, 1e-9))
+    cos, sin = math.cos(turn), math.sin(turn)
+    scale = np.eye(3)
+    scale[0, 0] = along * cos * cos + across * sin * sin
+    scale[1, 1] = along * sin * sin + across * cos * cos
+    scale[0, 1] = scale[1, 0] = (along - across) * cos * sin
+    _product(scale, measured, spread)
+    _product(spread, scale, told)
+    for k in range(3):
+        told[k, k] += 1e-6
+    _invert(told, spread)
+    for k in range(3):
+        spread[k, k] += noise[k]
+    _invert(spread, told)
+    _invert(prior + told, covariance)
+    for r in range(3):
+        shift[r] = 0.0
+        for c in range(3):
+            for k in range(3):
+                shift[r] += covariance[r, c] * told[c, k] * off[k]
+
+
+@kernel
+def _product(a: Floats, b: Floats, into: Floats) -> None:
+    for r in range(3):
+        for c in range(3):
+            into[r, c] = a[r, 0] * b[0, c] + a[r, 1] * b[1, c] + a[r, 2] * b[2, c]
+
+
+@kernel
+def _invert(a: Floats, into: Floats) -> None:
+    """The inverse of a symmetric positive definite matrix of three rows, by its cofactors; it is symmetric exactly."""
+    into[0, 0] = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+    into[0, 1] = a[0, 2] * a[2, 1] - a[0, 1] * a[2, 2]
+    into[0, 2] = a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1]
+    into[1, 1] = a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
+    into[1, 2] = a[0, 2] * a[1, 0] - a[0, 0] * a[1, 2]
+    into[2, 2] = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+    determinant = a[0, 0] * into[0, 0] + a[1, 0] * into[0, 1] + a[2, 0] * into[0, 2]
+    for r in range(3):
+        for c in range(r, 3):
+            into[r, c] /= determinant
+            into[c, r] = into[r, c]
