@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from chefbotd.features.board.methods import LinkData, RawData, ResetData, TextData
+from chefbotd.features.depth_cameras.methods import DepthCameraData, DepthCamerasData
 from chefbotd.features.description.methods import RobotDescription
 from chefbotd.features.driving.methods import Driven, Limited, SafetyData, WheelsData, WheelsDriven
 from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
@@ -29,6 +30,8 @@ from chefbotd.rpc.models import (
 __all__ = [
     "DATA_BY_TOPIC",
     "BatteryData",
+    "DepthCameraData",
+    "DepthCamerasData",
     "Description",
     "Driven",
     "ImuData",
@@ -88,6 +91,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "sim": SimData,
     "scan": ScanData,
     "lidars": LidarsData,
+    "depth_cameras": DepthCamerasData,
     "worker": WorkerData,
     "localization": LocalizationData,
     "mapping": MappingData,

@@ -74,6 +74,10 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.LidarsData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["depth_cameras"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.DepthCamerasData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["worker"], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[t.WorkerData]: ...
     @overload

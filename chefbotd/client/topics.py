@@ -73,6 +73,10 @@ class Topics(ABC):
     ) -> Subscription[t.LidarsData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["depth_cameras"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.DepthCamerasData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["worker"], **options: Unpack[SubscribeOptions]
     ) -> Subscription[t.WorkerData]: ...
     @overload

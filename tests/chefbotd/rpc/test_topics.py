@@ -35,7 +35,7 @@ def data_of(name: str, *seen: Any) -> dict[str, Any]:
 
 
 def test_topics_are_those_of_the_contract() -> None:
-    """The names; the truth only where it is simulated, lidars only where there is one."""
+    """The names; the truth only where it is simulated, lidars and depth cameras only where there are any."""
     contract = [
         "odometry",
         "wheels",
@@ -55,7 +55,7 @@ def test_topics_are_those_of_the_contract() -> None:
         "map_pose",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
-    assert set(TABLE) == {*contract, "sim", "scan", "lidars"}
+    assert set(TABLE) == {*contract, "sim", "scan", "lidars", "depth_cameras"}
 
 
 def test_odometry() -> None:
