@@ -33,6 +33,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _braking(settings)
     yield from _mapping(settings)
     yield from _turning(settings)
+    yield from _nearest(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:
@@ -167,6 +168,33 @@ def _turning(settings: Settings) -> Iterator[str]:
             f"safety.guard.deceleration_m_s2 {guard.deceleration_m_s2:g} counts on more braking than limits.linear "
             f"allows ({slowest:g}): the robot would touch what a lidar sees"
         )
+
+
+def _nearest(settings: Settings) -> Iterator[str]:
+    """The guard must have stopped the robot before what it stops for is too near to be seen."""
+    guard = settings.safety.guard
+    for lidar in settings.lidar if guard.enabled else ():
+        nearest_m, within_m = lidar.band_m[0], _within_outline_m(settings, lidar.mount_x_m, lidar.mount_y_m)
+        kept_m = guard.scan.stop_distance_m + guard.scan.clearance_m
+        short_m = nearest_m - within_m - kept_m
+        if lidar.guards and short_m > ROUNDING_M:
+            yield (
+                f"lidar {lidar.name} sees nothing nearer than {nearest_m:g} m (its min_range_m) and is mounted "
+                f"{within_m:.3g} m within the robot's outline: what the guard stops for, {kept_m:g} m before that, "
+                f"would vanish first; raise safety.guard.scan.stop_distance_m by {short_m:.3g}"
+            )
+
+
+ROUNDING_M = 1e-9
+
+
+def _within_outline_m(settings: Settings, x_m: float, y_m: float) -> float:
+    """How far a point is from the nearest edge of the body, or of the box about the wheels; negative outside."""
+    wheels = (2 * max(wheel.radius_m for wheel in settings.chassis.wheels), settings.chassis.track_width_m)
+    length_m, width_m = settings.body_size_m or wheels
+    if width_m is None:
+        return length_m / 2 - math.hypot(x_m, y_m)
+    return min(length_m / 2 - abs(x_m), width_m / 2 - abs(y_m))
 
 
 BRAKING_SLACK_M = 0.01

@@ -117,6 +117,23 @@ def test_a_guard_by_lidars_counts_on_no_braking_that_is_not_there(
     load(overrides={**overrides, "lidar": [{**LD19, "guards": False}]})
 
 
+def test_what_the_guard_stops_for_must_not_be_too_near_to_be_seen() -> None:
+    """An A1 sees from 0.15 m on. At the rim of ChefBot (0.18 m), less 0.02 m, it would lose what is 0.07 m before it.
+
+    0.02 + 0.05 + 0.02 = 0.09: 0.06 m are missing. With that much more, or farther in, or for a lidar that does not
+    guard, it is a good configuration.
+    """
+    at_the_rim = {**A1, "mount_x_m": 0.16}
+    with pytest.raises(SettingsError, match=r"lidar low sees nothing nearer than 0.15 m .* by 0.06$"):
+        load(overrides={"lidar": [at_the_rim]})
+    load(overrides={"lidar": [at_the_rim], "safety.guard.scan.stop_distance_m": 0.11})
+    load(overrides={"lidar": [{**A1, "mount_x_m": 0.1}]})
+    load(overrides={"lidar": [{**at_the_rim, "guards": False}]})
+    outside = {**LD19, "mount_y_m": 0.4}
+    with pytest.raises(SettingsError, match=r"mounted -0.22 m within"):
+        load(overrides={"lidar": [outside]})
+
+
 MOUNTED = {**LD19, "mount_x_m": 0.11, "mount_y_m": -0.07, "mount_z_m": 0.21, "mount_yaw_rad": 0.7}
 
 
