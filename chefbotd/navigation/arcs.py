@@ -88,6 +88,17 @@ def turn(params: ArcParameters, outline: OutlineParameters, near: Surroundings, 
     return Way(*_way(*_arrays(outline, near), _numbers(params, outline, 1.0, 1.0), 0.0, 0.0, angle_rad))
 
 
+def standing_only(near: Surroundings) -> Surroundings:
+    """The same without who moves."""
+    still = ~near.velocity_m_s.any(axis=1)
+    return replace(
+        near,
+        points_m=near.points_m[still],
+        margin_m=near.margin_m[still],
+        velocity_m_s=near.velocity_m_s[still],
+    )
+
+
 def swept(params: ArcParameters, near: Surroundings) -> Surroundings:
     """The same with everybody who moves at each place where he will be: who lets him pass must stand clear of all."""
     moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0

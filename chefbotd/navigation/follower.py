@@ -15,7 +15,16 @@ from pydantic import Field
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, Surroundings, Way, stopping_speed, swept, turn, way
+from chefbotd.navigation.arcs import (
+    ArcParameters,
+    Surroundings,
+    Way,
+    standing_only,
+    stopping_speed,
+    swept,
+    turn,
+    way,
+)
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters
 
@@ -166,7 +175,7 @@ def _pursue(
     curvature = min(max(2 * y_m / away_m**2, -most), most)
     curvature, found = _free_arc(params, outline, near, curvature, (x_m, y_m))
     free_m = found.free
-    if free_m < params.arcs.horizon_m and near.velocity_m_s.any():
+    if near.velocity_m_s.any() and free_m < _way(params, outline, standing_only(near), curvature).free - 0.05:
         free_m = min(free_m, _way(params, outline, swept(params.arcs, near), curvature).free)
     room_m = free_m - 0.02
     if free_m < params.arcs.horizon_m:

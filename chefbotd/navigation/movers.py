@@ -18,22 +18,22 @@ FASTEST_M_S = 2.0
 SLOWEST_M_S = 0.18
 """Slower than this is noise."""
 
-SHARE = 0.5
-"""Of a new velocity so much is taken at once."""
+OVER_S, AFTER_S = 0.5, 0.35
+"""A velocity is measured over so long, and believed after so long: beams that come and go shift a thing's middle."""
 
 FORGOTTEN_S = 0.6
 
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """A thing: its middle and its velocity in the grid's frame, when it was seen last and first."""
+    """A thing: its middle and velocity in the grid's frame, and where it was lately (time, x, y), the oldest first."""
 
     x_m: float
     y_m: float
     vx_m_s: float
     vy_m_s: float
     stamp_s: float
-    since_s: float
+    was: tuple[tuple[float, float, float], ...]
 
 
 def followed(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> tuple[tuple[Mover, ...], Floats]:
@@ -48,7 +48,7 @@ def followed(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> tup
             continue
         mover = _matched(left, stamp_s, x_m, y_m)
         found.append(mover)
-        if stamp_s - mover.since_s > 0.25 and math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S:
+        if math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S:
             velocities[span] = mover.vx_m_s, mover.vy_m_s
     return (*found, *left), velocities
 
@@ -70,18 +70,14 @@ def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float) -> Mover
         away = min(math.hypot(x_m - ahead_x, y_m - ahead_y), math.hypot(x_m - mover.x_m, y_m - mover.y_m))
         if away < best and dt_s > 0:
             nearest, best = mover, away
+    here = (stamp_s, x_m, y_m)
     if nearest is None:
-        return Mover(x_m, y_m, 0.0, 0.0, stamp_s, stamp_s)
+        return Mover(x_m, y_m, 0.0, 0.0, stamp_s, (here,))
     left.remove(nearest)
-    dt_s = stamp_s - nearest.stamp_s
-    vx, vy = (x_m - nearest.x_m) / dt_s, (y_m - nearest.y_m) / dt_s
-    if math.hypot(vx, vy) > FASTEST_M_S:
-        return Mover(x_m, y_m, 0.0, 0.0, stamp_s, stamp_s)
-    return Mover(
-        x_m,
-        y_m,
-        nearest.vx_m_s + SHARE * (vx - nearest.vx_m_s),
-        nearest.vy_m_s + SHARE * (vy - nearest.vy_m_s),
-        stamp_s,
-        nearest.since_s,
-    )
+    was = (*(each for each in nearest.was if stamp_s - each[0] <= OVER_S + 1e-6), here)
+    began_s, began_x, began_y = was[0]
+    over_s = stamp_s - began_s
+    vx, vy = (x_m - began_x) / max(over_s, 1e-3), (y_m - began_y) / max(over_s, 1e-3)
+    if over_s < AFTER_S or math.hypot(vx, vy) > FASTEST_M_S:
+        vx = vy = 0.0
+    return Mover(x_m, y_m, vx, vy, stamp_s, was)

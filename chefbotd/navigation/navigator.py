@@ -24,8 +24,8 @@ from chefbotd.navigation.travel import seconds
 from chefbotd.navigation.trips import Trip, blocked_after_m, find, worth
 from chefbotd.navigation.zones import NO_ZONES, Zones
 
-EVADE_S = 1.0
-"""Who will be so near in this time is backed off from already."""
+EVADE_S = 2.0
+"""Who will be too near in this time is backed off from already."""
 
 
 class NoMapError(RuntimeError):
@@ -374,17 +374,26 @@ class Navigator:
         """Back off from who comes nearer while the robot stands, if there is room behind."""
         if self._last.linear_m_s > 0.01 or (wanted is not None and wanted.linear_m_s > 0.0):
             return wanted
-        x, y = near.points_m.T
-        apart = np.hypot(x, y)
-        closing = -(x * near.velocity_m_s[:, 0] + y * near.velocity_m_s[:, 1]) / np.maximum(apart, 1e-6)
-        within = apart - self._params.outline.outer_radius_m < self._params.evade_m + EVADE_S * closing
-        if not ((closing > 0.1) & (x > 0) & within).any():
+        if not self._is_approached(near):
             return wanted
         params, standing = self._params.follower, replace(near, velocity_m_s=np.zeros_like(near.velocity_m_s))
         back = way(params.arcs, self._params.outline, standing, 0.0, -0.5, params.evading_m_s, 0.5)
         if back.free < 0.25:
             return wanted
         return slewed(params, self._last, Twist2D(-params.evading_m_s, 0.0), dt_s)
+
+    def _is_approached(self, near: Surroundings) -> bool:
+        """Whether somebody in front walks so that he will soon be where the robot stands."""
+        points, velocity = near.points_m, near.velocity_m_s
+        squared = (velocity**2).sum(axis=1)
+        coming = (squared > 0) & (points[:, 0] > 0)
+        if not coming.any():
+            return False
+        points, velocity, squared = points[coming], velocity[coming], squared[coming]
+        meets_s = np.clip(-(points * velocity).sum(axis=1) / squared, 0.0, EVADE_S)
+        met = points + velocity * meets_s[:, None]
+        near_m = self._params.outline.outer_radius_m + self._params.evade_m
+        return bool(((np.hypot(met[:, 0], met[:, 1]) < near_m) & (meets_s > 0)).any())
 
     # Recovering
 

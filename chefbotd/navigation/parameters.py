@@ -27,8 +27,8 @@ class NavigationParameters(Parameters):
     """Where there is no way but the blocked one, the robot drives on until it is so near to what blocks it."""
     near_m: float = Field(default=1.6, gt=0, le=20)
     """Points farther away than this are not looked at for the next motion."""
-    evade_m: float = Field(default=0.4, ge=0, le=5)
-    """Who comes nearer than this, while the robot cannot go on, is backed off from."""
+    evade_m: float = Field(default=0.2, ge=0, le=5)
+    """Who is about to come nearer than this, while the robot cannot go on, is backed off from."""
     idle_s: float = Field(default=6.0, gt=0, le=60)
     """A robot that drives and does not come on for so long is stuck."""
     scan_silent_s: float = Field(default=0.6, gt=0, le=10)

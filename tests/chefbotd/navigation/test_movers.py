@@ -1,0 +1,55 @@
+"""Who moves, and how fast, from scan to scan."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chefbotd.navigation.movers import followed
+
+ARC = np.stack([0.2 * np.cos(np.linspace(2, 4, 12)), 0.2 * np.sin(np.linspace(2, 4, 12))], axis=1)
+CHAIR = np.array([[3.0, 1.0], [3.1, 1.05], [3.2, 1.1]])
+NOISE = np.random.default_rng(3)
+
+
+def walked(vx: float, vy: float, scans: int, *, noise_m: float = 0.01) -> np.ndarray:
+    """The velocities of the last of some scans, ten a second: somebody who walks, then a chair."""
+    movers: tuple[object, ...] = ()
+    velocities = np.zeros((0, 2))
+    for k in range(scans):
+        person = ARC + np.array([1.0 + 0.1 * k * vx, -1.0 + 0.1 * k * vy])
+        points = np.vstack([person, CHAIR])
+        movers, velocities = followed(movers, 5.0 + 0.1 * k, points + NOISE.normal(0, noise_m, points.shape))
+    return velocities
+
+
+def test_somebody_who_walks_has_his_velocity_and_a_chair_has_none() -> None:
+    """0.5 m/s to the left and a little back, within 0.1 m/s, in spite of a centimetre of noise; the chair stands."""
+    velocities = walked(-0.2, 0.46, 8)
+    assert velocities[: len(ARC)] == pytest.approx(np.tile([-0.2, 0.46], (len(ARC), 1)), abs=0.1)
+    assert not velocities[len(ARC) :].any()
+
+
+def test_a_moment_is_not_enough_to_say_that_somebody_walks() -> None:
+    """Three scans are 0.2 s: nothing yet; after five there is."""
+    assert not walked(0.5, 0.0, 3).any()
+    assert walked(0.5, 0.0, 5)[: len(ARC)].any()
+
+
+def test_who_stands_for_half_a_second_has_stopped() -> None:
+    """His velocity is that of the last half second, not of all his way."""
+    movers: tuple[object, ...] = ()
+    for k in range(16):
+        along_m = 0.06 * min(k, 8)
+        movers, velocities = followed(movers, 0.1 * k, ARC + np.array([1.0 + along_m, 0.0]))
+    assert not velocities.any()
+
+
+def test_no_points_are_nobody_and_what_is_wide_does_not_walk() -> None:
+    """A wall's middle moves with what is seen of it."""
+    assert followed((), 1.0, np.zeros((0, 2)))[1].shape == (0, 2)
+    movers: tuple[object, ...] = ()
+    for k in range(8):
+        wall = np.stack([np.linspace(0.2 * k, 2.0 + 0.2 * k, 30), np.full(30, 2.0)], axis=1)
+        movers, velocities = followed(movers, 0.1 * k, wall)
+    assert math.isclose(float(np.abs(velocities).max()), 0.0)
