@@ -21,8 +21,8 @@ class RecoveryParameters(Parameters):
     closed_radius_m: float = Field(default=0.15, gt=0, le=2)
     wait_s: float = Field(default=12.0, ge=0, le=600)
     ask_s: float = Field(default=12.0, ge=0, le=600)
-    patience_s: float = Field(default=30.0, ge=0, le=600)
-    """Before so long it does not give up, even if everything was tried."""
+    patience_s: float = Field(default=60.0, ge=0, le=600)
+    """A way that opens and closes again, as where people go to and fro, is tried for so long at least."""
     again_s: float = Field(default=1.0, gt=0, le=60)
     """While it waits it looks for a path so often."""
     progress_m: float = Field(default=0.6, gt=0, le=10)
