@@ -126,12 +126,19 @@ class Worker:
             self._channel.send(message)
 
     async def request(
-        self, skill: str, body: msgspec.Struct, *, deadline_s: float, on_progress: OnProgress | None = None
+        self,
+        skill: str,
+        body: msgspec.Struct,
+        *,
+        deadline_s: float,
+        on_progress: OnProgress | None = None,
+        settles: bool = False,
     ) -> bytes:
         """Have a skill do something, and return what it answers.
 
-        A worker that neither answers nor reports progress within ``deadline_s`` is killed. Whoever cancels this waits
-        until the worker has given up, or has done it nevertheless, which is then the result.
+        A worker that neither answers nor reports progress within ``deadline_s`` is killed. Cancelling this gives the
+        request up. One that ``settles`` waits until the worker has given up, or has done it nevertheless, which is then
+        the result: only for a client's request, as a service must end when it is cancelled.
 
         Raises:
             Refused: it was not done, and why; ``WorkerLost`` where nobody can say whether it was.
@@ -149,9 +156,11 @@ class Worker:
             if future.done() or self._channel is None:
                 raise
             self._channel.send(messages.Cancel(number))
+            if not settles:
+                raise
             try:
                 return await future
-            except RequestCancelled:
+            except (RequestCancelled, Refused):
                 raise asyncio.CancelledError from None
         finally:
             self._pending.pop(number, None)

@@ -16,6 +16,8 @@ from structlog.testing import capture_logs
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.worker import no_worker
+from chefbotd.worker.spawn import Spawn
 from tests.scenarios.access import Access, unguarded
 from tests.scenarios.driver import Driver
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving
@@ -132,7 +134,7 @@ class Fault:
 
     ``row`` is how its row of docs/safety.md begins. ``leave`` is the twist by which the robot shows that it is as good
     as new. Only faults ``on_wire`` may cost frames. ``sketches`` has the outcome on those of the published ones on which
-    it is another, or why the fault cannot happen there.
+    it is another, or why the fault cannot happen there. ``spawn_worker`` starts the worker of a robot with a lidar.
     """
 
     row: str
@@ -147,6 +149,7 @@ class Fault:
     robots: tuple[str, ...] = ROBOTS
     access: Callable[[], AbstractContextManager[Access]] = unguarded
     sketches: Mapping[str, Expected | str] = field(default_factory=dict)
+    spawn_worker: Spawn = no_worker
 
     def outcome_on(self, robot_name: str) -> Expected | str:
         """The one outcome on this robot and its sketch, or why there is none."""
@@ -172,7 +175,7 @@ def attempt(fault: Fault, robot_name: str) -> Result:
         settings = settings_of(robot_name, {**fault.overrides, **access.overrides})
 
         async def run() -> None:
-            async with simulated_robot(settings, **access.key()) as robot:
+            async with simulated_robot(settings, **access.key(), spawn_worker=fault.spawn_worker) as robot:
                 await asyncio.sleep(1.0)
                 fault_run = FaultRun(robot, Driver(robot, fault.twist, access.key("drive")), access, wrong)
                 results.append(await _measured(fault, robot_name, fault_run))

@@ -45,6 +45,8 @@ NOT_INJECTED = {
     "Obstacle that only a depth camera sees": "its test has a taller robot",
     "A depth camera is gone": "its tests have a camera",
     "Whoever saves a map is killed": "its test kills a program that saves",
+    "The worker cannot work here": "its test has another worker",
+    "The daemon dies while it has a worker": "its test starts a program of its own",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

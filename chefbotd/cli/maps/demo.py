@@ -6,7 +6,7 @@ against the true walls.
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -208,8 +208,10 @@ def _count(stats: Any, name: str) -> int:
 
 
 def missed_steps(before: Any, after: Any) -> int:
-    """Readings of the encoders for which there was no control step; one may still be on its way."""
-    then, now = before.model_dump(), after.model_dump()
-    readings = now["frames"].get("encoders", 0) - then["frames"].get("encoders", 0)
-    steps = now["control_steps"] - then["control_steps"]
-    return max(0, int(readings - steps))
+    """Readings of the encoders that were not refused and had no control step; one may be on its way."""
+    return max(0, _without_step(after.model_dump()) - _without_step(before.model_dump()) - 1)
+
+
+def _without_step(stats: Mapping[str, Any]) -> int:
+    readings = stats["frames"].get("EncoderCounts", 0)
+    return int(readings - stats["encoder_readings_refused"] - stats["control_steps"])

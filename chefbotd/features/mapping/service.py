@@ -78,7 +78,7 @@ class MappingService:
     async def finish(self, name: str, progress: Progress) -> MapSaved:
         """Put the last touch on the map, and save it."""
         answer = await self._worker.request(
-            SKILL, Finish(name), deadline_s=LONG_S, on_progress=progress.report
+            SKILL, Finish(name), deadline_s=LONG_S, on_progress=progress.report, settles=True
         )
         saved = FINISHED.decode(answer)
         self._publish(MappingStatus("idle"))

@@ -28,7 +28,7 @@ from chefbotd.worker.messages import (
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerLost
 from chefbotd.worker.watch import WorkerState
-from tests.chefbotd.worker.fakes import FakeChild, Nursery, healthy, live
+from tests.fakes.worker import FakeChild, Nursery, healthy, live
 
 SCAN = ScanSeen(1.0, "top", (0.1, 0.0, 0.3), bytes(1200), bytes(1200), bytes(1200))
 
@@ -306,7 +306,7 @@ def test_a_request_can_be_given_up() -> None:
 
     async def scene() -> None:
         async with running(counting) as (worker, nursery):
-            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0))
+            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0, settles=True))
             await asyncio.sleep(0.35)
             task.cancel()
             await asyncio.wait({task}, timeout=0.2)
@@ -332,11 +332,35 @@ def test_a_request_that_was_done_before_it_could_be_given_up_is_told_as_done() -
 
     async def scene() -> None:
         async with running(stubborn) as (worker, _):
-            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0))
+            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0, settles=True))
             await asyncio.sleep(0.1)
             task.cancel()
             await asyncio.wait({task}, timeout=0.2)
             assert task.result() == b"\xa5saved"
+
+    run_virtual(scene())
+
+
+@pytest.mark.parametrize("settles", [False, True])
+def test_a_service_that_is_cancelled_ends(settles: bool) -> None:
+    """Its request to a worker that never answers, or dies meanwhile, swallows no cancellation: the daemon can end."""
+
+    async def scene() -> None:
+        async with running() as (worker, nursery):
+
+            async def service() -> None:
+                while True:
+                    with contextlib.suppress(Refused):
+                        await worker.request("counting", Count(3), deadline_s=60.0, settles=settles)
+                    await asyncio.sleep(0.1)
+
+            task = asyncio.create_task(service())
+            await asyncio.sleep(0.35)
+            task.cancel()
+            await asyncio.sleep(0.1)
+            nursery.last.die("it was killed by SIGKILL")
+            await asyncio.wait({task}, timeout=1.0)
+            assert task.cancelled()
 
     run_virtual(scene())
 

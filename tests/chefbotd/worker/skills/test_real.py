@@ -1,0 +1,172 @@
+"""The real worker with the real skill and the real disk, killed at any moment: what was saved is whole."""
+
+import asyncio
+import contextlib
+import os
+import random
+import signal
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+import uvloop
+
+from chefbotd.clock import SystemClock
+from chefbotd.mapping.parameters import MappingParameters
+from chefbotd.mapping.saved import restored
+from chefbotd.maps import contents
+from chefbotd.maps.manifest import GRAPH
+from chefbotd.maps.store import MapStore
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.process import Worker, WorkerLost
+from chefbotd.worker.skills.mapping_messages import (
+    FINISHED,
+    SKILL,
+    STATUS,
+    TOLD,
+    Finish,
+    MappingSkillParameters,
+    MappingStatus,
+    PoseFound,
+    Resume,
+    Start,
+)
+from tests.chefbotd.worker.skills.drives import measured
+
+pytestmark = pytest.mark.realtime
+PATIENCE_S = 90.0
+T = TypeVar("T")
+
+
+class Bench:
+    """A real worker that maps, fed ten times as fast as in life, in its own time."""
+
+    def __init__(self, folder: Path, autosave_s: float) -> None:
+        parameters = MappingSkillParameters(
+            lidar="top",
+            folder=folder,
+            versions_kept=3,
+            session="one",
+            mapping=MappingParameters(autosave_s=autosave_s, told_every_s=0.2),
+        )
+        skills = {SKILL: parameters.model_dump_json().encode()}
+        bounds = WorkerParameters(restart_after_s=0.05, most_memory_mb=2000)
+        self.worker = Worker(bounds, SystemClock(), skills, lambda status: None)
+        self.worker.add_listener(SKILL, self._take)
+        self.poses: list[PoseFound] = []
+        self.status = MappingStatus("idle")
+
+    def _take(self, body: bytes) -> None:
+        told = TOLD.decode(body)
+        if isinstance(told, PoseFound):
+            self.poses.append(told)
+        elif isinstance(told, MappingStatus):
+            self.status = told
+
+    async def ask(self, request: Start | Resume) -> MappingStatus:
+        """Have something done."""
+        return STATUS.decode(await self.worker.request(SKILL, request, deadline_s=60.0))
+
+    async def drive(self, first: int, last: int) -> None:
+        """A part of the tour."""
+        now_s = SystemClock().now_s()
+        for message in measured(first, last, begin_s=now_s - 0.1 * first - 60.0):
+            self.worker.send(message)
+            if isinstance(message, OdometrySeen):
+                await asyncio.sleep(0.004)
+            assert isinstance(message, ScanSeen | OdometrySeen)
+        await asyncio.sleep(0.1)
+
+
+@contextlib.asynccontextmanager
+async def running(folder: Path, autosave_s: float = 0.1) -> AsyncIterator[Bench]:
+    """A bench whose worker is ready."""
+    bench = Bench(folder, autosave_s)
+    task = asyncio.create_task(bench.worker.run())
+    try:
+        await until(lambda: bench.worker.is_ready)
+        yield bench
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait for it, with patience for a machine that is busy, or that has to compile first."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - a condition of another process
+            await asyncio.sleep(0.01)
+
+
+def run(scene: Callable[[], object]) -> None:
+    """On the loop that the daemon runs on."""
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(scene())  # type: ignore[arg-type]
+
+
+def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
+    """Killed four times while it saves ten times a second: each time the last autosave is whole, and mapping goes on."""
+    chance = random.Random(7)
+
+    async def scene() -> None:
+        async with running(tmp_path) as bench:
+            await bench.ask(Start())
+            at, kept = 0, 0
+            for _ in range(4):
+                feeding = asyncio.create_task(bench.drive(at, at + 40))
+                await asyncio.sleep(chance.uniform(0.1, 0.45))
+                restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
+                assert pid is not None
+                os.kill(pid, signal.SIGKILL)
+                await feeding
+                at += 40
+                await until(lambda was=restarts: bench.worker.is_ready and bench.worker.status.restarts > was)
+                found = MapStore(tmp_path).read_autosave()
+                assert found is not None, "it is saved with its first scans"
+                nodes = restored(contents.read_arrays(found.folder / GRAPH)).nodes
+                assert len(nodes) >= kept
+                kept = len(nodes)
+                status = await bench.ask(Resume(paused=False))
+                assert (status.state, status.kept_scans) == ("mapping", kept)
+            await bench.drive(at, at + 20)
+            answer = await bench.worker.request(SKILL, Finish("flat"), deadline_s=60.0)
+            assert FINISHED.decode(answer).kept_scans >= kept
+        assert MapStore(tmp_path).names() == ["flat"]
+        assert MapStore(tmp_path).read_autosave() is None
+
+    run(scene)
+
+
+def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) -> None:
+    """Killed at three moments of finishing: a saved map is whole, and without one mapping goes on from the autosave."""
+
+    async def scene() -> None:
+        async with running(tmp_path) as bench:
+            for k in range(3):
+                store = MapStore(tmp_path)
+                if store.read_autosave() is None:
+                    await bench.ask(Start())
+                await bench.drive(60 * k, 60 * k + 60)
+                before = len(store.describe("flat").versions) if "flat" in store.names() else 0
+                asking = asyncio.create_task(bench.worker.request(SKILL, Finish("flat"), deadline_s=60.0))
+                await asyncio.sleep(0.06 * k)
+                restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
+                assert pid is not None
+                os.kill(pid, signal.SIGKILL)
+                with contextlib.suppress(WorkerLost):
+                    await asking
+                await until(lambda was=restarts: bench.worker.is_ready and bench.worker.status.restarts > was)
+                names = store.names()
+                saved = "flat" in names and len(store.describe("flat").versions) > before
+                if saved:
+                    assert contents.read_slam(store, "flat") is not None
+                    assert not store.describe("flat").damage
+                else:
+                    assert store.read_autosave() is not None
+                if store.read_autosave() is not None:
+                    assert (await bench.ask(Resume(paused=False))).state == "mapping"
+
+    run(scene)
