@@ -8,13 +8,14 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.events.lidars import LidarChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.link.lidar.health import Condition, HealthWatch, Heard
 from chefbotd.link.lidar.ld19_reader import Ld19Reader
 from chefbotd.link.lidar.reader import LidarReader
 from chefbotd.link.lidar.rplidar_reader import RplidarReader
-from chefbotd.link.lidar.turn import RepeatFinder, Turn, scan_of
+from chefbotd.link.lidar.turn import RepeatFinder, Travel, Turn, scan_of
 from chefbotd.link.port import LinkParameters
 from chefbotd.sensing.lidar import LidarModel, LidarParameters
 from firmware_protocol.lidar import ld19, rplidar
@@ -65,7 +66,8 @@ class LidarSession(asyncio.Protocol):
         self._bus, self._clock, self.lidar = bus, clock, lidar
         self.reader = _reader_of(lidar)
         self._base_from_lidar = lidar.base_from_lidar
-        self._repeats = RepeatFinder()
+        self._repeats, self._travel = RepeatFinder(), Travel()
+        bus.add_handler(self._add_travel, OdometryUpdated)
         self._transport: asyncio.Transport | None = None
         self._closed = asyncio.Event()
         self._closed.set()
@@ -108,14 +110,17 @@ class LidarSession(asyncio.Protocol):
         self._say(self.reader.poll(now_s))
 
     def _take_turn(self, turn: Turn) -> None:
-        """A turn that was there before is no measurement: it is not published."""
-        if self._repeats.is_repeated(turn):
+        """A turn that was there before the robot moved is no measurement: it is not published."""
+        if self._repeats.is_repeated(turn, self._travel.travelled_m):
             self.repeated += 1
             return
         scan = scan_of(self.lidar, turn)
         self.scans += 1
         self.turn_s, self.last_scan_s = float(turn.stamp_s[-1] - turn.stamp_s[0]), scan.stamp_s
         self._bus.publish(ScanMeasured(scan.stamp_s, self.lidar.name, self._base_from_lidar, scan))
+
+    def _add_travel(self, odometry: OdometryUpdated) -> None:
+        self._travel.add_twist(odometry.stamp_s, odometry.twist)
 
     # What the link asks
 

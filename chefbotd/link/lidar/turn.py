@@ -1,11 +1,12 @@
 """A lidar's turn, and the scan that is made of it."""
 
 import math
-from collections import deque
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
 
+from chefbotd.core.geometry import Twist2D
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.sensing.lidar import LidarParameters
 
@@ -14,6 +15,10 @@ REMEMBERED_TURNS = 600
 
 LEAST_READINGS = 30
 """Two turns with fewer readings may be alike by chance: in an empty hall both have none."""
+
+MOVED_M = 0.03
+REACH_M = 0.3
+LONGEST_STEP_S = 0.2
 
 LEAST_COVERED = 0.75
 """A turn of which more is missing is no turn."""
@@ -46,21 +51,36 @@ def scan_of(lidar: LidarParameters, turn: Turn) -> LaserScan:
 
 
 class RepeatFinder:
-    """Finds turns that were seen before, bit for bit: noise alone makes each turn of a lidar different."""
+    """Finds turns that were measured before the robot moved: bit for bit the same though it now stands elsewhere.
+
+    Noise makes each turn of a real lidar different, but a simulated one without noise repeats itself while the robot
+    stands. So a repetition is one only after ``MOVED_M`` of travel.
+    """
 
     def __init__(self) -> None:
-        self._order: deque[int] = deque()
-        self._seen: set[int] = set()
+        self._travelled_m: OrderedDict[int, float] = OrderedDict()
 
-    def is_repeated(self, turn: Turn) -> bool:
-        """Whether this turn is one of the last ``REMEMBERED_TURNS``; it is remembered as well."""
+    def is_repeated(self, turn: Turn, travelled_m: float) -> bool:
+        """Whether this turn is one of the last ``REMEMBERED_TURNS``, and the robot has moved on since then."""
         if np.count_nonzero(turn.range_m) < LEAST_READINGS:
             return False
         key = hash(turn.range_m.tobytes() + turn.clockwise_rad.tobytes())
-        if key in self._seen:
-            return True
-        self._seen.add(key)
-        self._order.append(key)
-        if len(self._order) > REMEMBERED_TURNS:
-            self._seen.discard(self._order.popleft())
-        return False
+        first_m = self._travelled_m.setdefault(key, travelled_m)
+        if len(self._travelled_m) > REMEMBERED_TURNS:
+            self._travelled_m.popitem(last=False)
+        return travelled_m - first_m > MOVED_M
+
+
+class Travel:
+    """How far a robot has moved, from its twists: metres of its middle, and of a point ``REACH_M`` away as it turns."""
+
+    def __init__(self) -> None:
+        self.travelled_m = 0.0
+        self._stamp_s: float | None = None
+
+    def add_twist(self, stamp_s: float, twist: Twist2D) -> None:
+        """The robot has moved with this twist since the one before; a gap counts as ``LONGEST_STEP_S``."""
+        if self._stamp_s is not None:
+            step_s = min(max(stamp_s - self._stamp_s, 0.0), LONGEST_STEP_S)
+            self.travelled_m += (abs(twist.linear_m_s) + REACH_M * abs(twist.angular_rad_s)) * step_s
+        self._stamp_s = stamp_s

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.link.lidar.turn import RepeatFinder, Turn, scan_of
+from chefbotd.core.geometry import Twist2D
+from chefbotd.link.lidar.turn import RepeatFinder, Travel, Turn, scan_of
 from chefbotd.sensing.lidar import LidarParameters
 
 
@@ -66,23 +67,43 @@ def varied(seed: int) -> Turn:
 
 
 def test_a_turn_that_was_there_before_is_found() -> None:
-    """One of a recording of 50 turns that begins again; its time does not count."""
+    """One of a recording of 50 turns that begins again after 5 cm; its time does not count."""
     finder = RepeatFinder()
-    assert not any(finder.is_repeated(varied(seed)) for seed in range(50))
-    assert all(finder.is_repeated(varied(seed)) for seed in range(50))
+    assert not any(finder.is_repeated(varied(seed), 0.0) for seed in range(50))
+    assert all(finder.is_repeated(varied(seed), 0.05) for seed in range(50))
+
+
+def test_a_lidar_without_noise_may_repeat_itself_while_the_robot_stands() -> None:
+    """As a simulated one does, for ever; after 2 cm of creeping odometry too, after 4 cm no longer."""
+    finder = RepeatFinder()
+    assert not any(finder.is_repeated(varied(1), 0.0) for _ in range(1000))
+    assert not finder.is_repeated(varied(1), 0.02)
+    assert finder.is_repeated(varied(1), 0.04)
+
+
+def test_travel_counts_turning_and_driving_in_either_direction() -> None:
+    """0.1 s back at 0.2 m/s are 2 cm; 0.1 s of turning at -1 rad/s are 3 cm at 0.3 m; a gap of a minute counts 0.2 s."""
+    travel = Travel()
+    travel.add_twist(10.0, Twist2D(5.0, 5.0))
+    travel.add_twist(10.1, Twist2D(-0.2, 0.0))
+    assert travel.travelled_m == pytest.approx(0.02)
+    travel.add_twist(10.2, Twist2D(0.0, -1.0))
+    assert travel.travelled_m == pytest.approx(0.05)
+    travel.add_twist(70.2, Twist2D(0.1, 0.0))
+    assert travel.travelled_m == pytest.approx(0.07)
 
 
 def test_in_an_empty_hall_every_turn_is_alike_and_none_a_repetition() -> None:
     """No reading at all, or three."""
     empty = Turn(np.linspace(0, 6.2, 450), np.zeros(450), np.zeros(450))
     finder = RepeatFinder()
-    assert not any(finder.is_repeated(empty) for _ in range(5))
+    assert not any(finder.is_repeated(empty, 0.1 * index) for index in range(5))
 
 
 def test_memory_is_bounded() -> None:
     """What came more than 600 turns ago is forgotten."""
     finder = RepeatFinder()
     for seed in range(700):
-        finder.is_repeated(varied(seed))
-    assert not finder.is_repeated(varied(50))
-    assert finder.is_repeated(varied(699))
+        finder.is_repeated(varied(seed), 0.0)
+    assert not finder.is_repeated(varied(50), 0.1)
+    assert finder.is_repeated(varied(699), 0.1)
