@@ -39,6 +39,13 @@ def _slam(**options: Any) -> Outcome:
     return slam.run(**options)
 
 
+def _worker(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import worker
+
+    return worker.run(**options)
+
+
 def _planner(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``navigation``."""
     from benchmarks import planner
@@ -81,6 +88,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "optiodom": optiodom.run,
     "ratios": ratios.run,
     "slam": _slam,
+    "worker": _worker,
     "localization": _localization,
     "planner": _planner,
     "navigation": _navigation,

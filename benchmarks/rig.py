@@ -20,7 +20,7 @@ from chefbotd.settings import packaged
 
 CHEFBOTD = (str(Path(sys.executable).with_name("chefbotd")),)
 READY_WITHIN_S = 10.0
-Changes = Mapping[str, Mapping[str, Any]]
+Changes = Mapping[str, Mapping[str, Any] | list[Mapping[str, Any]]]
 
 
 class NotReady(Exception):
@@ -116,7 +116,7 @@ def _is_table(value: object) -> bool:
 def _changed(changes: Changes) -> dict[str, Any]:
     values = tomllib.loads(packaged().read_text())
     for section, keys in changes.items():
-        values[section] = {**values.get(section, {}), **keys}
+        values[section] = keys if isinstance(keys, list) else {**values.get(section, {}), **keys}
     return values
 
 
