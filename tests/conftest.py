@@ -5,6 +5,8 @@
 """
 
 import os
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -14,6 +16,21 @@ from tests.budget import FAST_EXAMPLES, IS_FULL
 settings.register_profile("fast", max_examples=FAST_EXAMPLES, deadline=None)
 settings.register_profile("full", deadline=None)
 settings.load_profile("full" if IS_FULL else "fast")
+
+HERE = Path(__file__).parent
+NEED_NAVIGATION = (
+    "chefbotd/features/localization",
+    "chefbotd/features/mapping",
+    "chefbotd/localization",
+    "chefbotd/mapping/slam",
+    "chefbotd/navigation",
+    "chefbotd/worker/skills",
+)
+"""Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
+
+collect_ignore_glob = (
+    [] if find_spec("numba") and find_spec("scipy") else [f"{room}/*" for room in NEED_NAVIGATION]
+)
 
 CONTROLLER = "PYTEST_XDIST_WORKER" not in os.environ
 
@@ -26,12 +43,15 @@ class _Executed:
 
 @pytest.hookimpl
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """One worker runs all tests that need the real clock, so that no two of them disturb each other."""
+    """One worker runs all tests that need the real clock, and one compiles for all tests that need it."""
     if not config.pluginmanager.hasplugin("xdist"):
         return
+    rooms = tuple(f"{HERE / room}{os.sep}" for room in NEED_NAVIGATION)
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(pytest.mark.xdist_group("realtime"))
+        elif str(item.path).startswith(rooms):
+            item.add_marker(pytest.mark.xdist_group("compiled"))
 
 
 @pytest.hookimpl
