@@ -2,16 +2,18 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, ToWorker, packed
 from chefbotd.worker.skills.registry import CannotLoad, loaded
 from chefbotd.worker.skills.skill import Job, Skill
+
+if TYPE_CHECKING:  # it would load asyncio, 7 MB
+    from chefbotd.clock import Clock
 
 STEP_S: Final = 0.05
 """How often the skills have a turn of their own."""
@@ -26,7 +28,7 @@ class _Running:
 class Runner:
     """The skills, and the jobs that they are at; ``doing`` says what it is busy with, and since when."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: "Clock") -> None:
         self._clock = clock
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.localization.localizer import (
     Localization,
@@ -34,6 +33,9 @@ from chefbotd.worker.skills.localization_messages import LocalizationSkillParame
 from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
 from chefbotd.worker.skills.skill import Job, Struct
 
+if TYPE_CHECKING:  # it would load asyncio, 7 MB
+    from chefbotd.clock import Clock
+
 KEPT_ANEW_M, KEPT_ANEW_RAD = 0.02, 0.02
 NOTHING: Final = (0.0, 0.0, 0.0)
 NO_COVARIANCE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -54,7 +56,7 @@ class LocalizationSkill:
     def __init__(
         self,
         parameters: bytes,
-        clock: Clock,
+        clock: "Clock",
         read_map: ReadGrid | None = None,
         pose_file: PoseFile | None = None,
     ) -> None:

@@ -7,11 +7,10 @@ from the last state that it saved on its own.
 import zlib
 from collections.abc import Generator, Iterable, Iterator
 from enum import StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.live_map import LiveMap, Patch, changes, grid_of, nothing, updated
@@ -29,6 +28,9 @@ from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
 from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
 from chefbotd.worker.skills.skill import Done, Job, Struct
+
+if TYPE_CHECKING:  # it would load asyncio, 7 MB
+    from chefbotd.clock import Clock
 
 SESSION: Final = "daemon_session"
 """Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
@@ -52,7 +54,7 @@ class Mode(StrEnum):
 class MappingSkill:
     """One map at a time."""
 
-    def __init__(self, parameters: bytes, clock: Clock, files: MapFiles | None = None) -> None:
+    def __init__(self, parameters: bytes, clock: "Clock", files: MapFiles | None = None) -> None:
         self._parameters = MappingSkillParameters.model_validate_json(parameters)
         self._clock = clock
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from chefbotd.clock import Clock
 from chefbotd.worker.skills.skill import Skill
+
+if TYPE_CHECKING:  # it would load asyncio, 7 MB
+    from chefbotd.clock import Clock
 
 SKILLS: Final[Mapping[str, str]] = {
     "mapping": "chefbotd.worker.skills.mapping:MappingSkill",
@@ -21,7 +23,7 @@ class CannotLoad(Exception):
     """A skill that cannot work in this installation, and what to do; ready to be shown."""
 
 
-def loaded(name: str, parameters: bytes, clock: Clock) -> Skill:
+def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
     """The skill of this name.
 
     Raises:

@@ -174,3 +174,16 @@ def test_compiled_code_goes_where_the_service_may_write() -> None:
     assert "NUMBA_CACHE_DIR" not in environment({}, None)
     assert "NOTIFY_SOCKET" not in environment(unit, None)
     assert environment(unit, None)["OPENBLAS_NUM_THREADS"] == "1"
+
+
+def test_the_workers_clock_is_the_daemons() -> None:
+    """Stamps of both mean the same; and the worker loads no event loop, which would take 7 MB."""
+    program = (
+        "import sys, chefbotd.worker.main as main, chefbotd.worker.skills.registry as registry;"
+        "print('asyncio' in sys.modules, main._Clock().now_s())"
+    )
+    before_s = SystemClock().now_s()
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded, now = done.stdout.split()
+    assert loaded == "False"
+    assert before_s <= float(now) <= SystemClock().now_s()
