@@ -70,7 +70,7 @@ wheel: $(VENV)/ready  ## Build the wheel into dist
 wheel-test: wheel  ## Run the tests against the installed wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,navigation,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,navigation,page,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
 	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
@@ -117,5 +117,5 @@ $(VENV)/ready: pyproject.toml
 	@echo "Setting up $(VENV) with $(PYTHON), once: it downloads some 100 MB and takes a minute or two."
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=/path/to/it")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[dev,teleop,tune,joystick,navigation]'
+	$(BIN)/pip install --quiet --editable '.[dev,teleop,tune,joystick,navigation,page]'
 	touch $@

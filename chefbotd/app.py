@@ -37,7 +37,7 @@ from chefbotd.maps.parameters import MapsParameters, folder_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
-from chefbotd.rpc.access import load_guard
+from chefbotd.rpc.access import Guard, load_guard
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
@@ -48,6 +48,7 @@ from chefbotd.transport.tcp.server import TcpServer
 from firmware_protocol.codec import VARIANTS
 
 if TYPE_CHECKING:
+    from chefbotd.transport.web.server import PageServer
     from chefbotd.worker.spawn import Spawn
 
 log = structlog.get_logger(component="app")
@@ -142,6 +143,7 @@ class Daemon:
             keyring=guard.keyring,
         )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
+        self.page = _page(settings, self.rpc, guard, self.metrics)
         self._add_metrics()
 
     def _own_features(self, settings: Settings, *, simulated: bool) -> list[Feature]:
@@ -263,6 +265,9 @@ class Daemon:
                 group.create_task(run_critical("rpc", self.rpc.run))
                 group.create_task(run_critical("server", self.server.run))
                 await self.server.address()
+                if self.page is not None:
+                    group.create_task(run_critical("page", self.page.run))
+                    await self.page.address()
                 for loop in more:
                     group.create_task(loop())
                 for service in [each for feature in self.features for each in feature.services]:
@@ -272,6 +277,15 @@ class Daemon:
             finally:
                 self.driving.detach()
                 self.session.close()
+
+
+def _page(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) -> "PageServer | None":
+    """Loaded only where it is served."""
+    if not settings.page.enabled:
+        return None
+    from chefbotd.transport.web.server import PageServer
+
+    return PageServer(rpc, settings.page, guard, metrics)
 
 
 def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: random.Random) -> list[Feature]:

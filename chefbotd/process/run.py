@@ -16,7 +16,7 @@ from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.transport.tcp.listener import CannotListen
+from chefbotd.transport.listening import CannotListen
 
 log = structlog.get_logger(component="app")
 

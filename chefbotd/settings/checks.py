@@ -8,6 +8,7 @@ from chefbotd.features.tuning.tuning import ALL_WHEELS
 from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.ramp import braking_distance
+from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
 from chefbotd.settings.urdf import joint_names
@@ -34,6 +35,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _mapping(settings)
     yield from _turning(settings)
     yield from _nearest(settings)
+    yield from _page(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:
@@ -249,3 +251,14 @@ def _mapping(settings: Settings) -> Iterator[str]:
     ):
         if named is not None and named not in names:
             yield f"{section}.lidar {named!r} is no lidar ({there})"
+
+
+def _page(settings: Settings) -> Iterator[str]:
+    api, page = settings.api, settings.page
+    if page.enabled and not is_loopback(page.host) and not (api.token_file or api.token_credential):
+        yield (
+            f"page.host {page.host!r} is beyond this computer, where the page needs a token: set api.token_file (or "
+            "api.token_credential), and better api.tls_certificate and api.tls_key too; or serve it on 127.0.0.1"
+        )
+    if page.enabled and page.port and page.port == settings.api.port:
+        yield f"page.port and api.port are both {page.port}: each needs its own"

@@ -36,6 +36,7 @@ from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.settings.body import BodyParameters
 from chefbotd.sim_parameters.simulation import SimulationParameters
+from chefbotd.transport.web.parameters import PageParameters
 from chefbotd.worker.parameters import WorkerParameters
 from firmware_protocol.codec import VARIANTS
 
@@ -97,6 +98,7 @@ class Settings(Parameters):
     localization: LocalizationSection = section()
     worker: WorkerParameters = section()
     api: ApiParameters = section()
+    page: PageParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()
 

@@ -14,6 +14,7 @@ from chefbotd import __version__, start
 from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
+from chefbotd.cli.common.extras import extra
 from chefbotd.cli.programs.completion import completion
 from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
@@ -21,7 +22,15 @@ from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, wants_json
 from chefbotd.process import signals
 
-EXITS = (Exit.OK, Exit.FAILED, Exit.USAGE, Exit.BAD_CONFIGURATION, Exit.INTERRUPTED, Exit.OUTPUT_CLOSED)
+EXITS = (
+    Exit.OK,
+    Exit.FAILED,
+    Exit.USAGE,
+    Exit.BAD_CONFIGURATION,
+    Exit.NOT_INSTALLED,
+    Exit.INTERRUPTED,
+    Exit.OUTPUT_CLOSED,
+)
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
 SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second"])
 SKETCH = "Which of the published sketches the simulated board runs, instead of the configured one."
@@ -43,6 +52,9 @@ def main() -> None:
     "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
 )
 @click.option(
+    "--page", "with_page", is_flag=True, help="Serve the page in the browser, as [page] enabled = true does."
+)
+@click.option(
     "--log-level", metavar="LEVEL", help="The lowest level that is logged: debug, info, warning, error."
 )
 @click.pass_context
@@ -53,6 +65,7 @@ def run(
     simulated: bool,
     sketch: str | None,
     where: Address | None,
+    with_page: bool,
     log_level: str | None,
 ) -> None:
     """Run the daemon until SIGINT or SIGTERM."""
@@ -67,12 +80,16 @@ def run(
         "link.device": device,
         "api.host": where and where.host,
         "api.port": where and where.port,
+        "page.enabled": with_page or None,
         "log.level": log_level,
     }
     with start.light_imports():
         settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
         if simulated:
             simulation_of(settings)
+        if settings.page.enabled:
+            with extra("page", "aiohttp", "websockets", "prometheus_client"):
+                pass
         from chefbotd.process import logs
         from chefbotd.process import run as process
 

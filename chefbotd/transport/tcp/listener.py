@@ -6,9 +6,6 @@ accepts one client per iteration of the event loop, and survives the kernel's er
 
 import asyncio
 import contextlib
-import errno
-import os
-import resource
 import select
 import socket
 import ssl
@@ -18,25 +15,15 @@ import structlog
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival, Arrivals
-from chefbotd.rpc.connection_manager import ConnectionManager, Headroom
+from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.session import Session
+from chefbotd.transport import listening
 from chefbotd.transport.connection import Connection
+from chefbotd.transport.listening import DescriptorLimit
 from chefbotd.transport.unread import UnreadSockets
 
-BACKLOG = 128
 ACCEPT_AGAIN_S = 0.1
-RESERVED_DESCRIPTORS = 32
-"""Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
-CLOSING_DESCRIPTORS = 8
-"""Left for new clients until those that were disconnected for them have closed their own."""
-
-
-class CannotListen(OSError):
-    """An address that cannot be listened on; its text is ready to be shown."""
-
-    def __str__(self) -> str:
-        return str(self.strerror)
 
 
 class _AcceptQueue:
@@ -60,20 +47,6 @@ class _AcceptQueue:
         return arrival
 
 
-class DescriptorLimit:
-    """How many file descriptors are left for clients, by the number of a new one: it is the lowest that is free."""
-
-    def __init__(self, stop_places: int) -> None:
-        self._low = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
-        self._none = self._low + stop_places + CLOSING_DESCRIPTORS
-
-    def headroom(self, descriptor: int) -> Headroom:
-        """What a client with this descriptor finds."""
-        if descriptor >= self._none:
-            return Headroom.NONE
-        return Headroom.LOW if descriptor >= self._low else Headroom.ENOUGH
-
-
 class Listener:
     """Accepts clients and hands them to the connection manager; through TLS, if there is a context for it."""
 
@@ -86,28 +59,13 @@ class Listener:
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
     def listen(self, host: str, port: int) -> tuple[str, int]:
-        """Listen on every address of a host, which is looked up while nothing runs yet; the first one's name and port.
+        """Listen on every address of a host; the first one's name and port.
 
         Raises:
             CannotListen: one of them cannot be listened on, or there is no such host.
         """
-        try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-            for family, _, _, _, address in dict.fromkeys(found):
-                listener = socket.create_server(address, family=family, backlog=BACKLOG)
-                self._listeners.append(listener)
-                # Accepted sockets inherit this bound on the requests that the kernel holds.
-                listener.setsockopt(
-                    socket.SOL_SOCKET, socket.SO_RCVBUF, self._manager.parameters.backlog_bytes
-                )
-                listener.setblocking(False)
-        except OSError as error:
-            self.close()
-            number = error.errno or 0  # a look-up's are negative; a socket's own text repeats the address
-            why = (os.strerror(number) if number > 0 else str(error.strerror)).lower()
-            if number == errno.EADDRINUSE:
-                why += "; is another chefbotd running? --listen HOST:PORT chooses another port"
-            raise CannotListen(error.errno, f"cannot listen on {host}:{port}: {why}") from error
+        receive_bytes = self._manager.parameters.backlog_bytes
+        self._listeners = listening.listen(host, port, receive_bytes, "--listen HOST:PORT")
         name: tuple[str, int] = self._listeners[0].getsockname()[:2]
         return name
 

@@ -1,0 +1,140 @@
+// Keys, joystick and gamepad to drive commands: repeated while something is held, ended when it is let go.
+
+const REPEAT_MS = 80;
+const MOST_UNANSWERED = 6;
+const AHEAD = new Map([["KeyW", [1, 0]], ["ArrowUp", [1, 0]], ["KeyS", [-1, 0]], ["ArrowDown", [-1, 0]],
+  ["KeyA", [0, 1]], ["ArrowLeft", [0, 1]], ["KeyD", [0, -1]], ["ArrowRight", [0, -1]]]);
+const [PAD_STOP, PAD_ESTOP, PAD_ENABLE, DEAD_ZONE] = [2, 1, 4, 0.12];
+
+export class Driver extends EventTarget {
+  #held = new Set();
+  #stick = null;
+  #pad = null;
+  #pressed = new Set();
+  #moving = false;
+  #blocked = false; // until everything was let go
+
+  constructor(connection, speeds) {
+    super();
+    this.connection = connection;
+    this.speeds = speeds;
+    addEventListener("keydown", (event) => this.#down(event));
+    addEventListener("keyup", (event) => { this.#held.delete(event.code); this.#tick(); });
+    addEventListener("blur", () => this.dead());
+    addEventListener("pagehide", () => this.dead());
+    document.addEventListener("visibilitychange", () => { if (document.hidden) this.dead(); });
+    connection.addEventListener("closed", () => this.dead());
+    connection.addEventListener("stalled", (event) => { if (event.detail) this.dead(); });
+    setInterval(() => this.#tick(), REPEAT_MS);
+  }
+
+  // Everything counts as let go; what is still pressed drives only when it is pressed anew.
+  dead() {
+    this.#held.clear();
+    this.#stick = null;
+    this.#blocked = this.#pad !== null;
+    this.#pad = null;
+    this.#release();
+    this.dispatchEvent(new Event("dead"));
+  }
+
+  stick(forward, left) {
+    this.#stick = [forward, left];
+    this.#tick();
+  }
+
+  stickReleased() {
+    this.#stick = null;
+    this.#tick();
+  }
+
+  #down(event) {
+    const typing = event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog");
+    if (event.code === "Escape" && !event.target.closest?.("dialog")) return event.preventDefault(), this.#ask("estop");
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.code === "Space" && !event.target.closest?.("button, [type=checkbox]")) return event.preventDefault(), this.#ask("stop");
+    if (!AHEAD.has(event.code) || (event.target.type === "range" && event.code.startsWith("Arrow"))) return;
+    event.preventDefault();
+    if (!event.repeat) this.#held.add(event.code), this.#tick();
+  }
+
+  #ask(name) {
+    this.dispatchEvent(new Event(name));
+    this.dead();
+  }
+
+  #wanted() {
+    if (this.#stick) return this.#stick;
+    if (this.#pad) return this.#pad;
+    if (!this.#held.size) return null;
+    const sum = [0, 0];
+    for (const code of this.#held) AHEAD.get(code).forEach((value, index) => { sum[index] += value; });
+    return sum.map((value) => Math.max(-1, Math.min(1, value)));
+  }
+
+  #readPad() {
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected && each.mapping === "standard");
+    const on = (index) => pad?.buttons[index]?.pressed ?? false;
+    for (const [index, name] of [[PAD_ESTOP, "estop"], [PAD_STOP, "stop"]]) {
+      if (on(index) && !this.#pressed.has(index)) this.#ask(name);
+      if (on(index)) this.#pressed.add(index);
+      else this.#pressed.delete(index);
+    }
+    if (!on(PAD_ENABLE)) this.#blocked = false;
+    const usable = on(PAD_ENABLE) && !this.#blocked && document.hasFocus() && !document.hidden;
+    const value = (axis) => (Math.abs(axis) < DEAD_ZONE ? 0 : -axis);
+    this.#pad = usable ? [value(pad.axes[1]), value(pad.axes[0])] : null;
+  }
+
+  #tick() {
+    this.#readPad();
+    const wanted = this.#wanted();
+    if (wanted === null) return this.#release();
+    if (this.connection.stalled || this.connection.unanswered > MOST_UNANSWERED) return this.dead();
+    this.#moving = true;
+    const [linear_m_s, angular_rad_s] = [wanted[0] * this.speeds.linear_m_s, wanted[1] * this.speeds.angular_rad_s];
+    this.connection.request("drive", { linear_m_s, angular_rad_s }).then(
+      (answer) => this.dispatchEvent(new CustomEvent("driven", { detail: answer })),
+      (error) => this.dispatchEvent(new CustomEvent("refused", { detail: error })),
+    );
+    return undefined;
+  }
+
+  #release() {
+    if (!this.#moving) return;
+    this.#moving = false;
+    this.connection.notify("drive", { linear_m_s: 0, angular_rad_s: 0 });
+    this.connection.notify("release_control");
+    this.dispatchEvent(new Event("released"));
+  }
+}
+
+// A round pad under a finger or a mouse: up is ahead, left is left.
+export function joystick(pad, knob, driver) {
+  let pointer = null;
+  const end = () => {
+    pointer = null;
+    knob.style.transform = "";
+    driver.stickReleased();
+  };
+  const move = (event) => {
+    const box = pad.getBoundingClientRect();
+    const reach = box.width / 2;
+    let [right, up] = [(event.clientX - box.x) / reach - 1, 1 - (event.clientY - box.y) / reach];
+    const length = Math.hypot(right, up);
+    if (length > 1) [right, up] = [right / length, up / length];
+    knob.style.transform = `translate(${right * reach}px, ${-up * reach}px)`;
+    driver.stick(up, -right);
+  };
+  pad.addEventListener("pointerdown", (event) => {
+    if (pointer !== null) return;
+    pointer = event.pointerId;
+    pad.setPointerCapture(pointer);
+    move(event);
+  });
+  pad.addEventListener("pointermove", (event) => { if (event.pointerId === pointer) move(event); });
+  for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    pad.addEventListener(name, (event) => { if (event.pointerId === pointer) end(); });
+  }
+  driver.addEventListener("dead", () => { if (pointer !== null) end(); });
+}

@@ -1,0 +1,44 @@
+// The map: cells from the topic "map" as it grows, or from get_map, drawn into an image.
+
+export async function inflate(base64) {
+  const packed = Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Int8Array(await new Response(stream).arrayBuffer());
+}
+
+export class Grid {
+  constructor({ columns, rows, resolution_m, x_m, y_m, heading_rad }) {
+    Object.assign(this, { columns, rows, resolution_m, x_m, y_m, heading_rad, revision: 0 });
+    this.cells = new Int8Array(columns * rows).fill(-1);
+    this.image = document.createElement("canvas");
+    this.image.width = columns;
+    this.image.height = rows;
+  }
+
+  put(cells, row, column, rows, columns, colours) {
+    for (let r = 0; r < rows; r += 1) {
+      this.cells.set(cells.subarray(r * columns, (r + 1) * columns), (row + r) * this.columns + column);
+    }
+    this.#paint(row, column, rows, columns, colours);
+  }
+
+  repaint(colours) {
+    this.#paint(0, 0, this.rows, this.columns, colours);
+  }
+
+  // Row 0 of the image is the lowest y: the view turns it.
+  #paint(row, column, rows, columns, { wall, free }) {
+    const context = this.image.getContext("2d");
+    const pixels = context.createImageData(columns, rows);
+    for (let r = 0; r < rows; r += 1) {
+      for (let c = 0; c < columns; c += 1) {
+        const percent = this.cells[(row + r) * this.columns + column + c];
+        if (percent < 0) continue;
+        const at = 4 * (r * columns + c);
+        for (let i = 0; i < 3; i += 1) pixels.data[at + i] = free[i] + ((wall[i] - free[i]) * percent) / 100;
+        pixels.data[at + 3] = 255;
+      }
+    }
+    context.putImageData(pixels, column, row);
+  }
+}

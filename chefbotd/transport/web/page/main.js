@@ -1,0 +1,252 @@
+// Puts the page together: what the daemon can do is shown, the rest is not there.
+
+import { Connection } from "./connection.js";
+import { Driver, joystick } from "./drive.js";
+import { Maps } from "./maps.js";
+import { Plot } from "./plot.js";
+import { View, scanPoints } from "./view.js";
+
+const RATE_HZ = 10;
+const FAST = ["odometry", "wheels", "ranges", "scan", "map_pose"];
+const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map"];
+const MODES = {
+  armed: ["good", "Ready to drive"],
+  disarmed: ["bad", "Stopped by a fault"],
+  estopped: ["bad", "Emergency stop"],
+  no_board: ["warn", "Waiting for the board"],
+};
+const TOKEN_KEY = "chefbotd-token";
+
+const $ = (id) => document.getElementById(id);
+const text = (id, words) => { if ($(id).textContent !== words) $(id).textContent = words; };
+const scheme = location.protocol === "https:" ? "wss" : "ws";
+const connection = new Connection(`${scheme}://${location.host}/socket`);
+const view = new View($("view"));
+const plot = new Plot($("plot"));
+const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };
+const driver = new Driver(connection, speeds);
+const maps = new Maps(connection, view, say);
+const me = `page ${Math.random().toString(36).slice(2, 6)}`;
+const sensors = new Map();
+let can = new Set();
+let token = sessionStorage.getItem(TOKEN_KEY);
+
+function say(words) {
+  text("alert", words);
+}
+
+const ask = (method, params) => connection.request(method, params).then((answer) => (say(""), answer), (error) => say(error.message));
+
+// Coming in
+
+connection.addEventListener("hello", async ({ detail: hello }) => {
+  can = new Set(hello.capabilities);
+  text("robot", hello.robot);
+  document.title = hello.robot;
+  if (hello.auth === "token" && !(await logIn())) return;
+  connection.settled();
+  text("connection", "connected");
+  show();
+  await connection.request("set_client_name", { client: me }).catch(() => {});
+  for (const [topics, rate] of [[FAST, { max_rate_hz: RATE_HZ }], [SLOW, {}]]) {
+    const there = topics.filter((name) => can.has(`topic.${name}`));
+    connection.request("subscribe", { topics: there, ...rate }).catch((error) => say(error.message));
+  }
+  if (can.has("method.get_pid")) connection.request("get_pid").then(showGains, () => {});
+  if (can.has("method.get_description")) connection.request("get_description").then(readDescription, () => {});
+  maps.begin(can);
+});
+
+async function logIn() {
+  if (token === null) {
+    connection.disconnect();
+    $("login").showModal();
+    return false;
+  }
+  try {
+    await connection.request("authenticate", { token });
+    sessionStorage.setItem(TOKEN_KEY, token);
+    return true;
+  } catch (error) {
+    if (error.kind !== "wrong_token") return false;
+    token = null;
+    sessionStorage.removeItem(TOKEN_KEY);
+    connection.disconnect();
+    text("login-told", "This token opens nothing here.");
+    if (!$("login").open) $("login").showModal();
+    return false;
+  }
+}
+
+$("login-form").addEventListener("submit", () => {
+  token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
+  $("token").value = "";
+  text("login-told", "");
+  connection.connect();
+});
+
+connection.addEventListener("closed", () => {
+  text("connection", "not connected");
+  setMode("warn", "Not connected", "the robot brakes by itself when nobody drives it");
+});
+connection.addEventListener("ended", ({ detail: error }) => { if (error.kind !== "wrong_token") say(error.message); });
+connection.addEventListener("stalled", ({ detail: stalled }) => text("connection", stalled ? "no answer" : "connected"));
+connection.addEventListener("latency", ({ detail }) => text("latency", `${detail.toFixed(0)} ms`));
+
+function show() {
+  $("wheels-part").hidden = !can.has("topic.wheels");
+  $("sensors-part").hidden = !["ranges", "lidars", "depth_cameras"].some((name) => can.has(`topic.${name}`));
+  $("driving").hidden = !can.has("method.drive");
+  const gestures = [["navigate_to", "sends the robot there"], ["set_pose", "says where the robot is"]];
+  const there = gestures.filter(([method]) => can.has(`method.${method}`));
+  $("gesture-label").hidden = there.length === 0;
+  $("gesture").replaceChildren(...[["pan", "moves the view"], ...there].map(([value, words]) => new Option(words, value)));
+  view.gesture = $("gesture").value = can.has("method.navigate_to") ? "navigate_to" : "pan";
+}
+
+// Safety
+
+const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data, detail));
+
+function setMode(kind, word, reason) {
+  $("mode").className = `mode ${kind}`;
+  text("mode-word", word);
+  text("mode-reason", reason ? `– ${reason}` : "");
+}
+
+on("safety", (safety) => {
+  const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
+  const limited = safety.armed && safety.limited_by ? `held back by ${safety.limited_by}` : "";
+  setMode(kind, word, safety.armed ? limited : `${safety.reason}. ${safety.mode === "no_board" ? "" : "When it is safe, arm."}`);
+  const drivers = Object.entries(safety.control).map(([source, client]) => `${client.startsWith(me) ? "this page" : client} (${source})`);
+  text("drivers", drivers.join(", ") || (safety.source ?? "nobody"));
+  $("arm").disabled = safety.armed;
+});
+on("link", (link) => text("link", link.state === "up" ? (link.healthy === false ? link.condition : "connected") : `not connected ${link.reason}`));
+on("battery", (battery) => {
+  text("battery", `${battery.voltage_v.toFixed(1)} V, ${battery.percentage.toFixed(0)} %${battery.status === "ok" ? "" : `, ${battery.status}`}`);
+});
+on("reset", (reset) => say(reset.reason ?? ""));
+
+const estop = () => ask("estop", { reason: `by ${me}` });
+const stop = () => ask("stop");
+$("estop").addEventListener("click", () => { estop(); driver.dead(); });
+$("stop").addEventListener("click", () => { stop(); driver.dead(); });
+$("arm").addEventListener("click", () => ask("arm"));
+driver.addEventListener("estop", estop);
+driver.addEventListener("stop", stop);
+
+// Driving
+
+joystick($("joystick"), $("knob"), driver);
+driver.addEventListener("driven", ({ detail }) => {
+  $("take").hidden = true;
+  text("drive-told", detail.limited_by ? `Slower than asked: ${detail.limited_by}` : "Driving");
+});
+driver.addEventListener("refused", ({ detail: error }) => {
+  $("take").hidden = error.kind !== "lease_held";
+  text("drive-told", error.kind === "lease_held" ? `${error.data.holder} drives.` : error.message);
+});
+driver.addEventListener("released", () => { if ($("drive-told").textContent === "Driving") text("drive-told", "Let go"); });
+$("take").addEventListener("click", async () => {
+  await ask("take_control");
+  $("take").hidden = true;
+  text("drive-told", "This page has control for a moment: drive.");
+});
+for (const [id, key, unit, digits] of [["linear", "linear_m_s", "m/s", 2], ["angular", "angular_rad_s", "rad/s", 1]]) {
+  $(id).addEventListener("input", () => {
+    speeds[key] = Number($(id).value);
+    text(`${id}-value`, `${speeds[key].toFixed(digits)} ${unit}`);
+  });
+}
+
+// What it sees
+
+on("odometry", (pose) => {
+  view.setPose(pose, false);
+  const robot = view.robot;
+  text("pose", `x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, `
+    + `${pose.linear_m_s.toFixed(2)} m/s, ${pose.angular_rad_s.toFixed(2)} rad/s`);
+});
+on("map_pose", (pose) => view.setPose(pose, true));
+on("scan", (scan) => { view.scans.set(scan.lidar, scanPoints(scan)); view.draw(); });
+on("ranges", ({ ranges }) => {
+  view.ranges = ranges;
+  for (const { sensor, status, range_m } of ranges) sensors.set(sensor, range_m === null ? status.replace("_", " ") : `${range_m.toFixed(2)} m`);
+  showSensors();
+  view.draw();
+});
+on("lidars", ({ lidars }) => showDevices(lidars, "lidar"));
+on("depth_cameras", ({ cameras }) => showDevices(cameras, "camera"));
+
+function showDevices(devices, key) {
+  for (const device of devices) sensors.set(device[key], device.healthy === false ? `${device.condition ?? "not healthy"}: ${device.reason}` : "works");
+  showSensors();
+}
+
+function showSensors() {
+  const lines = [...sensors].map(([name, words]) => `${name}: ${words}`);
+  const items = $("sensors").children;
+  if (items.length !== lines.length) $("sensors").replaceChildren(...lines.map(() => document.createElement("li")));
+  lines.forEach((line, index) => { if (items[index].textContent !== line) items[index].textContent = line; });
+}
+
+on("wheels", (wheels, { stamp_s }) => {
+  plot.add(stamp_s, wheels);
+  wheels.name.forEach((name, index) => {
+    const cells = row(name).children;
+    const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+    cells[0].textContent = wheels.excluded.includes(name) ? `${name} (excluded)` : name;
+    [number(wheels.velocity_rad_s[index], 2), number(wheels.target_rad_s[index], 2), number(wheels.duty[index], 0)]
+      .forEach((words, column) => { cells[column + 1].textContent = words; });
+  });
+});
+
+function row(name) {
+  const there = [...$("wheels").children].find((each) => each.dataset.wheel === name);
+  if (there) return there;
+  const made = document.createElement("tr");
+  made.dataset.wheel = name;
+  const head = document.createElement("th");
+  head.scope = "row";
+  head.textContent = name;
+  made.append(head, ...Array.from({ length: 6 }, () => document.createElement("td")));
+  $("wheels").append(made);
+  return made;
+}
+
+function showGains({ wheels }) {
+  for (const [name, { kp, ki, kd }] of Object.entries(wheels)) {
+    [kp, ki, kd].forEach((gain, index) => { row(name).children[4 + index].textContent = String(gain); });
+  }
+}
+
+// The outline and the sensors' places, from the robot's description.
+function readDescription({ urdf }) {
+  if (!urdf) return;
+  const robot = new DOMParser().parseFromString(urdf, "text/xml");
+  const numbers = (element, name) => (element?.getAttribute(name) ?? "0 0 0").split(/\s+/).map(Number);
+  const body = robot.querySelector('link[name="base_link"] > visual > geometry');
+  const [cylinder, box] = [body?.querySelector("cylinder"), body?.querySelector("box")];
+  if (cylinder) view.body = { radius: Number(cylinder.getAttribute("radius")) };
+  if (box) view.body = { size: numbers(box, "size").slice(0, 2) };
+  for (const joint of robot.querySelectorAll("joint")) {
+    const origin = joint.querySelector("origin");
+    const [[x, y], [, , yaw]] = [numbers(origin, "xyz"), numbers(origin, "rpy")];
+    const match = joint.getAttribute("name").match(/^(ultrasonic|infrared)(?:_(.+))?_joint$/);
+    if (match) view.mounts.set(match[2] ?? (match[1] === "ultrasonic" ? "front" : "infrared"), { x, y, yaw });
+  }
+  view.draw();
+}
+
+$("zoom-in").addEventListener("click", () => view.zoom(1.25));
+$("zoom-out").addEventListener("click", () => view.zoom(0.8));
+$("follow").addEventListener("change", () => view.setFollow($("follow").checked));
+view.onFollow = (follow) => { $("follow").checked = follow; };
+$("gesture").addEventListener("change", () => { view.gesture = $("gesture").value; });
+view.onPose = ({ x_m, y_m, heading_rad }) => {
+  const heading = heading_rad === null ? {} : { heading_rad };
+  ask(view.gesture, { x_m, y_m, ...heading });
+};
+
+connection.connect();

@@ -1,0 +1,263 @@
+// The surroundings from above, x forward to the right at first: map, trail, scan, ranges and robot; zoom and pan.
+
+const TRAIL_STEP_M = 0.05;
+const TRAIL_POINTS = 2000;
+const [MIN_SCALE, MAX_SCALE] = [5, 600];
+
+export class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.scale = 90; // pixels a metre
+    this.centre = [0, 0];
+    this.follow = true;
+    this.gesture = "pan";
+    this.onPose = () => {};
+    this.mounts = new Map();
+    this.body = { radius: 0.18 };
+    this.pose = this.mapPose = this.grid = this.aim = null;
+    this.scans = new Map();
+    this.ranges = [];
+    this.trail = [];
+    this.path = null;
+    this.#readColours();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.#readColours();
+      this.grid?.repaint(this.rgb);
+      this.draw();
+    });
+    new ResizeObserver(() => this.draw()).observe(canvas);
+    this.#listen();
+  }
+
+  #readColours() {
+    const style = getComputedStyle(document.documentElement);
+    const read = (name) => style.getPropertyValue(`--${name}`).trim();
+    this.colours = Object.fromEntries(["paper", "grid", "wall", "free", "scan", "robot", "trail", "range", "soft"].map((n) => [n, read(n)]));
+    const rgb = (hex) => (hex.length === 4 ? [...hex.slice(1)].map((c) => c + c) : hex.slice(1).match(/../g)).map((c) => parseInt(c, 16));
+    this.rgb = { wall: rgb(this.colours.wall), free: rgb(this.colours.free) };
+  }
+
+  // Where the robot is in what is drawn: in the map if that is known, else in odom.
+  get robot() {
+    return this.mapPose ?? this.pose;
+  }
+
+  setPose(pose, inMap) {
+    if (inMap && !this.mapPose) this.trail = [];
+    if (inMap) this.mapPose = pose;
+    else this.pose = pose;
+    const robot = this.robot;
+    const last = this.trail.at(-1);
+    if (!last || Math.hypot(robot.x_m - last[0], robot.y_m - last[1]) > TRAIL_STEP_M) {
+      this.trail.push([robot.x_m, robot.y_m]);
+      if (this.trail.length > TRAIL_POINTS) this.trail.shift();
+    }
+    this.draw();
+  }
+
+  // Once per animation frame, however much comes in; a hidden page draws nothing.
+  draw() {
+    this.pending ??= requestAnimationFrame(() => {
+      this.pending = null;
+      this.#paint();
+    });
+  }
+
+  zoom(factor, x = this.canvas.clientWidth / 2, y = this.canvas.clientHeight / 2) {
+    const before = this.toWorld(x, y);
+    this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, this.scale * factor));
+    const after = this.toWorld(x, y);
+    if (!this.follow) this.centre = [this.centre[0] + before[0] - after[0], this.centre[1] + before[1] - after[1]];
+    this.draw();
+  }
+
+  toWorld(x, y) {
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    return [this.centre[0] + (x - width / 2) / this.scale, this.centre[1] - (y - height / 2) / this.scale];
+  }
+
+  #paint() {
+    const { canvas, context: c, colours } = this;
+    const ratio = devicePixelRatio || 1;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+    if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+    if (this.follow && this.robot) this.centre = [this.robot.x_m, this.robot.y_m];
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.fillStyle = colours.paper;
+    c.fillRect(0, 0, width, height);
+    c.translate(width / 2, height / 2);
+    c.scale(this.scale, -this.scale);
+    c.translate(-this.centre[0], -this.centre[1]);
+    this.#paintGrid(width, height);
+    if (this.grid) this.#paintMap(this.grid);
+    this.#line(this.trail, colours.trail, 2);
+    if (this.path) this.#line(this.path, colours.robot, 3);
+    if (this.robot) this.#paintRobot(this.robot);
+    if (this.aim) this.#paintAim(this.aim);
+    this.#paintScaleBar(ratio, height);
+  }
+
+  #paintGrid(width, height) {
+    const { context: c } = this;
+    const [left, bottom] = this.toWorld(0, height);
+    const [right, top] = this.toWorld(width, 0);
+    const step = this.scale < 20 ? 5 : 1;
+    c.strokeStyle = this.colours.grid;
+    c.lineWidth = 1 / this.scale;
+    c.beginPath();
+    for (let x = Math.ceil(left / step) * step; x < right; x += step) c.moveTo(x, bottom), c.lineTo(x, top);
+    for (let y = Math.ceil(bottom / step) * step; y < top; y += step) c.moveTo(left, y), c.lineTo(right, y);
+    c.stroke();
+  }
+
+  #paintMap(grid) {
+    const { context: c } = this;
+    c.save();
+    c.translate(grid.x_m, grid.y_m);
+    c.rotate(grid.heading_rad);
+    c.imageSmoothingEnabled = false;
+    c.drawImage(grid.image, 0, 0, grid.columns * grid.resolution_m, grid.rows * grid.resolution_m);
+    c.restore();
+  }
+
+  #line(points, colour, width) {
+    const { context: c } = this;
+    c.strokeStyle = colour;
+    c.lineWidth = width / this.scale;
+    c.beginPath();
+    for (const [x, y] of points) c.lineTo(x, y);
+    c.stroke();
+  }
+
+  #paintRobot({ x_m, y_m, heading_rad }) {
+    const { context: c, colours, body } = this;
+    c.save();
+    c.translate(x_m, y_m);
+    c.rotate(heading_rad);
+    for (const range of this.ranges) this.#paintRange(range);
+    c.fillStyle = colours.scan;
+    const dot = Math.max(0.02, 2 / this.scale);
+    for (const points of this.scans.values()) for (const [x, y] of points) c.fillRect(x - dot / 2, y - dot / 2, dot, dot);
+    c.strokeStyle = c.fillStyle = colours.robot;
+    c.lineWidth = 2 / this.scale;
+    c.beginPath();
+    if (body.size) c.rect(-body.size[0] / 2, -body.size[1] / 2, ...body.size);
+    else c.arc(0, 0, body.radius, 0, 2 * Math.PI);
+    c.stroke();
+    c.beginPath();
+    for (const [x, y] of [[0.13, 0], [-0.08, 0.08], [-0.03, 0], [-0.08, -0.08]]) c.lineTo(x, y);
+    c.fill();
+    c.restore();
+  }
+
+  #paintRange({ sensor, status, range_m, max_range_m, field_of_view_rad }) {
+    const { context: c } = this;
+    const mount = this.mounts.get(sensor) ?? { x: 0, y: 0, yaw: 0 };
+    const reach = range_m ?? (status === "too_near" ? 0.03 : max_range_m);
+    c.save();
+    c.translate(mount.x, mount.y);
+    c.rotate(mount.yaw);
+    c.strokeStyle = this.colours.range;
+    c.lineWidth = (range_m === null ? 1 : 3) / this.scale;
+    c.setLineDash(range_m === null ? [4 / this.scale, 6 / this.scale] : []);
+    const half = Math.max(field_of_view_rad, 0.05) / 2;
+    c.beginPath();
+    c.arc(0, 0, reach, -half, half);
+    c.stroke();
+    c.restore();
+  }
+
+  #paintAim({ from, to }) {
+    const { context: c } = this;
+    c.strokeStyle = this.colours.robot;
+    c.lineWidth = 3 / this.scale;
+    c.beginPath();
+    c.arc(...from, 6 / this.scale, 0, 2 * Math.PI);
+    c.moveTo(...from);
+    c.lineTo(...to);
+    c.stroke();
+  }
+
+  #paintScaleBar(ratio, height) {
+    const { context: c } = this;
+    const metres = [0.1, 0.5, 1, 5, 10].find((each) => each * this.scale > 40) ?? 20;
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.fillStyle = this.colours.soft;
+    c.fillRect(10, height - 12, metres * this.scale, 3);
+    c.font = "12px system-ui, sans-serif";
+    c.fillText(`${metres} m`, 10, height - 18);
+  }
+
+  // One pointer pans, or aims; two always pan and zoom; so do the wheel and the right button.
+  #listen() {
+    const { canvas } = this;
+    const pointers = new Map();
+    const at = (event) => [event.offsetX, event.offsetY];
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-event.deltaY / 400), ...at(event));
+    }, { passive: false });
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      pointers.set(event.pointerId, at(event));
+      const aims = this.gesture !== "pan" && event.button === 0 && !event.shiftKey && pointers.size === 1;
+      const place = this.toWorld(...at(event));
+      this.aim = aims ? { from: place, to: place } : null;
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const before = pointers.get(event.pointerId);
+      if (!before) return;
+      const now = at(event);
+      pointers.set(event.pointerId, now);
+      if (this.aim) this.aim.to = this.toWorld(...now);
+      else this.#pan(now[0] - before[0], now[1] - before[1], pointers.size);
+      if (pointers.size === 2) this.#pinch([...pointers.values()], now, before);
+      this.draw();
+    });
+    const up = (event) => {
+      if (!pointers.delete(event.pointerId) || !this.aim) return;
+      const { from: [x, y], to: [toX, toY] } = this.aim;
+      this.aim = null;
+      this.draw();
+      const dragged = Math.hypot(toX - x, toY - y) * this.scale > 12;
+      if (event.type === "pointerup") this.onPose({ x_m: x, y_m: y, heading_rad: dragged ? Math.atan2(toY - y, toX - x) : null });
+    };
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, up);
+    canvas.addEventListener("keydown", (event) => {
+      if (event.key === "+" || event.key === "-") this.zoom(event.key === "+" ? 1.25 : 0.8);
+    });
+  }
+
+  #pan(right, down, fingers) {
+    if (!right && !down) return;
+    this.setFollow(false);
+    this.centre = [this.centre[0] - right / this.scale / fingers, this.centre[1] + down / this.scale / fingers];
+  }
+
+  #pinch([one, other], now, before) {
+    const still = one === now ? other : one;
+    const apart = (point) => Math.hypot(point[0] - still[0], point[1] - still[1]);
+    if (apart(before) > 10) this.zoom(apart(now) / apart(before), (now[0] + still[0]) / 2, (now[1] + still[1]) / 2);
+  }
+
+  setFollow(follow) {
+    this.follow = follow;
+    this.onFollow?.(follow);
+    this.draw();
+  }
+}
+
+// A scan of the socket as points in the robot's frame.
+export function scanPoints(scan) {
+  const { x_m, y_m, yaw_rad, bearing_start_rad, bearing_step_rad, bearing_mrad, range_mm } = scan;
+  const points = [];
+  range_mm.forEach((range, index) => {
+    if (!range) return;
+    const bearing = yaw_rad + (bearing_step_rad === null ? bearing_mrad[index] / 1000 : bearing_start_rad + index * bearing_step_rad);
+    points.push([x_m + (range / 1000) * Math.cos(bearing), y_m + (range / 1000) * Math.sin(bearing)]);
+  });
+  return points;
+}

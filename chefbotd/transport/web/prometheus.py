@@ -1,0 +1,43 @@
+"""The daemon's figures in Prometheus' text format."""
+
+from collections.abc import Iterator, Mapping
+
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.metrics_core import Metric as Family
+from prometheus_client.registry import Collector
+
+from chefbotd.metrics import Kind, Metric, Metrics
+
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+
+class MetricsCollector(Collector):
+    """Reads every figure when it is asked; one that is not known yet has no sample."""
+
+    def __init__(self, metrics: Metrics) -> None:
+        self._metrics = metrics
+
+    def collect(self) -> Iterator[Family]:
+        """A family for each figure; counters end in ``_total``, as the format wants it."""
+        for metric in self._metrics:
+            yield _family(metric)
+
+
+def _family(metric: Metric) -> Family:
+    make = CounterMetricFamily if metric.kind is Kind.COUNTER else GaugeMetricFamily
+    family = make(f"chefbotd_{metric.name}", metric.help, labels=[metric.label] if metric.label else [])
+    value = metric.read()
+    if isinstance(value, Mapping):
+        for key, count in value.items():
+            family.add_metric([str(key)], count)
+    elif value is not None:
+        family.add_metric([], value)
+    return family
+
+
+def exposition(metrics: Metrics) -> bytes:
+    """All figures as text."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(MetricsCollector(metrics))
+    return generate_latest(registry)
