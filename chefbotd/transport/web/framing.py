@@ -26,7 +26,9 @@ class WebSocketFraming:
         self._longest_bytes = longest_bytes
         self._protocol = Protocol(Side.SERVER, state=State.OPEN, max_size=longest_bytes)
         self._control = b""
-        self._goodbye = Frame(Opcode.CLOSE, Close(CloseCode.GOING_AWAY, "").serialize()).serialize(mask=False)
+        self._goodbye: bytes = Frame(Opcode.CLOSE, Close(CloseCode.GOING_AWAY, "").serialize()).serialize(
+            mask=False
+        )
         self._held_bytes = 0
         self.ended = False
         self.failure: Failure | None = None
@@ -75,7 +77,7 @@ class WebSocketFraming:
 
     def encode(self, message: bytes) -> bytes:
         """A message as a text frame."""
-        return Frame(Opcode.TEXT, message).serialize(mask=False)
+        return _text_frame(message)
 
     def event(self, payload: EventPayload) -> bytes:
         """An event as a text frame."""
@@ -95,4 +97,9 @@ def _frame_bytes(frame: Frame) -> int:
 @lru_cache(maxsize=4)
 def _event_frame(payload: EventPayload) -> bytes:
     """An event as a frame, made once for all clients."""
-    return Frame(Opcode.TEXT, jsonrpc.event(payload)).serialize(mask=False)
+    return _text_frame(jsonrpc.event(payload))
+
+
+def _text_frame(message: bytes) -> bytes:
+    framed: bytes = Frame(Opcode.TEXT, message).serialize(mask=False)
+    return framed

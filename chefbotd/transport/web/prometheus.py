@@ -1,6 +1,7 @@
 """The daemon's figures in Prometheus' text format."""
 
 from collections.abc import Iterator, Mapping
+from typing import cast
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
@@ -12,7 +13,7 @@ from chefbotd.metrics import Kind, Metric, Metrics
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
-class MetricsCollector(Collector):
+class MetricsCollector:
     """Reads every figure when it is asked; one that is not known yet has no sample."""
 
     def __init__(self, metrics: Metrics) -> None:
@@ -39,5 +40,6 @@ def _family(metric: Metric) -> Family:
 def exposition(metrics: Metrics) -> bytes:
     """All figures as text."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(MetricsCollector(metrics))
-    return generate_latest(registry)
+    registry.register(cast(Collector, MetricsCollector(metrics)))
+    text: bytes = generate_latest(registry)
+    return text
