@@ -160,3 +160,13 @@ def test_of_several_lidars_each_has_a_joint_by_its_name(tmp_path: Path) -> None:
     assert differences(Description(path), settings) == [
         "lidar_top_joint: the yaw is 0.9 rad, expected 0.7 rad (lidar.top.mount_yaw_rad)"
     ]
+
+
+def test_the_map_is_made_of_a_lidar_that_there_is() -> None:
+    """[mapping] lidar names one of those that are configured; the refusal lists them."""
+    row = {"name": "top", "model": "ld19", "device": "/dev/ttyUSB0", "guards": False}
+    assert load(overrides={"lidar": [row], "mapping.lidar": "top"}).mapping.lidar == "top"
+    with pytest.raises(SettingsError, match=r"mapping\.lidar 'low' is no lidar \(those configured: top\)"):
+        load(overrides={"lidar": [row], "mapping.lidar": "low"})
+    with pytest.raises(SettingsError, match=r"none is configured"):
+        load(overrides={"mapping.lidar": "low"})
