@@ -1,6 +1,7 @@
 """The daemon's side of mapping: asks the worker's skill, publishes what it tells, and has it go on after a restart."""
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Final
 
@@ -23,6 +24,7 @@ from chefbotd.worker.skills.mapping_messages import (
     Discard,
     Finish,
     GetGrid,
+    GetStatus,
     GridPart,
     MappingStatus,
     Pause,
@@ -105,12 +107,15 @@ class MappingService:
         return _map_changed(GRID.decode(answer))
 
     async def run(self) -> None:
-        """Each time that a worker has become ready, have it go on with the map that was being made."""
+        """Each time that a worker is ready, have it go on with the map, or ask whether one was never finished."""
         while True:
             await self._has_to_resume.wait()
             self._has_to_resume.clear()
             if self.is_mapping:
                 await self._resume()
+                continue
+            with contextlib.suppress(Refused):  # a worker that is gone again: the next one is asked
+                await self._ask(GetStatus(), LONG_S)
 
     async def _resume(self) -> None:
         status = self._status
@@ -124,7 +129,9 @@ class MappingService:
             if self._worker.is_ready:  # else the next one is asked
                 self._publish(MappingStatus("idle", reason=str(problem)))
 
-    async def _ask(self, request: Start | Resume | Pause | Discard, deadline_s: float) -> MappingResult:
+    async def _ask(
+        self, request: Start | Resume | Pause | Discard | GetStatus, deadline_s: float
+    ) -> MappingResult:
         answer = await self._worker.request(SKILL, request, deadline_s=deadline_s)
         status = STATUS.decode(answer)
         self._publish(status)

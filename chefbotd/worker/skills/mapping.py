@@ -162,6 +162,8 @@ class MappingSkill:
                 return self._finish(request.name)
             case messages.Discard():
                 return self._discard()
+            case messages.GetStatus():
+                return self._status()
             case _:  # GetGrid
                 return self._whole_grid()
 

@@ -56,7 +56,11 @@ class GetGrid(Message, frozen=True, tag="get_grid"):
     """The whole map as it is now."""
 
 
-MappingRequest: TypeAlias = Start | Resume | Pause | Finish | Discard | GetGrid
+class GetStatus(Message, frozen=True, tag="get_status"):
+    """How the map stands, and whether one was never finished."""
+
+
+MappingRequest: TypeAlias = Start | Resume | Pause | Finish | Discard | GetGrid | GetStatus
 
 # Answers
 

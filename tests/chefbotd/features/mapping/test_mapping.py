@@ -194,6 +194,7 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
             await s.drive(0, 40)
             kept = (await s.data("mapping")).kept_scans
         async with scene(tmp_path) as s:
+            assert (await s.data("mapping")).unfinished, "told without having been asked"
             with pytest.raises(CallError, match="never finished"):
                 await s.client.call("start_mapping")
             started = await s.client.call("start_mapping", unfinished=True)
