@@ -144,7 +144,8 @@ class Robot:
     def truth(self, stamp_s: float) -> TruthSimulated:
         """The true pose and motion, stamped as told."""
         state = self._now
-        return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact)
+        discs = tuple([(x, y, radius) for x, y, radius in self._crowd.discs.tolist()])
+        return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact, discs)
 
     def _step(self, state: RobotState) -> RobotState:
         supply = state.battery.supply

@@ -131,9 +131,13 @@ class ControlChanged(Record, frozen=True):
 
 
 class TruthSimulated(Record, frozen=True):
-    """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall."""
+    """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall.
+
+    ``discs`` is who and what stands about: x, y and radius in metres.
+    """
 
     stamp_s: float
     world_from_base: Pose2D
     twist: Twist2D
     in_contact: bool
+    discs: tuple[tuple[float, float, float], ...] = ()

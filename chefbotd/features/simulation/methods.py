@@ -1,12 +1,20 @@
 """Simulation: the topic ``sim``, where a simulated robot really is."""
 
 from chefbotd.core.events import TruthSimulated
-from chefbotd.rpc.models import TopicData
+from chefbotd.rpc.models import Result, TopicData
 from chefbotd.rpc.topics import Topic
 
 
+class Disc(Result):
+    """Somebody who walks about, or a thing that is on no map."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
 class SimData(TopicData):
-    """Where the simulated robot really is, in the world's frame."""
+    """Where the simulated robot really is, in the world's frame, and who and what is about it."""
 
     x_m: float
     y_m: float
@@ -14,6 +22,7 @@ class SimData(TopicData):
     linear_m_s: float
     angular_rad_s: float
     in_contact: bool
+    discs: tuple[Disc, ...] = ()
 
 
 def _sim(event: TruthSimulated) -> SimData:
@@ -24,6 +33,7 @@ def _sim(event: TruthSimulated) -> SimData:
         linear_m_s=event.twist.linear_m_s,
         angular_rad_s=event.twist.angular_rad_s,
         in_contact=event.in_contact,
+        discs=tuple([Disc(x_m=x, y_m=y, radius_m=radius) for x, y, radius in event.discs]),
     )
 
 

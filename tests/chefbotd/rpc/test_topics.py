@@ -195,8 +195,9 @@ def test_stats_are_the_whole_sample() -> None:
 
 
 def test_sim() -> None:
-    """The true pose, the true twist, and contact."""
-    event = events.TruthSimulated(1.0, Pose2D(1.0, 2.0, 3.0), Twist2D(0.1, 0.2), True)
+    """The true pose, the true twist, contact, and who stands where."""
+    discs = ((4.0, 5.0, 0.25),)
+    event = events.TruthSimulated(1.0, Pose2D(1.0, 2.0, 3.0), Twist2D(0.1, 0.2), True, discs)
     assert data_of("sim", event) == {
         "x_m": 1.0,
         "y_m": 2.0,
@@ -204,4 +205,5 @@ def test_sim() -> None:
         "linear_m_s": 0.1,
         "angular_rad_s": 0.2,
         "in_contact": True,
+        "discs": [{"x_m": 4.0, "y_m": 5.0, "radius_m": 0.25}],
     }
