@@ -17,7 +17,7 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: run map test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: run serve map test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -25,6 +25,9 @@ help:  ## List the targets
 
 run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=khan: the other one)
 	$(BIN)/chefbotctl square --sim --robot $(ROBOT)
+
+serve: $(VENV)/ready  ## Have a simulated ChefBot serve three tables in a flat, with people in its way
+	$(BIN)/chefbotctl serve
 
 map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six rooms, and write the map to build/map
 	$(BIN)/chefbotctl map demo --out build/map

@@ -48,7 +48,10 @@ from chefbotd.transport.tcp.server import TcpServer
 from firmware_protocol.codec import VARIANTS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from chefbotd.transport.web.server import PageServer
+    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
     from chefbotd.worker.spawn import Spawn
 
 log = structlog.get_logger(component="app")
@@ -56,6 +59,9 @@ log = structlog.get_logger(component="app")
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 FeatureBuilder = Callable[[Bus, Clock], Feature]
+NAVIGATION = "navigation"
+"""The source of commands that navigation drives as; a robot without it does not navigate."""
+
 DepthSpawn = Callable[[Any], Awaitable[Any]]
 """``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
 
@@ -196,13 +202,16 @@ class Daemon:
         stored = MapsService(self.bus, self._clock, MapStore(folder, kept), kept)
         if not makes_maps:
             return [maps(stored)]
+        from chefbotd.features.driving.inner_driver import InnerDriver
         from chefbotd.features.localization.feature import localization
         from chefbotd.features.localization.service import LocalizationService
         from chefbotd.features.mapping.feature import mapping  # only a robot with a lidar loads numpy
         from chefbotd.features.mapping.service import MappingService
+        from chefbotd.features.navigation.feature import navigation
+        from chefbotd.features.navigation.service import NavigationService
         from chefbotd.features.worker.feature import worker
         from chefbotd.features.worker.service import WorkerService
-        from chefbotd.worker.skills import localization_messages
+        from chefbotd.worker.skills import localization_messages, navigation_messages
         from chefbotd.worker.skills.mapping_messages import SKILL, MappingSkillParameters
 
         skill = MappingSkillParameters(
@@ -219,15 +228,22 @@ class Daemon:
             search_by_itself=settings.localization.search_by_itself,
             save_every_s=settings.localization.save_every_s,
         )
+        navigated = _navigation_skill(settings, folder)
         skills = {
             SKILL: skill.model_dump_json().encode(),
             localization_messages.SKILL: located.model_dump_json().encode(),
+            navigation_messages.SKILL: navigated.model_dump_json().encode(),
         }
         feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
         finder = LocalizationService(self.bus, self._clock, feed)
         made = MappingService(self.bus, self._clock, feed, stored.use_saved)
         stored.growing = made.grid
-        return [maps(stored), worker(feed), mapping(made), localization(finder)]
+        features = [maps(stored), worker(feed), mapping(made), localization(finder)]
+        if NAVIGATION not in settings.safety.sources:
+            return features
+        driver = InnerDriver(self.driving, self._leases, self._clock, NAVIGATION)
+        goes = NavigationService(self.bus, self._clock, feed, driver, stored, settings.navigation)
+        return [*features, navigation(goes)]
 
     def _add_metrics(self) -> None:
         """Add what the process itself counts, and have every part add its own."""
@@ -295,6 +311,23 @@ def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: ran
     from chefbotd.features.lidars.feature import lidars
 
     return [lidars(settings.lidar, bus, clock, opener, rng)]
+
+
+def _navigation_skill(settings: Settings, folder: "Path") -> "NavigationSkillParameters":
+    """The robot's outline, and how fast it may be: a wheel needs a tenth more than its share, to correct."""
+    from chefbotd.features.driving.scan_watch import outline_of
+    from chefbotd.safety.outline import Box
+    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
+
+    outline = outline_of(settings.chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
+    is_box = isinstance(outline, Box)
+    return NavigationSkillParameters(
+        folder=folder,
+        radius_m=None if is_box else outline.radius_m,
+        half_length_m=outline.half_length_m if isinstance(outline, Box) else 0.0,
+        half_width_m=outline.half_width_m if isinstance(outline, Box) else 0.0,
+        max_speed_m_s=min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s),
+    )
 
 
 def _scan_guard(settings: Settings, bus: Bus, clock: Clock) -> Callable[[OnError], Scans] | None:

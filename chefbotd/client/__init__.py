@@ -17,6 +17,14 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
+from chefbotd.client.goals import (
+    GoalBlocked,
+    GoalCancelled,
+    GoalFault,
+    GoalNotReached,
+    GoalUnreachable,
+    RobotLost,
+)
 from chefbotd.client.handshake import Hello
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
@@ -31,11 +39,17 @@ __all__ = [
     "ConnectionLost",
     "Event",
     "Gap",
+    "GoalBlocked",
+    "GoalCancelled",
+    "GoalFault",
+    "GoalNotReached",
+    "GoalUnreachable",
     "Hello",
     "IncompatibleProtocol",
     "NoGreeting",
     "NotReported",
     "ProtocolError",
+    "RobotLost",
     "Subscription",
     "SubscriptionConflict",
     "SyncClient",

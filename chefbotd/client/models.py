@@ -10,6 +10,7 @@ from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
 from chefbotd.features.localization.methods import LocalizationData, LocalizationResult, PlaceCandidate
 from chefbotd.features.mapping.methods import MapData, MappingData, MappingResult, MapPoseData, MapSaved
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
+from chefbotd.features.navigation.methods import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.features.odometry.methods import OdometryData
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
 from chefbotd.features.simulation.methods import SimData
@@ -34,6 +35,7 @@ __all__ = [
     "DepthCamerasData",
     "Description",
     "Driven",
+    "GoalResult",
     "ImuData",
     "Known",
     "LidarData",
@@ -51,10 +53,13 @@ __all__ = [
     "MapSummary",
     "MappingData",
     "MappingResult",
+    "NavigationData",
     "OdometryData",
+    "PathData",
     "PlaceCandidate",
     "PlaceData",
     "PlaceList",
+    "PlanResult",
     "Pong",
     "RangesData",
     "RawData",
@@ -97,5 +102,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "mapping": MappingData,
     "map": MapData,
     "map_pose": MapPoseData,
+    "navigation": NavigationData,
+    "path": PathData,
 }
 """What a client reads each topic as."""

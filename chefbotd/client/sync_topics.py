@@ -18,6 +18,14 @@ class SyncTopics(ABC):
 
     @overload
     def subscribe(
+        self, topics: Literal["navigation"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.NavigationData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["path"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.PathData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[t.OdometryData]: ...
     @overload

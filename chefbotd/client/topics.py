@@ -17,6 +17,14 @@ class Topics(ABC):
 
     @overload
     def subscribe(
+        self, topics: Literal["navigation"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.NavigationData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["path"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.PathData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
     ) -> Subscription[t.OdometryData]: ...
     @overload

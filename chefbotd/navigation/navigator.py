@@ -73,6 +73,11 @@ class Navigator:
         return None if self._trip is None else self._trip.left
 
     @property
+    def planned(self) -> Path | None:
+        """The same from where it began: another object whenever it is another path."""
+        return None if self._trip is None else self._trip.path
+
+    @property
     def costs(self) -> Costmap | None:
         """The costs that the last plan was made with."""
         return self._costs

@@ -24,6 +24,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
+from chefbotd.navigation.section import NavigationSection
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
@@ -96,6 +97,7 @@ class Settings(Parameters):
     maps: MapsParameters | None = None
     mapping: MappingParameters = section()
     localization: LocalizationSection = section()
+    navigation: NavigationSection = section()
     worker: WorkerParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()

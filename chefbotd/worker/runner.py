@@ -10,7 +10,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, ToWorker, packed
 from chefbotd.worker.skills.registry import CannotLoad, loaded
-from chefbotd.worker.skills.skill import Job, Skill
+from chefbotd.worker.skills.skill import Job, Meets, Skill
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -85,6 +85,9 @@ class Runner:
                 return
             finally:
                 self.doing = None
+        for skill in self._skills.values():
+            if isinstance(skill, Meets):
+                skill.meet(self._skills)
         yield messages.Ready()
 
     def _begin(self, request: messages.Request) -> Iterator[FromWorker]:

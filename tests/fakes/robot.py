@@ -25,6 +25,8 @@ from chefbotd.features.mapping.methods import TOPICS as MAPPING
 from chefbotd.features.mapping.methods import MappingMethods, MappingResult, MapSaved
 from chefbotd.features.maps.feature import maps
 from chefbotd.features.maps.service import MapsService
+from chefbotd.features.navigation.methods import TOPICS as NAVIGATION
+from chefbotd.features.navigation.methods import GoalResult, NavigationMethods, PlanResult, Waypoint
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
 from chefbotd.features.odometry.methods import OdometryMethods
 from chefbotd.features.sensors.methods import TOPICS as SENSORS
@@ -72,6 +74,42 @@ class FakeLocalizer:
         """Remember it."""
         self._robot.calls.append(("localize",))
         return LocalizationResult(state="searching", map="flat")
+
+
+class FakeNavigation:
+    """Remembers with the robot's other calls what it was told; every goal is reached."""
+
+    def __init__(self, robot: "FakeRobot") -> None:
+        self._robot = robot
+        self._count = 0
+
+    async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
+        """Remember it."""
+        goals = [each.model_dump(exclude_defaults=True) for each in waypoints]
+        self._robot.calls.append(("navigate_to", goals, queue))
+        self._count += len(waypoints)
+        return list(range(self._count - len(waypoints) + 1, self._count + 1))
+
+    async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
+        """It is there at once."""
+        return GoalResult(goal=goals[-1], end="reached", reason="reached (1.00, 2.00)")
+
+    async def plan_to(self, waypoint: Waypoint) -> PlanResult:
+        """Remember it."""
+        self._robot.calls.append(("plan_to", waypoint.model_dump(exclude_defaults=True)))
+        return PlanResult(possible=True, length_m=3.4, time_s=14.0, x_m=(0.0, 1.0), y_m=(0.0, 2.0))
+
+    def cancel(self, reason: str) -> None:
+        """Remember it."""
+        self._robot.calls.append(("cancel_navigation",))
+
+    def pause(self) -> None:
+        """Remember it."""
+        self._robot.calls.append(("pause_navigation",))
+
+    def resume(self) -> None:
+        """Remember it."""
+        self._robot.calls.append(("resume_navigation",))
 
 
 class FakeRobot:
@@ -215,6 +253,11 @@ class FakeRobot:
                 "localization",
                 methods=methods_of(LocalizationMethods(FakeLocalizer(self))),
                 topics=LOCALIZATION,
+            ),
+            Feature(
+                "navigation",
+                methods=methods_of(NavigationMethods(FakeNavigation(self))),
+                topics=NAVIGATION,
             ),
             Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),

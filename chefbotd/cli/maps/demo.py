@@ -18,6 +18,7 @@ from chefbotd.cli.drive.simulated_daemon import simulated_process
 from chefbotd.cli.maps.listening import listen
 from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
 from chefbotd.cli.maps.tour import Show, Tour
+from chefbotd.cli.maps.worker_ready import until_worker_ready
 from chefbotd.client import Client
 from chefbotd.client.models import MapSaved
 from chefbotd.core.geometry import Pose2D
@@ -29,9 +30,6 @@ ROOMS: Final[tuple[Point, ...]] = (
     (6.55, 1.5), (5.45, 1.45), (4.5, 1.45), (4.45, 2.57), (3.0, 2.57), (2.4, 2.75), (2.35, 3.95), (2.4, 2.9),
 )  # fmt: skip
 """Through hall, bedroom, study, child's room, hall and kitchen back into the living room: two loops in the plan."""
-
-READY_S: Final = 240.0
-"""The worker compiles its code once, when it is started for the first time."""
 
 STUCK_S: Final = 15.0
 COMMAND_S: Final = 0.1
@@ -85,7 +83,7 @@ class Demo:
 
     async def _with_robot(self, robot: Client, daemon_pid: int) -> DemoResult:
         await robot.wait_until_armed()
-        await self._until_ready(robot)
+        self._worker_pid = await until_worker_ready(robot, self._say)
         await robot.discard_mapping()
         await robot.start_mapping()
         began_s, before, used = time.monotonic(), await robot.get_stats(), Usage(daemon_pid, self._worker_pid)
@@ -110,24 +108,6 @@ class Demo:
 
     async def _saved_map(self, robot: Client) -> OccupancyGrid:
         return (await robot.get_map(self._name)).grid()
-
-    async def _until_ready(self, robot: Client) -> None:
-        """Wait for the worker, and say what it is at."""
-        try:
-            async with asyncio.timeout(READY_S), robot.subscribe("worker") as reports:
-                async for event in reports:
-                    self._worker_pid = event.data.pid
-                    if event.data.state == "ready":
-                        return
-                    if event.data.state == "unavailable":
-                        raise ProgramError(Exit.NOT_DONE, event.data.reason)
-                    self._tour.doing = (
-                        f"the worker is {event.data.state} (the first time it compiles its code)"
-                    )
-                    self._show(self._tour)
-        except TimeoutError:
-            told = f"the worker was not ready within {READY_S:g} s"
-            raise ProgramError(Exit.NOT_DONE, told) from None
 
     @asynccontextmanager
     async def _listening(self, robot: Client) -> AsyncIterator[None]:
@@ -166,6 +146,10 @@ class Demo:
         safety = (await robot.get_state()).safety
         held_by = safety.limited_by or (safety.reason if safety.mode != "armed" else "nobody knows what")
         return f"{self._tour.doing}: no nearer for {STUCK_S:g} s, held by {held_by}"
+
+    def _say(self, doing: str) -> None:
+        self._tour.doing = doing
+        self._show(self._tour)
 
     def _report(self, done: float, total: float, text: str) -> None:
         self._tour.doing = f"{text} ({100 * done / total:.0f} %)"

@@ -30,13 +30,14 @@ COLORS = ("grey30", "grey85", "black")
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something in the map, in metres of ``map``; one with a heading is an arrow, any other a dot, with its label."""
+    """Something in the map, in metres of ``map``; one with a heading is an arrow, any other its sign, with its label."""
 
     x_m: float
     y_m: float
     heading_rad: float | None = None
     label: str = ""
     style: str = "bold blue"
+    sign: str = "●"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +132,7 @@ def _put(lines: list[Text], view: View, grid: OccupancyGrid, mark: Mark) -> None
     if place is None:
         return
     row, column = place
-    sign = "●" if mark.heading_rad is None else _arrow(_in_grid(grid, mark).heading_rad)
+    sign = mark.sign if mark.heading_rad is None else _arrow(_in_grid(grid, mark).heading_rad)
     text = Text(sign + _printable(mark.label), mark.style)
     text.truncate(len(lines[row]) - column)
     line = lines[row]

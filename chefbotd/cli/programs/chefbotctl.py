@@ -18,6 +18,7 @@ from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.programs.completion import completion
 from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.serve import commands as navigating
 from chefbotd.cli.tune.commands import pid
 
 TOKEN = click.File(encoding="utf-8")
@@ -109,6 +110,7 @@ COMMANDS: tuple[click.Command, ...] = (
     pid,
     map_group,
     places,
+    *navigating.COMMANDS,
     stop_arm_reset.reset_odometry,
     stop_arm_reset.reset_board,
     completion,

@@ -73,6 +73,14 @@ class LocalizationSkill:
         self._reason = ""
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
+        self.grid: OccupancyGrid | None = None
+        self.report: Report | None = None
+        self.seen: AlignedScan | None = None
+
+    @property
+    def used(self) -> tuple[str, int] | None:
+        """The map in use, and its version; ``grid`` has its cells, ``report`` and ``seen`` what the last scan told."""
+        return self._map
 
     def warm(self) -> None:
         """Load, or compile, all that localization needs."""
@@ -103,6 +111,7 @@ class LocalizationSkill:
         self._now, report = step(
             self._localization, within, self._now, aligned.stamp_s, odometry, aligned.scan
         )
+        self.report, self.seen = report, aligned
         return self._located(report)
 
     # what has its own time
@@ -159,14 +168,15 @@ class LocalizationSkill:
 
     def _use(self, name: str, version: int) -> None:
         try:
-            within = localization_map(self._localization, self._read_map(name))
+            grid = self._read_map(name)
+            within = localization_map(self._localization, grid)
         except ValueError as problem:
             self._rest()
             raise Refused(
                 RefusalKind.MAP_UNREADABLE, f"nobody can find the way on {name!a}: {problem}"
             ) from problem
         self._rest()
-        self._within, self._map = within, (name, version)
+        self._within, self._map, self.grid = within, (name, version), grid
         kept = self._pose_file.read()
         if kept is not None and kept.map == name:
             pose = np.array([kept.x_m, kept.y_m, kept.heading_rad])
@@ -174,7 +184,7 @@ class LocalizationSkill:
             self._now = set_pose(self._localization, self._now, pose, covariance)
 
     def _rest(self) -> None:
-        self._within = self._map = self._kept = None
+        self._within = self._map = self._kept = self.grid = self.report = self.seen = None
         self._now, self._reason = Localization(), ""
         self._aligner.clear()
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # it would load asyncio, 7 MB
 SKILLS: Final[Mapping[str, str]] = {
     "mapping": "chefbotd.worker.skills.mapping:MappingSkill",
     "localization": "chefbotd.worker.skills.localization:LocalizationSkill",
+    "navigation": "chefbotd.worker.skills.navigation:NavigationSkill",
 }
 """Name -> module and class, which is made with its parameters as JSON and the worker's clock."""
 

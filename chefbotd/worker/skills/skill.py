@@ -1,7 +1,7 @@
 """What a skill is to the worker."""
 
-from collections.abc import Generator, Iterable
-from typing import NamedTuple, Protocol, TypeAlias
+from collections.abc import Generator, Iterable, Mapping
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 
@@ -57,4 +57,13 @@ class Skill(Protocol):
 
     def close(self) -> None:
         """The daemon ends: save what is not saved, within a second."""
+        ...
+
+
+@runtime_checkable
+class Meets(Protocol):
+    """A skill that builds on others of the same worker."""
+
+    def meet(self, others: Mapping[str, Skill]) -> None:
+        """Know them, by their names; called once, when all are loaded."""
         ...

@@ -58,6 +58,9 @@ OBSERVING: dict[str, dict[str, Any]] = {
     "list_maps": {},
     "get_map": {},
     "list_places": {},
+    "plan_to": {"place": "table 3"},
+    "cancel_navigation": {},
+    "pause_navigation": {},
 }
 DRIVING: dict[str, dict[str, Any]] = {
     "drive": {"linear_m_s": 0.1, "angular_rad_s": 0.0},
@@ -75,6 +78,9 @@ DRIVING: dict[str, dict[str, Any]] = {
     "pause_mapping": {},
     "finish_mapping": {"name": "ground floor"},
     "discard_mapping": {},
+    "navigate_to": {"x_m": 1.0, "y_m": 2.0},
+    "follow_waypoints": {"waypoints": [{"place": "table 3"}]},
+    "resume_navigation": {},
 }
 ADMINISTERING: dict[str, dict[str, Any]] = {
     "set_pid": {"wheel": "all", "kp": 1.0},

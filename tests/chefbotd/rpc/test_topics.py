@@ -53,6 +53,8 @@ def test_topics_are_those_of_the_contract() -> None:
         "mapping",
         "map",
         "map_pose",
+        "navigation",
+        "path",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
     assert set(TABLE) == {*contract, "sim", "scan", "lidars", "depth_cameras"}

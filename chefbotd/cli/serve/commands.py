@@ -1,0 +1,193 @@
+"""The commands ``go``, ``patrol``, ``where``, ``localize`` and ``serve``."""
+
+import asyncio
+import contextlib
+import json
+import math
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.client import CallError, Client
+from chefbotd.client.goals import GoalNotReached
+
+if TYPE_CHECKING:
+    from chefbotd.cli.serve.scene import NavigationScene, Show
+
+T = TypeVar("T")
+LOOKED_S = 30.0
+NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]], or [worker] enabled = false"
+ABSENT = ("method_not_found", "unknown_topic")
+
+
+@click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@click.argument("target", nargs=-1, required=True, metavar="PLACE | X Y [DEG]")
+@click.option("--tolerance", "tolerance_m", type=finite, help="May end so many metres beside a taken goal.")
+@click.pass_obj
+def go(context: CommandContext, target: tuple[str, ...], tolerance_m: float | None) -> None:
+    """Send the robot to a place, or to X and Y in metres of the map, with a heading in degrees if one is given.
+
+    The map, the path and the robot are drawn while it drives. Ctrl-C cancels, and the robot stands.
+    """
+    goal = _goal(target)
+    if tolerance_m is not None:
+        goal["tolerance_m"] = tolerance_m
+    told = _navigate(context, lambda robot: robot.navigate_to(**goal), f"to {' '.join(target)}")
+    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+
+
+def _goal(target: tuple[str, ...]) -> dict[str, Any]:
+    """A pose where all words are numbers, two or three; else the name of a place."""
+    numbers = []
+    with contextlib.suppress(ValueError):
+        numbers = [float(word) for word in target]
+    if len(numbers) in (2, 3) and all(map(math.isfinite, numbers)):
+        goal: dict[str, Any] = {"x_m": numbers[0], "y_m": numbers[1]}
+        return goal if len(numbers) == 2 else {**goal, "heading_rad": math.radians(numbers[2])}
+    return {"place": " ".join(target)}
+
+
+@click.command()
+@click.argument("places", nargs=-1, required=True, metavar="PLACE...")
+@click.option("--rounds", type=click.IntRange(1, 1000), default=1, show_default=True, help="How often.")
+@click.pass_obj
+def patrol(context: CommandContext, places: tuple[str, ...], rounds: int) -> None:
+    """Send the robot to places one after the other. Ctrl-C cancels, and the robot stands."""
+
+    async def drive(robot: Client) -> str:
+        told = ""
+        for _ in range(rounds):
+            for place in places:
+                told = await robot.navigate_to(place=place)
+        return told
+
+    told = _navigate(context, drive, f"to {', '.join(places)}")
+    count = rounds * len(places)
+    output.say(context.as_json, {"goals": count}, f"Reached {count} places; the last: {told}.")
+
+
+@click.command()
+@click.pass_obj
+def where(context: CommandContext) -> None:
+    """Say where the robot is in the map in use, and how well it knows."""
+    state = _run(context, lambda robot: robot.call("get_state"))["topics"]
+    if "localization" not in state:
+        raise ProgramError(Exit.REFUSED, NEEDS_LIDAR)
+    known, told = state["localization"]["data"], state.get("map_pose")
+    pose = None if told is None or known["state"] in ("unknown", "searching", "lost") else told["data"]
+    output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
+
+
+def _where(known: dict[str, Any], pose: dict[str, Any] | None) -> str:
+    on_map = f" on the map {known['map']}" if known["map"] else ""
+    if pose is None:
+        others = f"; it may be at {len(known['alternatives'])} places" if known["alternatives"] else ""
+        why = f": {known['reason']}" if known["reason"] else ""
+        return f"The robot does not know where it is{on_map} ({known['state']}{others}){why}."
+    at = f"({pose['x_m']:.2f} m, {pose['y_m']:.2f} m, {math.degrees(pose['heading_rad']):.0f}°)"
+    return f"The robot is at {at}{on_map}: {known['state']}, fit {known['fit']:.2f}."
+
+
+@click.command()
+@click.pass_obj
+def localize(context: CommandContext) -> None:
+    """Have the robot look everywhere for where it is, whatever it knows, and wait until it has found out."""
+
+    async def look(robot: Client) -> dict[str, Any]:
+        async with robot.subscribe("localization") as events:
+            await robot.localize()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(LOOKED_S):
+                    async for event in events:
+                        if event.data.state in ("localized", "lost"):
+                            break
+        state: dict[str, Any] = await robot.call("get_state")
+        return state
+
+    topics = _run(context, look)["topics"]
+    known, told = topics["localization"]["data"], topics.get("map_pose")
+    if known["state"] != "localized" or told is None:
+        raise ProgramError(Exit.NOT_DONE, _where(known, None))
+    output.say(context.as_json, {"localization": known, "pose": told["data"]}, _where(known, told["data"]))
+
+
+def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> str:
+    """Run ``drive``, and draw what happens meanwhile.
+
+    Raises:
+        ProgramError: a goal was not reached, or any failure.
+    """
+    from chefbotd.cli.serve.scene import NavigationScene
+    from chefbotd.cli.serve.view import NavigationView
+
+    view = NavigationView(quiet=context.as_json)
+
+    async def driving(robot: Client) -> str:
+        with view.showing() as show:
+            return await _watched(robot, NavigationScene(doing=doing), show, drive)
+
+    try:
+        return _run(context, driving)
+    except GoalNotReached as error:
+        raise ProgramError(Exit.NOT_DONE, error.reason, end=error.end) from error
+
+
+async def _watched(
+    robot: Client, scene: "NavigationScene", show: "Show", drive: Callable[[Client], Awaitable[str]]
+) -> str:
+    from chefbotd.cli.maps.draw import Mark
+    from chefbotd.cli.serve.scene import PLACE, listen
+
+    scene.grid = (await robot.get_map()).grid()
+    known = (await robot.list_places()).places
+    scene.places = tuple(Mark(each.x_m, each.y_m, label=each.name, style=PLACE) for each in known)
+    listening = asyncio.create_task(listen(robot, scene, show))
+    try:
+        return await drive(robot)
+    finally:
+        listening.cancel()
+        await asyncio.wait({listening})
+
+
+def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
+    async def asking(robot: Client) -> T:
+        try:
+            return await action(robot)
+        except CallError as error:
+            if error.kind not in ABSENT:
+                raise
+            raise ProgramError(Exit.REFUSED, f"{error.kind}: {NEEDS_LIDAR}", kind=error.kind) from error
+
+    return context.run_with_client(asking)
+
+
+@click.command()
+@click.pass_obj
+def serve(context: CommandContext) -> None:
+    """Have a simulated ChefBot with a lidar serve three tables: no robot and no daemon is needed.
+
+    It starts somewhere in a flat without being told where, finds out, goes to the tables and home to the kitchen.
+    People walk about, and a chair that is on no map is in its way. At the end each leg is held against the truth.
+    """
+    from chefbotd.cli.serve import order
+    from chefbotd.cli.serve.serve import Serve
+    from chefbotd.cli.serve.view import NavigationView, as_json
+
+    view = NavigationView(quiet=context.as_json)
+    with view.showing() as show:
+        served = context.run(Serve((*order.TABLES, order.HOME), show).run())
+    if context.as_json:
+        echo(json.dumps(as_json(served)))
+    else:
+        view.show(served)
+    if served.failures:
+        raise ProgramError(Exit.NOT_DONE, "; ".join(served.failures))
+
+
+COMMANDS = (go, patrol, where, localize, serve)

@@ -1,0 +1,136 @@
+"""What a leg was worth, held against the truth: its length and time, how near it came to things, and where it ended."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
+from chefbotd.navigation.distance import distances_m
+from chefbotd.navigation.follower import FollowerParameters
+from chefbotd.navigation.search import search
+from chefbotd.navigation.smooth import straightened
+from chefbotd.sim.world import World
+
+Disc = tuple[float, float, float]
+"""x, y and radius in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """From where the robot stood to a place. ``end`` is the goal's, ``reason`` its sentence.
+
+    ``closest_m`` is the least distance of the robot's outline from anything that it could bump into.
+    """
+
+    place: str
+    end: str
+    reason: str
+    length_m: float
+    shortest_m: float
+    seconds: float
+    ideal_s: float
+    closest_m: float
+    off_m: float
+    off_rad: float
+    touched: bool
+
+    @property
+    def failure(self) -> str | None:
+        """Why this leg does not count as done."""
+        if self.end != "reached":
+            return f"{self.place}: {self.reason or self.end}"
+        if self.touched:
+            return f"{self.place}: it touched something"
+        return None
+
+
+@dataclass(slots=True)
+class Truth:
+    """What truly happens on a leg."""
+
+    world: World
+    radius_m: float
+    length_m: float = 0.0
+    closest_m: float = math.inf
+    touched: bool = False
+    pose: Pose2D | None = None
+    discs: tuple[Disc, ...] = field(default=())
+
+    def begin_leg(self) -> None:
+        """Count anew."""
+        self.length_m, self.closest_m, self.touched = 0.0, math.inf, False
+
+    def take(self, pose: Pose2D, discs: Sequence[Disc], *, in_contact: bool) -> None:
+        """The robot is here now, and these stand about."""
+        if self.pose is not None:
+            self.length_m += math.dist((self.pose.x_m, self.pose.y_m), (pose.x_m, pose.y_m))
+        self.pose, self.discs = pose, tuple(discs)
+        here = (pose.x_m, pose.y_m)
+        apart = [self.world.clearance_m(here), *[math.dist(here, disc[:2]) - disc[2] for disc in discs]]
+        self.closest_m = min(self.closest_m, min(apart) - self.radius_m)
+        self.touched = self.touched or in_contact
+
+
+def ended_leg(
+    place: str, start: Pose2D, goal: Pose2D, end: tuple[str, str], seconds: float, truth: Truth, best: "Best"
+) -> Leg:
+    """The leg that ends here; ``end`` is the goal's, and its sentence."""
+    there = truth.pose or start
+    shortest_m = best.length_m(start, goal)
+    return Leg(
+        place=place,
+        end=end[0],
+        reason=end[1],
+        length_m=truth.length_m,
+        shortest_m=shortest_m,
+        seconds=seconds,
+        ideal_s=best.seconds(start, goal, shortest_m),
+        closest_m=truth.closest_m,
+        off_m=math.dist((there.x_m, there.y_m), (goal.x_m, goal.y_m)),
+        off_rad=abs(wrap_angle(there.heading_rad - goal.heading_rad)),
+        touched=truth.touched,
+    )
+
+
+class Best:
+    """The shortest way for the robot's circle among walls and things, and the least time for it.
+
+    People are left out: they cost time, and that is part of what is measured.
+    """
+
+    def __init__(self, grid: OccupancyGrid, things: Sequence[Disc], radius_m: float) -> None:
+        self._grid, cell_m = grid, grid.resolution_m
+        blocked = grid.percent != FREE
+        rows, columns = np.indices(blocked.shape)
+        for x_m, y_m, disc_m in things:
+            at = grid.map_from_grid.inverse().compose(Pose2D(x_m, y_m))
+            apart = np.hypot((columns + 0.5) * cell_m - at.x_m, (rows + 0.5) * cell_m - at.y_m)
+            blocked |= apart < disc_m
+        room_m = distances_m(blocked, cell_m) - cell_m / 2
+        self._costs = np.where(room_m > radius_m, 1, np.inf).astype(np.float32)
+
+    def length_m(self, start: Pose2D, goal: Pose2D) -> float:
+        """In metres; infinite where there is no way."""
+        cells = [self._cell(start), self._cell(goal)]
+        costs = self._costs.copy()
+        for cell in cells:
+            costs[cell] = 1
+        found = search(costs, *cells)
+        if found is None:
+            return math.inf
+        corners = straightened(found.cells, costs, self._grid.resolution_m)
+        return float(np.hypot(*np.diff(corners, axis=0).T).sum())
+
+    def _cell(self, pose: Pose2D) -> tuple[int, int]:
+        at = self._grid.map_from_grid.inverse().compose(pose)
+        return int(at.y_m / self._grid.resolution_m), int(at.x_m / self._grid.resolution_m)
+
+    def seconds(self, start: Pose2D, goal: Pose2D, shortest_m: float) -> float:
+        """At full speed all the way, and the turns towards the goal and there to its heading at full rate."""
+        bearing = math.atan2(goal.y_m - start.y_m, goal.x_m - start.x_m)
+        turns = abs(wrap_angle(bearing - start.heading_rad)) + abs(wrap_angle(goal.heading_rad - bearing))
+        fastest = FollowerParameters()
+        return shortest_m / fastest.max_speed_m_s + turns / fastest.max_turn_rad_s

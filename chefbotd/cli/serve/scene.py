@@ -1,0 +1,68 @@
+"""What a screen of a navigating robot shows: the map, the path, the robot, who is about, and what it does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from chefbotd.cli.maps.draw import Mark
+from chefbotd.cli.maps.live import MapTracker
+from chefbotd.cli.serve.legs import Disc, Leg
+from chefbotd.client import Client
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+
+TOPICS = ("odometry", "map_pose", "navigation", "path", "localization")
+ROBOT, PATH, PLACE, SOMEBODY = "bold red", "green", "bold blue", "bold magenta"
+
+
+@dataclass(slots=True)
+class NavigationScene:
+    """The newest of each."""
+
+    grid: OccupancyGrid | None = None
+    places: tuple[Mark, ...] = ()
+    tracker: MapTracker = field(default_factory=MapTracker)
+    path: tuple[tuple[float, float], ...] = ()
+    discs: tuple[Disc, ...] = ()
+    doing: str = ""
+    state: str = "idle"
+    reason: str = ""
+    distance_m: float | None = None
+    time_s: float | None = None
+    localization: str = "unknown"
+    legs: list[Leg] = field(default_factory=list)
+
+    def take_event(self, event: Any) -> None:
+        """Take in an event of ``TOPICS``."""
+        data = event.data
+        if event.topic == "odometry":
+            self.tracker.take_odometry(event.stamp_s, data)
+        elif event.topic == "map_pose":
+            self.tracker.take_map_pose(event.stamp_s, data)
+        elif event.topic == "localization":
+            self.localization = data.state
+        elif event.topic == "navigation":
+            self.state, self.reason = data.state, data.reason
+            self.distance_m, self.time_s = data.distance_m, data.time_s
+        elif event.topic == "path":
+            self.path = tuple(zip(data.x_m, data.y_m, strict=True))
+
+    def marks(self) -> list[Mark]:
+        """What is drawn on the map, the later above the earlier."""
+        found = [Mark(x, y, style=PATH, sign="·") for x, y in self.path]
+        found += self.places
+        found += [Mark(x, y, style=SOMEBODY, sign="o") for x, y, _ in self.discs]
+        if (pose := self.tracker.pose) is not None:
+            found.append(Mark(pose.x_m, pose.y_m, pose.heading_rad, style=ROBOT))
+        return found
+
+
+Show: TypeAlias = Callable[[NavigationScene], None]
+
+
+async def listen(robot: Client, scene: NavigationScene, show: Show, *, rate_hz: float = 5.0) -> None:
+    """Take in what is told, and show each change of the pose, until cancelled."""
+    async with robot.subscribe(TOPICS, max_rate_hz=rate_hz) as events:
+        async for event in events:
+            scene.take_event(event)
+            if event.topic in ("odometry", "navigation"):
+                show(scene)

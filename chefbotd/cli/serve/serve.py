@@ -1,0 +1,187 @@
+"""``chefbotctl serve``: a simulated ChefBot finds out where it is, carries an order to three tables, and comes home."""
+
+import asyncio
+import math
+import tempfile
+import time
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import chefbotd.sim.worlds
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.drive.simulated_daemon import simulated_process
+from chefbotd.cli.maps.draw import Mark
+from chefbotd.cli.maps.worker_ready import until_worker_ready
+from chefbotd.cli.serve import order
+from chefbotd.cli.serve.legs import Best, Leg, Truth, ended_leg
+from chefbotd.cli.serve.scene import PLACE, NavigationScene, Show, listen
+from chefbotd.client import Client
+from chefbotd.client.goals import GoalNotReached
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.sim.scene import of_solids
+from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.sim_parameters.motor import BodyParameters
+
+MAP: Final = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
+LOOK_S, LOOK_RAD_S, FOUND_S = 4.0, 0.5, 40.0
+"""It looks for so long while it stands; then it turns, so that it sees from more sides."""
+
+LEG_S, TRUTH_HZ = 75.0, 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How it found out where it was: after how long, and how far from the truth."""
+
+    seconds: float
+    off_m: float
+    off_rad: float
+    turned: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """What came of it."""
+
+    found: Found
+    legs: tuple[Leg, ...]
+    seconds: float
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why it does not count as done; nothing where it does."""
+        return tuple(leg.failure for leg in self.legs if leg.failure is not None)
+
+
+class Serve:
+    """One run; ``show`` is called with each change."""
+
+    def __init__(self, places: tuple[str, ...], show: Show) -> None:
+        self._places, self._show = places, show
+        self._scene = NavigationScene(doing="starting the simulated robot")
+        body = BodyParameters()
+        world = of_solids(FLAT.solids).below(body.height_m)
+        self._truth = Truth(world, body.radius_m)
+        chair = (order.CHAIR.x_m, order.CHAIR.y_m, order.CHAIR.radius_m)
+        self._best = Best(FLAT.grid(), [chair], body.radius_m)
+
+    async def run(self) -> Served:
+        """Start the robot, and have the order carried out.
+
+        Raises:
+            ProgramError: it could not be begun with, and why. A leg that fails is in the result.
+        """
+        self._show(self._scene)
+        with tempfile.TemporaryDirectory(prefix="chefbotctl-") as folder:
+            environment = order.environment(Path(folder) / "maps")
+            async with simulated_process("chefbot_lidar", environment) as (where, _):
+                return await CommandContext(where).with_client(self._with_robot)
+
+    async def _with_robot(self, robot: Client) -> Served:
+        began_s = time.monotonic()
+        await robot.wait_until_armed()
+        await until_worker_ready(robot, self._say)
+        async with self._beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
+            await self._load_map(robot)
+            found = await self._find(robot)
+            legs = self._scene.legs
+            for place in self._places:
+                legs.append(await self._leg(robot, place))
+                if legs[-1].end != "reached":
+                    break
+        return Served(found, tuple(legs), time.monotonic() - began_s)
+
+    @asynccontextmanager
+    async def _beside(self, *loops: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+        """Run these while the block runs."""
+        tasks = [asyncio.create_task(loop) for loop in loops]
+        try:
+            yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.wait(tasks)
+
+    async def _watch_truth(self, robot: Client) -> None:
+        async with robot.subscribe("sim", max_rate_hz=TRUTH_HZ) as events:
+            async for event in events:
+                data = event.data
+                discs = tuple((each.x_m, each.y_m, each.radius_m) for each in data.discs)
+                pose = Pose2D(data.x_m, data.y_m, data.heading_rad)
+                self._truth.take(pose, discs, in_contact=data.in_contact)
+                self._scene.discs = discs
+
+    async def _load_map(self, robot: Client) -> None:
+        self._say("loading the map of the flat")
+        await robot.import_map(str(MAP), FLAT.name)
+        for name, pose in order.PLACES.items():
+            await robot.save_place(name, pose.x_m, pose.y_m, pose.heading_rad, of_map=FLAT.name)
+        await robot.load_map(FLAT.name)
+        self._scene.grid = (await robot.get_map(FLAT.name)).grid()
+        self._scene.places = tuple(
+            Mark(pose.x_m, pose.y_m, label=name, style=PLACE) for name, pose in order.PLACES.items()
+        )
+
+    # where it is
+
+    async def _find(self, robot: Client) -> Found:
+        """Wait until it knows where it is; after a while it turns, so that it sees more.
+
+        Raises:
+            ProgramError: it did not find out.
+        """
+        self._say("finding out where it is")
+        began_s, turns = time.monotonic(), False
+        try:
+            async with asyncio.timeout(FOUND_S):
+                while self._scene.localization != "localized" or self._scene.tracker.pose is None:
+                    await asyncio.sleep(0.1)
+                    if time.monotonic() - began_s > LOOK_S:
+                        turns = True
+                        await robot.drive(0.0, LOOK_RAD_S)
+        except TimeoutError:
+            told = f"it did not find out where it is within {FOUND_S:g} s: {self._scene.localization}"
+            raise ProgramError(Exit.NOT_DONE, told) from None
+        took_s = time.monotonic() - began_s
+        if turns:
+            await robot.stop()
+            await robot.release_control()
+            await asyncio.sleep(1.0)
+        return self._found(took_s, turned=turns)
+
+    def _found(self, took_s: float, *, turned: bool) -> Found:
+        told, true = self._scene.tracker.pose, self._truth.pose
+        if told is None or true is None:
+            raise ProgramError(Exit.NOT_DONE, "nothing tells where the robot is")
+        off_m = math.dist((told.x_m, told.y_m), (true.x_m, true.y_m))
+        return Found(took_s, off_m, abs(wrap_angle(told.heading_rad - true.heading_rad)), turned)
+
+    # legs
+
+    async def _leg(self, robot: Client, place: str) -> Leg:
+        """Send it to a place, and wait for the end."""
+        self._say(f"to {place}" if place in order.TABLES else f"home to the {place}")
+        self._truth.begin_leg()
+        start, began_s = self._truth.pose or order.START, time.monotonic()
+        end = await self._end_of(robot, place)
+        seconds = time.monotonic() - began_s
+        await asyncio.sleep(0.3)  # it stands, and the truth of that has arrived
+        return ended_leg(place, start, order.PLACES[place], end, seconds, self._truth, self._best)
+
+    async def _end_of(self, robot: Client, place: str) -> tuple[str, str]:
+        try:
+            async with asyncio.timeout(LEG_S):
+                return "reached", await robot.navigate_to(place=place)
+        except GoalNotReached as error:
+            return error.end, error.reason
+        except TimeoutError:
+            await robot.cancel_navigation()
+            return "timed out", f"not there within {LEG_S:g} s; last: {self._scene.reason}"
+
+    def _say(self, doing: str) -> None:
+        self._scene.doing = doing
+        self._show(self._scene)

@@ -1,0 +1,115 @@
+"""Navigation: send the robot somewhere, and wait until it is there."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from chefbotd.client.errors import ChefbotError
+from chefbotd.client.goals import not_reached
+from chefbotd.client.parsing import parse
+
+if TYPE_CHECKING:
+    from chefbotd.client import models
+    from chefbotd.client.wire import ProgressListener
+
+
+class NavigationMethods(ABC):
+    """The methods of navigation. ``call`` is what a subclass provides. Every error is a ``ChefbotError``."""
+
+    @abstractmethod
+    async def call(
+        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
+    ) -> dict[str, Any]:
+        """Call a method by its name; returns the answer's ``result`` unchanged."""
+
+    async def navigate_to(
+        self,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        heading_rad: float | None = None,
+        *,
+        place: str | None = None,
+        tolerance_m: float | None = None,
+        on_progress: ProgressListener | None = None,
+    ) -> str:
+        """Drive to a place, or to a pose in the map in use, and wait for the end; the sentence about it.
+
+        Where this is cancelled, so is the goal, and the robot stands. ``on_progress`` is told the metres that are done,
+        all of them, and what the robot does.
+
+        Raises:
+            GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
+            CallError: it was refused, as where there is no such place.
+        """
+        from chefbotd.client import models
+
+        wanted = {
+            "x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "place": place, "tolerance_m": tolerance_m,
+        }  # fmt: skip
+        given: dict[str, Any] = {key: value for key, value in wanted.items() if value is not None}
+        answer = await self._until_end("navigate_to", given, on_progress)
+        return _reached(parse(models.GoalResult, answer))
+
+    async def follow_waypoints(
+        self, places: list[str], *, on_progress: ProgressListener | None = None
+    ) -> str:
+        """Drive to places one after the other, and wait for the end; raises as ``navigate_to`` does."""
+        from chefbotd.client import models
+
+        waypoints = [{"place": place} for place in places]
+        answer = await self._until_end("follow_waypoints", {"waypoints": waypoints}, on_progress)
+        return _reached(parse(models.GoalResult, answer))
+
+    async def plan_to(
+        self,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        heading_rad: float | None = None,
+        *,
+        place: str | None = None,
+        tolerance_m: float | None = None,
+    ) -> models.PlanResult:
+        """How long the way is, how much time it takes, and whether there is one; nothing moves."""
+        from chefbotd.client import models
+
+        wanted = {
+            "x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "place": place, "tolerance_m": tolerance_m,
+        }  # fmt: skip
+        given: dict[str, Any] = {key: value for key, value in wanted.items() if value is not None}
+        return parse(models.PlanResult, await self.call("plan_to", **given))
+
+    async def cancel_navigation(self) -> None:
+        """End all goals; the robot stands."""
+        await self.call("cancel_navigation")
+
+    async def pause_navigation(self) -> None:
+        """Stand until ``resume_navigation``."""
+        await self.call("pause_navigation")
+
+    async def resume_navigation(self) -> None:
+        """Go on."""
+        await self.call("resume_navigation")
+
+    async def _until_end(
+        self, method: str, params: dict[str, Any], on_progress: ProgressListener | None
+    ) -> dict[str, Any]:
+        try:
+            return await self.call(method, on_progress=on_progress or _ignore, wait=True, **params)
+        except asyncio.CancelledError:
+            with contextlib.suppress(ChefbotError):
+                await self.cancel_navigation()
+            raise
+
+
+def _ignore(_done: float, _total: float, _text: str) -> None:
+    """Take a report, which allows the request more time."""
+
+
+def _reached(result: models.GoalResult) -> str:
+    """The sentence of a goal that was reached; raises for any other."""
+    if result.end != "reached":
+        raise not_reached(result.goal, result.end or "unknown", result.reason)
+    return result.reason

@@ -1,0 +1,1 @@
+"""Driving to goals in the map in use."""

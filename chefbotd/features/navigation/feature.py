@@ -1,0 +1,16 @@
+"""The feature: navigation."""
+
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.navigation.methods import TOPICS, NavigationMethods
+from chefbotd.features.navigation.service import NavigationService
+from chefbotd.rpc.method import methods_of
+
+
+def navigation(service: NavigationService) -> Feature:
+    """Navigation in the worker, over the service that puts its wishes through the gate."""
+    return Feature(
+        "navigation",
+        services=(Service("navigation", service.run),),
+        methods=methods_of(NavigationMethods(service)),
+        topics=TOPICS,
+    )

@@ -1,0 +1,199 @@
+"""Navigation: the methods that send the robot somewhere, and the topics ``navigation`` and ``path``."""
+
+import math
+from typing import Annotated, Final, Protocol, Self
+
+from pydantic import Field, model_validator
+
+from chefbotd.core.events.navigation import NavigationChanged, PathChanged
+from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method
+from chefbotd.rpc.models import DONE, Done, NoParams, Params, Result, TopicData
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.topics import Topic
+
+MOST_M: Final = 1e4
+MOST_WAYPOINTS: Final = 100
+Metres = Annotated[float, Field(ge=-MOST_M, le=MOST_M)]
+
+
+class Waypoint(Params):
+    """A pose in the map in use (without a heading any will do), or a place by its name."""
+
+    x_m: Metres | None = None
+    y_m: Metres | None = None
+    heading_rad: float | None = Field(None, ge=-math.tau, le=math.tau, description="CCW positive")
+    place: str | None = Field(None, min_length=1, max_length=100)
+    tolerance_m: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="the nearest free pose will do, if it is no farther from a goal that is taken",
+    )
+
+    @model_validator(mode="after")
+    def _is_one_goal(self) -> Self:
+        has_pose = self.x_m is not None and self.y_m is not None
+        if has_pose is (self.place is not None) or (self.x_m is None) is not (self.y_m is None):
+            raise ValueError("expected either place, or x_m and y_m")
+        if self.place is not None and self.heading_rad is not None:
+            raise ValueError("a place has a heading already, expected no heading_rad")
+        return self
+
+
+class NavigateToParams(Waypoint):
+    """A goal. ``wait``: answer when it has ended, and cancel it if this request is cancelled or its client leaves."""
+
+    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    wait: bool = False
+
+
+class FollowWaypointsParams(Params):
+    """Goals, to be reached one after the other. ``wait``: answer when the last has ended, or one was not reached."""
+
+    waypoints: list[Waypoint] = Field(min_length=1, max_length=MOST_WAYPOINTS)
+    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    wait: bool = False
+
+
+class GoalResult(Result):
+    """The goal's number; and, after waiting, how it ended, with a sentence."""
+
+    goal: int
+    end: str | None = Field(
+        None, description="reached, unreachable, blocked, cancelled, lost or fault; null: it was accepted"
+    )
+    reason: str = ""
+
+
+class PlanResult(Result):
+    """What would be driven. Where nothing can be, ``reason`` says why, and there may be a free pose near the goal."""
+
+    possible: bool
+    reason: str = ""
+    length_m: float | None = None
+    time_s: float | None = None
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+    nearest_x_m: float | None = None
+    nearest_y_m: float | None = None
+    nearest_heading_rad: float | None = None
+
+
+class NavigationData(TopicData):
+    """What navigation does; ``reason`` is a sentence."""
+
+    state: str = Field(
+        default="idle",
+        description="idle, planning, driving, recovering or paused; or how the last goal ended: reached, unreachable, "
+        "blocked, cancelled, lost or fault",
+    )
+    goal: int | None = None
+    reason: str = ""
+    distance_m: float | None = Field(default=None, description="still to drive")
+    time_s: float | None = Field(default=None, description="which that takes if nothing gets in the way")
+
+
+class PathData(TopicData):
+    """The path that the robot follows, in the map; without points there is none."""
+
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+
+
+class Navigation(Protocol):
+    """What drives to goals. Each raises ``chefbotd.core.commands.Refused`` where it is not done."""
+
+    async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
+        """Accept goals; their numbers."""
+        ...
+
+    async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
+        """Wait for the end of these; that of the first that is not reached, or of the last."""
+        ...
+
+    async def plan_to(self, waypoint: Waypoint) -> PlanResult:
+        """What would be driven."""
+        ...
+
+    def cancel(self, reason: str) -> None:
+        """End all goals."""
+        ...
+
+    def pause(self) -> None:
+        """Stand until ``resume``."""
+        ...
+
+    def resume(self) -> None:
+        """Go on."""
+        ...
+
+
+class NavigationMethods:
+    """The methods of this feature."""
+
+    def __init__(self, navigation: Navigation) -> None:
+        self._navigation = navigation
+
+    @method(role=Role.DRIVE, moves=True)
+    async def navigate_to(self, caller: Caller, params: NavigateToParams, progress: Progress) -> GoalResult:
+        """Drive to a pose in the map in use, or to a place."""
+        return await self._begun([params], progress, queue=params.queue, wait=params.wait)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def follow_waypoints(
+        self, caller: Caller, params: FollowWaypointsParams, progress: Progress
+    ) -> GoalResult:
+        """Drive to several goals one after the other; answers with the last one's number, or with how it ended."""
+        return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
+
+    async def _begun(
+        self, waypoints: list[Waypoint], progress: Progress, *, queue: bool, wait: bool
+    ) -> GoalResult:
+        goals = await self._navigation.navigate_to(waypoints, queue=queue)
+        return await self._navigation.wait(goals, progress) if wait else GoalResult(goal=goals[-1])
+
+    @method(role=Role.OBSERVE)
+    async def plan_to(self, caller: Caller, params: Waypoint, progress: Progress) -> PlanResult:
+        """Tell how long a way is, how much time it takes, and whether there is one; nothing moves."""
+        return await self._navigation.plan_to(params)
+
+    @method(role=Role.OBSERVE)
+    def cancel_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """End all goals; the robot comes to rest."""
+        self._navigation.cancel(f"by {caller.session}")
+        return DONE
+
+    @method(role=Role.OBSERVE)
+    def pause_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """Come to rest, and keep the goals."""
+        self._navigation.pause()
+        return DONE
+
+    @method(role=Role.DRIVE, moves=True)
+    def resume_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """Go on with the goals, from wherever the robot is."""
+        self._navigation.resume()
+        return DONE
+
+
+def _navigation(event: NavigationChanged | None) -> NavigationData:
+    if event is None:
+        return NavigationData()
+    return NavigationData(
+        state=event.state,
+        goal=event.goal,
+        reason=event.reason,
+        distance_m=event.distance_m,
+        time_s=event.time_s,
+    )
+
+
+def _path(event: PathChanged | None) -> PathData:
+    return PathData() if event is None else PathData(x_m=event.x_m, y_m=event.y_m)
+
+
+TOPICS = (
+    Topic("navigation", (NavigationChanged,), NavigationData, _navigation, always_known=True),
+    Topic("path", (PathChanged,), PathData, _path, always_known=True),
+)

@@ -1,0 +1,249 @@
+"""The skill that drives to goals: it plans and follows on the map, and by the pose, of the skill ``localization``."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.geometry import Pose2D
+from chefbotd.localization.states import State as Knows
+from chefbotd.mapping.poses import Floats, compose
+from chefbotd.maps.store import MapStore
+from chefbotd.navigation.follower import FollowerParameters
+from chefbotd.navigation.navigator import Navigator
+from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.planner import Goal, NoPath, Path
+from chefbotd.navigation.reports import PoseStatus, Seen, Step
+from chefbotd.navigation.warm import warm
+from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
+from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.skills import navigation_messages as messages
+from chefbotd.worker.skills.localization import LocalizationSkill
+from chefbotd.worker.skills.navigation_messages import (
+    GoalAsked,
+    GoalEnded,
+    NavigationSkillParameters,
+    Planned,
+    Stepped,
+    Taken,
+)
+from chefbotd.worker.skills.skill import Job, Skill, Struct
+
+ZONES: Final = "zones.yaml"
+"""Beside a map: where not to go, and where to go slowly."""
+
+MOST_AGE_S: Final = 0.4
+"""With odometry that is older the robot stands: nobody knows where it is."""
+
+STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.DOUBTFUL: PoseStatus.DOUBTFUL}
+NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
+
+
+class NavigationSkill:
+    """One navigator, on the map that localization uses."""
+
+    def __init__(self, parameters: bytes, clock: Clock) -> None:
+        told = NavigationSkillParameters.model_validate_json(parameters)
+        self._params = NavigationParameters(outline=_outline(told), follower=_follower(told))
+        self._folder, self._clock = told.folder, clock
+        self._navigator = Navigator(self._params)
+        self._finder: LocalizationSkill | None = None
+        self._map: tuple[str, int] | None = None  # the one that is navigated on,
+        self._used: tuple[str, int] | None = None  # and localization's
+        self._problem = ""
+        self._odometry: OdometrySeen | None = None
+        self._scan_s = float("-inf")
+        self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
+        self._told: Stepped | None = None
+        self._path: Path | None = None
+
+    def warm(self) -> None:
+        """Load, or compile, all that navigation needs."""
+        warm(self._params)
+
+    def meet(self, others: Mapping[str, Skill]) -> None:
+        """Know the skill that finds the way."""
+        finder = others.get("localization")
+        self._finder = finder if isinstance(finder, LocalizationSkill) else None
+
+    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+        """Nothing: localization aligns it first."""
+        return ()
+
+    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+        """Where the robot is by odometry; the newest counts."""
+        self._odometry = odometry
+        return ()
+
+    def close(self) -> None:
+        """The daemon ends; there is nothing to keep."""
+
+    # what is asked
+
+    def handle(self, body: bytes) -> Struct | Job:
+        """One request."""
+        self._follow_map()
+        navigator = self._navigator
+        match messages.REQUEST.decode(body):
+            case messages.NavigateTo() as request:
+                self._require_map()
+                numbers = navigator.navigate_to(tuple(map(_goal, request.goals)), queue=request.queue)
+                asked = [goal.number for goal in request.goals]
+                self._numbers.update(zip(numbers, asked, strict=True))
+            case messages.CancelGoals() as request:
+                navigator.cancel(request.reason)
+            case messages.FailGoals() as request:
+                navigator.fail(request.reason)
+            case messages.Pause():
+                navigator.pause()
+            case messages.Resume():
+                navigator.resume()
+            case messages.PlanTo() as request:
+                return self._planned(request.goal)
+        return Taken()
+
+    def _require_map(self) -> None:
+        if self._map is None:
+            told = self._problem or "no map is in use, or one is being made: load one, or finish it"
+            raise Refused(RefusalKind.NO_MAP_LOADED, told)
+
+    def _planned(self, goal: GoalAsked) -> Planned:
+        self._require_map()
+        now_s = self._clock.now_s()
+        pose, status = self._pose(now_s)
+        if pose is None or status is PoseStatus.LOST:
+            raise Refused(RefusalKind.POSE_UNKNOWN, "where the robot is in the map is not known yet")
+        found = self._navigator.plan_to(pose, _goal(goal), now_s)
+        if isinstance(found, NoPath):
+            near = found.nearest
+            nearest = None if near is None else (near.x_m, near.y_m, near.heading_rad)
+            return Planned(False, found.reason, 0.0, 0.0, (), (), nearest)
+        told = "the nearest free place within the tolerance" if found.is_substitute else ""
+        time_s = self._navigator.time_s(found, pose)
+        return Planned(True, told, found.length_m, time_s, *_points(found), None)
+
+    # what has its own time
+
+    def step(self, now_s: float) -> Iterable[Struct]:
+        """See what localization saw, and say what to do now."""
+        self._follow_map()
+        if self._finder is None:
+            return
+        pose, status = self._pose(now_s)
+        self._take_seen(self._finder)
+        done = self._navigator.step(now_s, pose or Pose2D(), status)
+        told = self._stepped(now_s, done)
+        if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
+            self._told = told
+            yield told
+
+    def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
+        """Where the robot is in the map, by the newest odometry."""
+        known = None if self._finder is None else self._finder.report
+        odometry = self._odometry
+        if known is None or known.map_from_odom is None or odometry is None:
+            return None, PoseStatus.LOST
+        odom_from_base = np.array([odometry.x_m, odometry.y_m, odometry.heading_rad])
+        pose = _pose2d(compose(known.map_from_odom, odom_from_base))
+        if now_s - odometry.stamp_s > MOST_AGE_S:
+            return pose, PoseStatus.LOST
+        return pose, STATUS.get(known.state, PoseStatus.LOST)
+
+    def _take_seen(self, finder: LocalizationSkill) -> None:
+        """The newest scan; what was seen while the robot was lost cannot be placed."""
+        seen, known = finder.seen, finder.report
+        if seen is None or seen.stamp_s <= self._scan_s or known is None or known.map_from_odom is None:
+            return
+        self._scan_s = seen.stamp_s
+        if known.state in STATUS:
+            placed = _pose2d(compose(known.map_from_odom, seen.odometry))
+            points = np.asarray(seen.scan.points, np.float64)
+            self._navigator.take_scan(Seen(seen.stamp_s, placed, seen.scan.sensor_m, points))
+
+    def _stepped(self, now_s: float, done: Step) -> Stepped:
+        progress = done.progress
+        planned = self._navigator.planned
+        is_new, self._path = planned is not self._path, planned
+        twist = None if done.twist is None else (done.twist.linear_m_s, done.twist.angular_rad_s)
+        number = None if progress.goal is None else self._numbers.get(progress.goal)
+        ended = tuple(
+            GoalEnded(self._numbers.pop(each.goal, 0), str(each.end), each.reason) for each in done.ended
+        )
+        return Stepped(
+            stamp_s=now_s,
+            twist=twist,
+            state=str(progress.state),
+            goal=number,
+            reason=progress.reason,
+            distance_m=progress.distance_m,
+            time_s=progress.time_s,
+            ended=ended,
+            path=(NO_WAY if planned is None else _points(planned)) if is_new else None,
+        )
+
+    def _has_changed(self, told: Stepped) -> bool:
+        last = self._told
+        return last is None or (last.state, last.goal, last.reason) != (told.state, told.goal, told.reason)
+
+    # the map
+
+    def _follow_map(self) -> None:
+        """Use the map that localization uses, with the zones that are drawn on it."""
+        used = None if self._finder is None else self._finder.used
+        if used is self._used:
+            return
+        before, self._used = self._used, used
+        if before is not None and used is not None and before[0] != used[0]:
+            self._navigator.fail(f"the map was changed from {before[0]} to {used[0]}")
+        self._map, self._problem = used, ""
+        grid = None if self._finder is None else self._finder.grid
+        if used is None or grid is None:
+            self._map = None
+            self._navigator.fail("there is no map in use any more")
+            return
+        try:
+            zones = read_zones(self._folder, used[0])
+        except (ValueError, Refused) as problem:  # where not to go is not known: go nowhere
+            self._map, self._problem = None, f"the zones of the map cannot be read: {problem}"
+            self._navigator.fail(self._problem)
+            return
+        self._navigator.use_map(grid, zones)
+
+
+def read_zones(folder: FilePath, name: str) -> Zones:
+    """The zones beside a stored map; none where there is no file.
+
+    Raises:
+        ValueError, Refused: it cannot be read, or holds no zones.
+    """
+    content = MapStore(folder, 1).read_beside(name, ZONES)
+    return NO_ZONES if content is None else parse_zones(content.decode("utf-8"), ZONES)
+
+
+def _outline(told: NavigationSkillParameters) -> OutlineParameters:
+    if told.radius_m is not None:
+        return OutlineParameters(radius_m=told.radius_m)
+    x, y = told.half_length_m, told.half_width_m
+    return OutlineParameters(corners_m=((x, y), (-x, y), (-x, -y), (x, -y)))
+
+
+def _follower(told: NavigationSkillParameters) -> FollowerParameters:
+    usual = FollowerParameters()
+    return usual.model_copy(update={"max_speed_m_s": min(usual.max_speed_m_s, told.max_speed_m_s)})
+
+
+def _goal(asked: GoalAsked) -> Goal:
+    return Goal(asked.x_m, asked.y_m, asked.heading_rad, asked.tolerance_m)
+
+
+def _pose2d(pose: Floats) -> Pose2D:
+    return Pose2D(float(pose[0]), float(pose[1]), float(pose[2]))
+
+
+def _points(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    points = path.in_map()
+    return tuple(points[:, 0].tolist()), tuple(points[:, 1].tolist())

@@ -1,0 +1,118 @@
+"""What the skill ``navigation`` is asked and what it tells; the daemon's side loads neither numpy nor a compiler."""
+
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import msgspec
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.worker.messages import Message
+
+SKILL: Final = "navigation"
+
+
+class NavigationSkillParameters(Parameters):
+    """What the daemon tells the skill when it starts it. The robot's outline is a circle or a box about its origin."""
+
+    folder: Path
+    radius_m: float | None
+    half_length_m: float
+    half_width_m: float
+    max_speed_m_s: float
+
+
+class GoalAsked(Message, frozen=True, tag="goal"):
+    """A goal in the map in use, and the number that it has in the daemon."""
+
+    number: int
+    x_m: float
+    y_m: float
+    heading_rad: float | None
+    tolerance_m: float
+
+
+# Requests
+
+
+class NavigateTo(Message, frozen=True, tag="navigate_to"):
+    """Drive to these, one after the other; goals before them end, unless ``queue``."""
+
+    goals: tuple[GoalAsked, ...]
+    queue: bool
+
+
+class CancelGoals(Message, frozen=True, tag="cancel_goals"):
+    """End all goals, since somebody asked for it."""
+
+    reason: str
+
+
+class FailGoals(Message, frozen=True, tag="fail_goals"):
+    """End all goals, since the robot cannot drive."""
+
+    reason: str
+
+
+class Pause(Message, frozen=True, tag="pause"):
+    """Stand until ``Resume``."""
+
+
+class Resume(Message, frozen=True, tag="resume"):
+    """Go on."""
+
+
+class PlanTo(Message, frozen=True, tag="plan_to"):
+    """Tell what would be driven."""
+
+    goal: GoalAsked
+
+
+NavigationRequest: TypeAlias = NavigateTo | CancelGoals | FailGoals | Pause | Resume | PlanTo
+
+# Told, and answered
+
+
+class Taken(Message, frozen=True, tag="taken"):
+    """It was done."""
+
+
+class Planned(Message, frozen=True, tag="planned"):
+    """What would be driven; without a way ``reason`` says why, and ``nearest`` is a free pose near the goal."""
+
+    possible: bool
+    reason: str
+    length_m: float
+    time_s: float
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    nearest: tuple[float, float, float] | None
+
+
+class GoalEnded(Message, frozen=True, tag="goal_ended"):
+    """A goal's end, with a sentence."""
+
+    number: int
+    end: str
+    reason: str
+
+
+class Stepped(Message, frozen=True, tag="stepped"):
+    """What navigation does, and what it wishes the robot to do now (``twist``: m/s and rad/s; None: nothing).
+
+    ``path`` is told when it is another one than before: x and y in the map, without points where there is none.
+    """
+
+    stamp_s: float
+    twist: tuple[float, float] | None
+    state: str
+    goal: int | None
+    reason: str
+    distance_m: float | None
+    time_s: float | None
+    ended: tuple[GoalEnded, ...]
+    path: tuple[tuple[float, ...], tuple[float, ...]] | None
+
+
+REQUEST: Final = msgspec.msgpack.Decoder(NavigationRequest)
+STEPPED: Final = msgspec.msgpack.Decoder(Stepped)
+PLANNED: Final = msgspec.msgpack.Decoder(Planned)

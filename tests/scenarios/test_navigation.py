@@ -1,0 +1,233 @@
+"""Driving to goals in the simulated flat: daemon, lidar and worker on one virtual clock, held against the truth."""
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chefbotd.client import CallError, GoalCancelled, GoalFault, GoalUnreachable
+from chefbotd.clock import run_virtual
+from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.maps.contents import save
+from chefbotd.maps.store import MapStore
+from chefbotd.settings import load, packaged
+from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.worker import worker_in_process
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.spawn import Child
+
+pytest.importorskip("numba")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("compiled")]
+
+START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
+GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
+"""Through the door of the living room into the hall: 1.5 m."""
+
+
+class Drive:
+    """The robot on its way; ``told`` is all that navigation told."""
+
+    def __init__(self, robot: SimulatedRobot, children: list[Child]) -> None:
+        self.robot, self.client, self.children = robot, robot.client, children
+        self.told: list[NavigationChanged] = []
+        self.safety: list[SafetyChanged] = []
+        robot.daemon.bus.add_handler(self.told.append, NavigationChanged)
+        robot.daemon.bus.add_handler(self.safety.append, SafetyChanged)
+
+    @property
+    def truth(self) -> Any:
+        return self.robot.board.truth(asyncio.get_running_loop().time())
+
+    @property
+    def speed_m_s(self) -> float:
+        return abs(float(self.truth.twist.linear_m_s))
+
+    def off(self) -> tuple[float, float]:
+        pose = self.truth.world_from_base
+        off_rad = abs(math.remainder(pose.heading_rad - GOAL["heading_rad"], math.tau))
+        return math.dist((pose.x_m, pose.y_m), (GOAL["x_m"], GOAL["y_m"])), off_rad
+
+    def begin(self, **goal: float) -> "asyncio.Task[str]":
+        return asyncio.create_task(self.client.navigate_to(**(goal or GOAL)))
+
+    async def until_driving(self) -> None:
+        async with asyncio.timeout(10.0):
+            while self.speed_m_s < 0.12:  # noqa: ASYNC110 - the truth has no event
+                await asyncio.sleep(0.05)
+
+
+def in_flat(folder: Path, scenario: Callable[[Drive], Awaitable[None]], **overrides: object) -> None:
+    """Run a scenario with the robot armed and localized."""
+    save(MapStore(folder, 3), "flat", FLAT.grid())
+    children: list[Child] = []
+
+    async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
+        children.append(await worker_in_process(theirs, parameters))
+        return children[-1]
+
+    async def run() -> None:
+        settings = load(
+            packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START, **overrides}
+        )
+        async with simulated_robot(settings, spawn_worker=spawn) as robot:
+            drive = Drive(robot, children)
+            await asyncio.sleep(1.5)
+            await robot.client.load_map("flat")
+            async with asyncio.timeout(15.0), robot.client.subscribe("localization") as events:
+                async for event in events:
+                    if event.data.state == "localized":
+                        break
+            await asyncio.wait_for(scenario(drive), 120.0)
+            assert not drive.truth.in_contact
+
+    run_virtual(run())
+
+
+def test_a_leg_ends_where_it_was_asked_for(tmp_path: Path) -> None:
+    """Through a door: within 4 cm and 3 degrees by the truth, and told before with length and time."""
+
+    async def scenario(drive: Drive) -> None:
+        plan = await drive.client.plan_to(**GOAL)
+        assert plan.possible
+        assert plan.length_m == pytest.approx(math.dist((2.45, 2.6), (2.6, 4.0)), rel=0.15)
+        assert drive.speed_m_s < 0.005
+        assert "reached" in await drive.begin()
+        off_m, off_rad = drive.off()
+        assert off_m < 0.04
+        assert off_rad < math.radians(3)
+        states = [event.state for event in drive.told]
+        assert states[-1] == "reached"
+        assert "driving" in states
+        assert "navigation" in {event.source for event in drive.safety}
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_goal_in_a_wall_is_unreachable_and_nothing_moves(tmp_path: Path) -> None:
+    """The wall between living room and hall; the nearest free place is offered, not driven to."""
+
+    async def scenario(drive: Drive) -> None:
+        with pytest.raises(GoalUnreachable, match="the nearest place that can be reached"):
+            await drive.begin(x_m=3.2, y_m=3.35)
+        assert drive.off()[0] > 1.2
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_killed_worker_leaves_the_robot_standing_and_the_next_one_goes_on(tmp_path: Path) -> None:
+    """At rest within the dead-man and the ramp; told why; then the goal is reached all the same."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        drive.children[-1].kill()
+        await asyncio.sleep(0.5 + 0.5)
+        assert drive.speed_m_s < 0.005
+        paused = next(event for event in drive.told if event.state == "paused")
+        assert "stands until its worker is back: it was killed" in paused.reason
+        assert "reached" in await leg
+        assert len(drive.children) == 2
+
+    in_flat(tmp_path, scenario)
+
+
+def test_teleop_takes_over_at_once_and_the_goal_goes_on(tmp_path: Path) -> None:
+    """A person backs the robot up for a second: navigation is paused meanwhile, and reaches its goal then."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        before = len(drive.safety)
+        for _ in range(10):
+            await drive.client.drive(-0.05, 0.0, "teleop")
+            await asyncio.sleep(0.1)
+            assert drive.safety[-1].source == "teleop"
+        assert drive.safety[before].source == "teleop"
+        assert drive.told[-1].state == "paused"
+        assert "reached" in await leg
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_stop_cancels_the_goal(tmp_path: Path) -> None:
+    """Somebody sends stop: the robot comes to rest, the goal ends, and says by whom."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        await drive.client.stop()
+        with pytest.raises(GoalCancelled, match="navigation was stopped by"):
+            await leg
+        await asyncio.sleep(1.0)
+        assert drive.speed_m_s < 0.005
+
+    in_flat(tmp_path, scenario)
+
+
+def test_an_estop_ends_the_goal_as_a_fault(tmp_path: Path) -> None:
+    """And a goal is refused until the robot is armed again."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        await drive.client.estop("a child")
+        with pytest.raises(GoalFault, match="a child"):
+            await leg
+        with pytest.raises(CallError, match="'arm' comes first"):
+            await drive.begin()
+        await drive.client.arm()
+        assert "reached" in await drive.begin()
+
+    in_flat(tmp_path, scenario)
+
+
+def test_giving_up_the_request_stands_the_robot(tmp_path: Path) -> None:
+    """Ctrl-C in a program that waits: at rest within half a second, and the goal is cancelled."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        leg.cancel()
+        await asyncio.sleep(0.6)
+        assert drive.speed_m_s < 0.01
+        assert drive.told[-1].state == "cancelled"
+
+    in_flat(tmp_path, scenario)
+
+
+def test_somebody_who_steps_in_front_is_not_touched(tmp_path: Path) -> None:
+    """A disc of 0.25 m appears 0.6 m ahead of the outline in the door; when it leaves, the goal is reached."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        here = drive.truth.world_from_base
+        drive.robot.board.crowd.put("somebody", here.x_m, here.y_m + 0.18 + 0.25 + 0.6)
+        await asyncio.sleep(8.0)
+        assert not drive.truth.in_contact
+        assert not leg.done()
+        drive.robot.board.crowd.take_away("somebody")
+        assert "reached" in await leg
+
+    in_flat(tmp_path, scenario)
+
+
+def test_without_scans_the_robot_stands_and_the_goal_ends(tmp_path: Path) -> None:
+    """The lidar falls silent in mid-drive: at rest within 2 s, a fault after 5 s more."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        drive.robot.lidars["lidar"].runner.fault = LidarFault.SILENT
+        await asyncio.sleep(2.0)
+        assert drive.speed_m_s < 0.005
+        with pytest.raises(GoalFault, match="no scan arrived"):
+            await leg
+
+    in_flat(tmp_path, scenario)
