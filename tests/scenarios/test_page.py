@@ -1,0 +1,318 @@
+"""The page in a real browser, before the real program on the simulated robot."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chefbotd.client import SyncClient
+from chefbotd.client.errors import CallError
+from chefbotd.settings import packaged
+from tests.fakes.api import free_port
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright comes with the extra 'dev'")
+pytest.importorskip("aiohttp", reason="the page needs the extra 'page'")
+CHROMIUM = shutil.which("chromium")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.realtime,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no browser: apt-get install chromium"),
+]
+PATIENCE_MS = 20_000
+MOVES_M_S, STANDS_M_S = 0.05, 0.01
+MOST_BYTES = 300_000
+
+
+class RunningRobot:
+    """``chefbotd run --sim --page`` on ports of its own, which stay the same after a restart."""
+
+    def __init__(self, folder: Path, *, token: str | None = None) -> None:
+        self.api_port, self.page_port, self.token = free_port(), free_port(), token
+        text = packaged("chefbot").read_text()
+        for old, new in (("port = 7333", self.api_port), ("port = 7380", self.page_port)):
+            assert old in text
+            text = text.replace(old, f"port = {new}")
+        if token is not None:
+            tokens = folder / "tokens"
+            tokens.write_text(f"admin {token}\n")
+            tokens.chmod(0o600)
+            text = text.replace("[api]\n", f'[api]\ntoken_file = "{tokens}"\n')
+        self._configuration, self._log_path = folder / "robot.toml", folder / "log"
+        self._configuration.write_text(text)
+        self.start()
+
+    def start(self) -> None:
+        """Start the program, and wait until the command socket answers."""
+        command = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
+        with self._log_path.open("ab") as log:
+            self.process = subprocess.Popen(
+                [*command, "run", "--sim", "--page", "--config", str(self._configuration)],
+                stdout=log,
+                stderr=log,
+            )
+        with self.client() as robot:
+            robot.wait_until_armed(20.0)
+
+    def client(self) -> SyncClient:
+        """A client of the command socket; the program has a while to begin listening."""
+        for _ in range(200):
+            try:
+                return SyncClient.connect("127.0.0.1", self.api_port, token=self.token)
+            except OSError:
+                assert self.process.poll() is None, self.log
+                time.sleep(0.1)
+        raise TimeoutError(self.log)
+
+    def end(self, number: int = signal.SIGINT) -> None:
+        """End the program by a signal."""
+        self.process.send_signal(number)
+        self.process.wait(20.0)
+
+    @property
+    def url(self) -> str:
+        """The page's address."""
+        return f"http://127.0.0.1:{self.page_port}/"
+
+    @property
+    def log(self) -> str:
+        """What the program has said."""
+        return self._log_path.read_text()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Debian's chromium without a window."""
+    with sync_api.sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[RunningRobot]:
+    """A robot without tokens."""
+    running = RunningRobot(tmp_path)
+    yield running
+    running.end()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A tab; at the end its console must be without an error."""
+    context = browser.new_context(viewport={"width": 1200, "height": 800})
+    tab = context.new_page()
+    tab.set_default_timeout(PATIENCE_MS)
+    problems: list[str] = []
+    tab.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    yield tab
+    context.close()
+    lost_connection = re.compile(r"WebSocket connection to 'ws://127\.0\.0\.1:\d+/socket' failed")
+    assert [problem for problem in problems if not lost_connection.search(problem)] == []
+
+
+def open_page(page: Any, robot: RunningRobot) -> None:
+    """Open it, and wait until the robot can be driven."""
+    page.goto(robot.url)
+    mode_is(page, "Ready to drive")
+    page.locator("h1").click()  # the tab has the focus now
+
+
+def mode_is(page: Any, words: str) -> None:
+    """Wait for the word of the safety mode."""
+    sync_api.expect(page.locator("#mode-word")).to_have_text(words, timeout=PATIENCE_MS)
+
+
+def until(happens: Callable[[], bool], within_s: float = 8.0) -> bool:
+    """Whether something happens in time."""
+    end_s = time.monotonic() + within_s
+    while time.monotonic() < end_s:
+        if happens():
+            return True
+        time.sleep(0.05)
+    return happens()
+
+
+def speed_m_s(robot: SyncClient) -> float:
+    """How fast the robot is, by its odometry."""
+    odometry = robot.get_state().odometry
+    assert odometry is not None
+    return float(odometry.linear_m_s)
+
+
+def test_it_loads_light_and_only_from_the_robot(page: Any, robot: RunningRobot) -> None:
+    """Less than 300 kB, nothing from elsewhere; what the robot has not is not shown, and every control has a name."""
+    answers: list[Any] = []
+    page.on("response", lambda answer: answers.append(answer))
+    open_page(page, robot)
+    assert {answer.url.startswith(robot.url) for answer in answers} == {True}
+    assert 5_000 < sum(len(answer.body()) for answer in answers) < MOST_BYTES
+    assert page.locator("#robot").inner_text() == "chefbot"
+    assert page.locator("#wheels-part").is_visible()
+    assert not page.locator("#map-part").is_visible()
+    assert not page.locator("#gesture-label").is_visible()
+    sync_api.expect(page.locator("#wheels tr")).to_have_count(2)
+    sync_api.expect(page.locator("#wheels tr").first.locator("td").nth(3)).to_have_text("200")  # kp
+    tree = page.locator("body").aria_snapshot()
+    assert not re.search(r"^\s*- (button|slider|combobox|checkbox|textbox)\s*(:|\[|$)", tree, re.MULTILINE), (
+        tree
+    )
+
+
+def test_a_key_drives_until_it_is_let_go(page: Any, robot: RunningRobot) -> None:
+    """Pressed, it drives and has control; let go, it brakes and gives control back."""
+    open_page(page, robot)
+    with robot.client() as client:
+        page.keyboard.down("KeyS")
+        assert until(lambda: speed_m_s(client) < -MOVES_M_S)
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        page.keyboard.up("KeyS")
+        assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+        sync_api.expect(page.locator("#drivers")).to_have_text("nobody")
+
+
+@pytest.mark.parametrize("event", ["blur", "pagehide"])
+def test_a_tab_without_the_focus_drives_nothing(page: Any, robot: RunningRobot, event: str) -> None:
+    """The robot brakes though the key is still down; only a new press drives again."""
+    open_page(page, robot)
+    with robot.client() as client:
+        page.keyboard.down("ArrowUp")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+        page.evaluate("name => { window.dispatchEvent(new Event(name)) }", event)
+        assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+        time.sleep(0.5)
+        assert abs(speed_m_s(client)) < STANDS_M_S
+        page.keyboard.up("ArrowUp")
+        page.keyboard.down("ArrowUp")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+
+
+def test_the_emergency_stop_is_a_key_and_a_button(page: Any, robot: RunningRobot) -> None:
+    """Esc while driving latches; arm releases; the button latches again, and a key that is still down moves nothing."""
+    open_page(page, robot)
+    with robot.client() as client:
+        page.keyboard.down("KeyW")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+        page.keyboard.press("Escape")
+        mode_is(page, "Emergency stop")
+        assert client.get_state().safety.mode == "estopped"
+        assert "arm" in page.locator("#mode-reason").inner_text()
+        page.locator("#arm").click()
+        mode_is(page, "Ready to drive")
+        time.sleep(0.5)
+        assert abs(speed_m_s(client)) < STANDS_M_S
+        page.keyboard.up("KeyW")
+        page.locator("#estop").click()
+        mode_is(page, "Emergency stop")
+
+
+def test_taking_over_from_another_driver(page: Any, robot: RunningRobot) -> None:
+    """The page says who drives; after taking over its keys drive, and the other is refused."""
+    open_page(page, robot)
+    refused: list[str] = []
+    ends = threading.Event()
+
+    def other() -> None:
+        with robot.client() as client:
+            client.set_client_name("Ann")
+            while not ends.wait(0.05):
+                try:
+                    client.drive(linear_m_s=0.0, angular_rad_s=0.3)
+                except CallError as error:
+                    refused.append(error.kind)
+
+    driver = threading.Thread(target=other)
+    driver.start()
+    try:
+        sync_api.expect(page.locator("#drivers")).to_contain_text("Ann")
+        page.keyboard.down("KeyW")
+        sync_api.expect(page.locator("#drive-told")).to_contain_text("Ann")
+        page.keyboard.up("KeyW")
+        assert refused == []
+        page.locator("#take").click()
+        page.keyboard.down("KeyW")
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        assert until(lambda: "lease_held" in refused)
+    finally:
+        ends.set()
+        driver.join()
+
+
+def test_the_page_comes_back_with_the_daemon(page: Any, robot: RunningRobot) -> None:
+    """Killed and started again, it is connected by itself, and the key that was held all the time drives nothing."""
+    open_page(page, robot)
+    page.keyboard.down("KeyW")
+    robot.end(signal.SIGKILL)
+    mode_is(page, "Not connected")
+    robot.start()
+    mode_is(page, "Ready to drive")
+    with robot.client() as client:
+        time.sleep(0.5)
+        assert abs(speed_m_s(client)) < STANDS_M_S
+        page.keyboard.up("KeyW")
+        page.keyboard.down("KeyW")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+
+
+def test_a_stalled_daemon_is_told_and_gets_no_old_commands(page: Any, robot: RunningRobot) -> None:
+    """Frozen for three seconds with a key down: the page says so, and nothing moves afterwards until a new press."""
+    open_page(page, robot)
+    page.keyboard.down("KeyW")
+    sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+    robot.process.send_signal(signal.SIGSTOP)
+    sync_api.expect(page.locator("#connection")).to_have_text("no answer", timeout=5000)
+    robot.process.send_signal(signal.SIGCONT)
+    sync_api.expect(page.locator("#connection")).to_have_text("connected")
+    with robot.client() as client:
+        assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+        time.sleep(0.5)
+        assert abs(speed_m_s(client)) < STANDS_M_S
+
+
+def test_a_token_lets_in(page: Any, tmp_path: Path) -> None:
+    """Nothing is shown before it; a wrong one is told; the right one is in no address, no log and no cookie."""
+    token, wrong = "browser-token-0123456789", "another-token-0123456789"
+    robot = RunningRobot(tmp_path, token=token)
+    try:
+        addresses: list[str] = []
+        page.on("request", lambda request: addresses.append(request.url))
+        page.goto(robot.url)
+        page.locator("#token").fill(wrong)
+        page.keyboard.press("Enter")
+        sync_api.expect(page.locator("#login-told")).to_have_text("This token opens nothing here.")
+        page.locator("#token").fill(token)
+        page.keyboard.press("Enter")
+        mode_is(page, "Ready to drive")
+        page.reload()
+        mode_is(page, "Ready to drive")
+        assert page.context.cookies() == []
+        assert not any("0123456789" in address for address in addresses)
+        assert "0123456789" not in robot.log
+    finally:
+        robot.end()
+
+
+def test_a_phone_drives_by_the_joystick(page: Any, robot: RunningRobot) -> None:
+    """At 390 pixels nothing is cut off, the emergency stop is in sight, and the joystick drives until it is let go."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    open_page(page, robot)
+    assert page.evaluate("() => document.documentElement.scrollWidth") == 390
+    button = page.locator("#estop").bounding_box()
+    assert button["y"] + button["height"] <= 844
+    page.evaluate("() => document.getElementById('driving').scrollIntoView()")
+    pad = page.locator("#joystick").bounding_box()
+    middle = (pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2)
+    with robot.client() as client:
+        page.mouse.move(*middle)
+        page.mouse.down()
+        page.mouse.move(middle[0] - 10, middle[1] - 60)
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+        page.mouse.up()
+        assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
