@@ -47,6 +47,15 @@ NOT_INJECTED = {
     "Whoever saves a map is killed": "its test kills a program that saves",
     "The worker cannot work here": "its test has another worker",
     "The daemon dies while it has a worker": "its test starts a program of its own",
+    "The worker is gone or hangs while": "its test has a map and a goal",
+    "A wish of navigation": "its test is the driver",
+    "No scans while": "its test has a map and a goal",
+    "Somebody steps in front": "its test has a map and a goal",
+    "A person takes over": "its test has a map and a goal",
+    "A stop or an e-stop, or a disarmed": "its tests have a map and a goal",
+    "Whoever waits for a goal": "its test has a map and a goal",
+    "Another map is loaded": "its test has two maps and a goal",
+    "Stairs, glass": "its tests have a map with zones",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

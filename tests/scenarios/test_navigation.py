@@ -62,9 +62,11 @@ class Drive:
                 await asyncio.sleep(0.05)
 
 
-def in_flat(folder: Path, scenario: Callable[[Drive], Awaitable[None]], **overrides: object) -> None:
-    """Run a scenario with the robot armed and localized."""
+def in_flat(folder: Path, scenario: Callable[[Drive], Awaitable[None]], zones: str = "") -> None:
+    """Run a scenario with the robot armed and localized, on a map with these zones."""
     save(MapStore(folder, 3), "flat", FLAT.grid())
+    if zones:
+        (folder / "flat.map" / "zones.yaml").write_text(zones)
     children: list[Child] = []
 
     async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
@@ -72,9 +74,7 @@ def in_flat(folder: Path, scenario: Callable[[Drive], Awaitable[None]], **overri
         return children[-1]
 
     async def run() -> None:
-        settings = load(
-            packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START, **overrides}
-        )
+        settings = load(packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START})
         async with simulated_robot(settings, spawn_worker=spawn) as robot:
             drive = Drive(robot, children)
             await asyncio.sleep(1.5)
@@ -231,3 +231,46 @@ def test_without_scans_the_robot_stands_and_the_goal_ends(tmp_path: Path) -> Non
             await leg
 
     in_flat(tmp_path, scenario)
+
+
+def test_another_map_ends_the_goal(tmp_path: Path) -> None:
+    """The same flat under another name, loaded in mid-drive: its coordinates need not be the same."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        await drive.client.load_map("other")
+        with pytest.raises(GoalFault, match="the map was changed from flat to other"):
+            await leg
+        await asyncio.sleep(1.0)
+        assert drive.speed_m_s < 0.005
+
+    save(MapStore(tmp_path, 3), "other", FLAT.grid())
+    in_flat(tmp_path, scenario)
+
+
+def test_a_zone_not_to_be_entered_is_kept_out_of(tmp_path: Path) -> None:
+    """The middle of the door as keep-out: the hall is not reached through it, and no way leads into the zone."""
+
+    async def scenario(drive: Drive) -> None:
+        plan = await drive.client.plan_to(**GOAL)
+        assert not plan.possible or all(
+            not 3.0 < y < 3.6 or x > 2.9 for x, y in zip(plan.x_m, plan.y_m, strict=True)
+        )
+        assert not plan.possible or plan.length_m > 5.0
+        with pytest.raises(GoalUnreachable):
+            await drive.begin(x_m=2.3, y_m=3.3)
+
+    zones = "keep_out:\n  - {name: door, corners_m: [[1.8, 3.1], [2.9, 3.1], [2.9, 3.6], [1.8, 3.6]]}\n"
+    in_flat(tmp_path, scenario, zones=zones)
+
+
+def test_zones_that_cannot_be_read_let_nothing_drive(tmp_path: Path) -> None:
+    """A file that is no zones: where not to go is not known, so goals are refused, and why is said."""
+
+    async def scenario(drive: Drive) -> None:
+        with pytest.raises(CallError, match="the zones of the map cannot be read") as refused:
+            await drive.begin()
+        assert refused.value.kind == "no_map_loaded"
+
+    in_flat(tmp_path, scenario, zones="keep_out: [stairs]")

@@ -32,11 +32,15 @@ PEOPLE: Final = (
 CHAIR: Final = ThingParameters(x_m=3.2, y_m=3.8, radius_m=0.2)
 """In the hall, on the way from the living room to the study. It is on no map."""
 
+PATIENCE_S: Final = 1.0
+"""A busy computer holds up the daemon for longer than a real robot may be; the simulated robot stands still with it."""
+
 
 def environment(folder: Path) -> dict[str, str]:
     """What makes a daemon simulate this, with its maps in ``folder``."""
     return {
         "CHEFBOTD_MAPS__FOLDER": str(folder.absolute()),
+        "CHEFBOTD_WATCHDOG__PATIENCE_S": repr(PATIENCE_S),
         "CHEFBOTD_SIM__WORLD__START_X_M": repr(START.x_m),
         "CHEFBOTD_SIM__WORLD__START_Y_M": repr(START.y_m),
         "CHEFBOTD_SIM__WORLD__START_HEADING_RAD": repr(START.heading_rad),
