@@ -122,6 +122,10 @@ class Best:
         if found is None:
             return math.inf
         corners = straightened(found.cells, costs, self._grid.resolution_m)
+        grid_from_map = self._grid.map_from_grid.inverse()
+        for k, pose in ((0, start), (-1, goal)):
+            at = grid_from_map.compose(pose)
+            corners[k] = at.x_m, at.y_m
         return float(np.hypot(*np.diff(corners, axis=0).T).sum())
 
     def _cell(self, pose: Pose2D) -> tuple[int, int]:

@@ -1,0 +1,123 @@
+"""``chefbotctl go``, ``patrol`` and ``where`` against a daemon that answers what the test says."""
+
+import json
+import math
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.cli.serve import commands
+from chefbotd.client import GoalBlocked
+from chefbotd.client.goals import GoalFault, GoalNotReached, GoalUnreachable, RobotLost, not_reached
+
+
+class Robot:
+    """Remembers where it was sent; ``error`` is raised by every goal, ``state`` is what ``get_state`` answers."""
+
+    def __init__(self) -> None:
+        self.goals: list[dict[str, Any]] = []
+        self.error: Exception | None = None
+        self.topics: dict[str, Any] = {}
+
+    async def navigate_to(self, **goal: Any) -> str:
+        self.goals.append(goal)
+        if self.error is not None:
+            raise self.error
+        return "reached (1.20, 3.40)"
+
+    async def call(self, method: str, **params: Any) -> dict[str, Any]:
+        assert method == "get_state"
+        return {"topics": self.topics}
+
+
+@pytest.fixture
+def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
+    """In the place of the client; nothing is drawn."""
+    robot = Robot()
+
+    def run(self: CommandContext, action: Any, **options: Any) -> Any:
+        return self.run(action(robot))
+
+    async def without_screen(robot: Any, scene: Any, show: Any, drive: Any) -> Any:
+        return await drive(robot)
+
+    monkeypatch.setattr(CommandContext, "run_with_client", run)
+    monkeypatch.setattr(commands, "_watched", without_screen)
+    return robot
+
+
+def chefbotctl(*arguments: str) -> Result:
+    """Run it."""
+    return CliRunner().invoke(main, list(arguments))
+
+
+@pytest.mark.parametrize(
+    ("words", "goal"),
+    [
+        (["table", "3"], {"place": "table 3"}),
+        (["1.2", "-3.4"], {"x_m": 1.2, "y_m": -3.4}),
+        (["1.2", "3.4", "90"], {"x_m": 1.2, "y_m": 3.4, "heading_rad": math.pi / 2}),
+        (["7"], {"place": "7"}),
+        (["--tolerance", "0.5", "kitchen"], {"place": "kitchen", "tolerance_m": 0.5}),
+    ],
+)
+def test_go_takes_a_place_or_a_pose(robot: Robot, words: list[str], goal: dict[str, Any]) -> None:
+    """Two or three numbers are a pose, with the heading in degrees; all else is a place, its words joined."""
+    result = chefbotctl("go", *words)
+    assert result.exit_code == 0, result.output
+    assert robot.goals == [pytest.approx(goal) if "x_m" in goal else goal]
+    assert result.output.endswith("Reached (1.20, 3.40).\n")
+
+
+def test_a_goal_that_is_not_reached_ends_with_its_reason(robot: Robot) -> None:
+    """Exit code 6, the robot's own sentence for people, the kind of the end for scripts."""
+    robot.error = GoalBlocked(4, "blocked for 60 s: something is in the way at (3.10, 4.02)")
+    result = chefbotctl("go", "kitchen")
+    assert (result.exit_code, "in the way at (3.10, 4.02)" in result.output) == (6, True)
+    told = json.loads(chefbotctl("--json", "go", "kitchen").output.splitlines()[-1])
+    assert "blocked" in json.dumps(told)
+
+
+def test_patrol_goes_round_in_order_and_ends_with_the_first_that_fails(robot: Robot) -> None:
+    """Two rounds of two places are four goals; a place that is not reached is the last."""
+    result = chefbotctl("patrol", "--rounds", "2", "door", "table 3")
+    assert result.exit_code == 0, result.output
+    assert [goal["place"] for goal in robot.goals] == ["door", "table 3", "door", "table 3"]
+    robot.goals, robot.error = [], GoalUnreachable(5, "unreachable: the door is closed")
+    assert chefbotctl("patrol", "door", "table 3").exit_code == 6
+    assert len(robot.goals) == 1
+
+
+def test_where_says_the_pose_only_while_it_is_known(robot: Robot) -> None:
+    """Localized: pose, map and fit. Lost: the last pose is not told, for it is wrong."""
+    pose = {"x_m": 1.234, "y_m": -0.5, "heading_rad": -math.pi / 2}
+    known = {"state": "localized", "map": "flat", "fit": 0.947, "alternatives": [], "reason": ""}
+    robot.topics = {"localization": {"data": known}, "map_pose": {"data": pose}}
+    assert (
+        "The robot is at (1.23 m, -0.50 m, -90°) on the map flat: localized, fit 0.95."
+        in chefbotctl("where").output
+    )
+    known["state"] = "lost"
+    told = chefbotctl("where").output
+    assert "does not know where it is on the map flat (lost)" in told
+    assert "1.23" not in told
+
+
+def test_where_on_a_robot_without_a_lidar_says_what_is_missing(robot: Robot) -> None:
+    """Exit code 4."""
+    result = chefbotctl("where")
+    assert (result.exit_code, "has no [[lidar]]" in result.output) == (4, True)
+
+
+@pytest.mark.parametrize(
+    ("end", "kind"),
+    [("unreachable", GoalUnreachable), ("lost", RobotLost), ("fault", GoalFault), ("new", GoalNotReached)],
+)
+def test_each_end_has_an_error_of_its_own(end: str, kind: type[GoalNotReached]) -> None:
+    """With the goal's number, its end and the robot's sentence; an end that is not known yet is the base's."""
+    error = not_reached(7, end, "because")
+    assert type(error) is kind
+    assert (error.goal, error.end, error.reason, str(error)) == (7, end, "because", "because")
