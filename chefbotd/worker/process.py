@@ -282,6 +282,9 @@ class Worker:
                 self._set(Happened.WARMING, reason=f"loading {message.skill}")
             case messages.Ready():
                 if self._set(Happened.READY, reason=""):
+                    self._vitals = replace(
+                        self._vitals, busy_s=0.0, doing=""
+                    )  # loading is over, however long it took
                     for handler in self._on_ready:
                         handler()
             case messages.Unavailable():

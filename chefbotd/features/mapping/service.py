@@ -120,7 +120,7 @@ class MappingService:
     async def _resume(self) -> None:
         status = self._status
         begun = status.kept_scans > 0 or status.name is not None
-        request = Resume(paused=status.state == "paused") if begun else Start()
+        request = Resume(status.state == "paused", status.name) if begun else Start()
         try:
             await self._ask(request, LONG_S)
             log.info("mapping goes on after the worker was restarted", state=self._status.state)

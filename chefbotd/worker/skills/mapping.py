@@ -22,6 +22,7 @@ from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
 from chefbotd.mapping.slam import Report, step
 from chefbotd.mapping.state import SlamState, start
 from chefbotd.mapping.warm import warm
+from chefbotd.maps.names import map_name
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import mapping_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
@@ -155,7 +156,7 @@ class MappingSkill:
             case messages.Start() as request:
                 return self._start(request)
             case messages.Resume() as request:
-                return self._resume(paused=request.paused)
+                return self._resume(request)
             case messages.Pause():
                 return self._pause()
             case messages.Finish() as request:
@@ -194,14 +195,15 @@ class MappingSkill:
         self._state, self._mode, self._name, self._reason = state, Mode.MAPPING, name, ""
         return self._status()
 
-    def _resume(self, *, paused: bool) -> MappingStatus:
+    def _resume(self, request: messages.Resume) -> MappingStatus:
         found = self._files.read_autosave()
         if found is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
             return self._status()
         state = self._continued(found)
         self._forget()
-        self._state, self._mode, self._reason = state, Mode.PAUSED if paused else Mode.MAPPING, ""
+        self._state, self._name, self._reason = state, request.name, ""
+        self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
         self._saved_number = state.next_number
         return self._status()
 
@@ -236,13 +238,18 @@ class MappingSkill:
             raise Refused(
                 RefusalKind.NOT_MAPPING, "the map is empty: no scan has come yet; see the topics of the lidar"
             )
-        return self._finishing(name, self._mode)
+        job = self._finishing(map_name(name), self._mode)
+        next(
+            job
+        )  # from now on it is being finished: nothing else is done to the map before the job's first step
+        return job
 
     def _finishing(self, name: str, before: Mode) -> Generator[Done, None, Struct]:
         """Put the last touch on a copy; whatever ends this early leaves the map as it was."""
         self._mode = Mode.FINISHING
         self._aligner.clear()
         try:
+            yield Done(0.0, 1.0, "")
             work = refining(self._parameters.mapping.slam, self._state)
             state = yield from _with_progress(work)
             yield Done(0.9, 1.0, "drawing the map")
@@ -253,9 +260,12 @@ class MappingSkill:
             self._mode = before
             raise
         status = self._status()
-        self._files.discard_autosave()
-        self._mode, self._name = Mode.IDLE, None
+        self._mode, self._name, self._reason = Mode.IDLE, None, ""
         self._forget()
+        try:
+            self._files.discard_autosave()
+        except Refused as problem:  # the map is saved nevertheless
+            self._reason = str(problem)
         return messages.Finished(name, version, status.kept_scans, status.loops, status.path_m)
 
     def _require_map(self) -> None:

@@ -33,9 +33,10 @@ class Start(Message, frozen=True, tag="start"):
 
 
 class Resume(Message, frozen=True, tag="resume"):
-    """A new worker is to go on with what the one before it saved on its own."""
+    """A new worker is to go on with what the one before it saved on its own; ``name`` as in ``MappingStatus``."""
 
     paused: bool
+    name: str | None = None
 
 
 class Pause(Message, frozen=True, tag="pause"):

@@ -163,6 +163,25 @@ def test_a_worker_that_is_busy_for_ever_is_killed() -> None:
     run_virtual(scene())
 
 
+def test_a_worker_that_has_compiled_for_long_is_not_killed_when_it_is_ready() -> None:
+    """What it was busy with before it was ready was loading, which has a bound of its own."""
+
+    def slow(child: FakeChild) -> None:
+        live(child)
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.1, child.say, Warming("counting"))
+        loop.call_later(40.05, child.say, Alive("loading counting", 39.9))
+        loop.call_later(40.1, child.say, Ready())
+
+    async def scene() -> None:
+        async with running(slow) as (worker, _):
+            await asyncio.sleep(40.6)
+            assert worker.is_ready
+            assert worker.status.restarts == 0
+
+    run_virtual(scene())
+
+
 def test_a_worker_that_takes_too_much_memory_is_killed() -> None:
     """Within a quarter of a second of the reading, with the figure."""
 

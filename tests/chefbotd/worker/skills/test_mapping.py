@@ -37,12 +37,13 @@ SCANS = 130
 
 @dataclass
 class Memory:
-    """A folder of maps that forgets with the test; ``full`` refuses to save."""
+    """A folder of maps that forgets with the test; ``full`` refuses to save, ``stubborn`` to forget."""
 
     maps: dict[str, list[tuple[OccupancyGrid, Arrays]]] = field(default_factory=dict)
     kept: tuple[OccupancyGrid, Arrays] | None = None
     autosaves: int = 0
     full: bool = False
+    stubborn: bool = False
 
     def save(self, name: str, grid: OccupancyGrid, slam: Arrays) -> int:
         """A version more."""
@@ -70,6 +71,8 @@ class Memory:
 
     def discard_autosave(self) -> None:
         """Forget it."""
+        if self.stubborn:
+            raise Refused(RefusalKind.STORAGE_FAILED, "cannot remove .autosave.map: Permission denied")
         self.kept = None
 
     def _write(self) -> None:
@@ -257,6 +260,58 @@ def test_a_finish_that_is_given_up_changes_nothing() -> None:
     assert bench.finish("flat")[0].version == 1
 
 
+@pytest.mark.parametrize("other", [Finish("other"), Discard(), Pause(), Start()])
+def test_nothing_else_is_done_to_a_map_that_is_being_finished(other: MappingRequest) -> None:
+    """Also where it is asked at the same instant, before the first step: the map is saved as it was."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 30)
+    job = bench.skill.handle(packed(Finish("flat")))
+    assert not isinstance(job, Struct)
+    with pytest.raises(Refused, match=r"being finished|it is finishing"):
+        bench.skill.handle(packed(other))
+    assert list(job)
+    assert list(bench.memory.maps) == ["flat"]
+
+
+def test_a_finish_that_is_cancelled_before_its_first_step_changes_nothing() -> None:
+    """It can be asked for again at once."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 30)
+    job = bench.skill.handle(packed(Finish("flat")))
+    assert not isinstance(job, Struct)
+    job.close()
+    assert bench.finish("flat")[0].version == 1
+
+
+def test_a_name_that_cannot_be_is_refused_before_the_work() -> None:
+    """And not after all scans were matched; a name is kept in Unicode's form NFC, and told so."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 30)
+    with pytest.raises(Refused, match=r"'\.\./x' cannot be a map's name") as refused:
+        bench.skill.handle(packed(Finish("../x")))
+    assert refused.value.kind is RefusalKind.BAD_NAME
+    assert bench.finish("Ku\u0308che")[0].name == "K\u00fcche"
+
+
+def test_an_autosave_that_cannot_be_removed_is_said_and_the_map_is_saved() -> None:
+    """The next map can be begun once it is gone."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 30)
+    bench.memory.stubborn = True
+    assert bench.finish("flat")[0].version == 1
+    with pytest.raises(Refused, match="Permission denied"):
+        bench.ask(Discard())
+    with pytest.raises(Refused, match="never finished"):
+        bench.ask(Start())
+    bench.memory.stubborn = False
+    assert bench.ask(Discard()).state == "idle"
+    assert bench.ask(Start()).state == "mapping"
+
+
 def test_a_full_disk_is_said_and_mapping_goes_on() -> None:
     """The status has the reason until a save succeeds."""
     bench = Bench()
@@ -287,6 +342,19 @@ def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
     first.drive(130, 150)
     assert last == pytest.approx(first.of(PoseFound)[-1].map_from_base, abs=0.05)  # type: ignore[attr-defined]
     assert second.of(GridPart)[0].whole  # type: ignore[attr-defined]
+
+
+def test_a_worker_that_was_killed_still_knows_which_map_it_goes_on_with() -> None:
+    """So a pause ends by the same name."""
+    first = Bench()
+    first.ask(Start())
+    first.drive(0, 30)
+    first.finish("flat")
+    first.ask(Start(name="flat"))
+    first.told += first.skill.step(first.clock.now_s())
+    second = Bench(first.memory)
+    assert second.ask(Resume(paused=True, name="flat")).name == "flat"
+    assert second.ask(Start(name="flat")).state == "mapping"
 
 
 def test_nothing_kept_is_said() -> None:
