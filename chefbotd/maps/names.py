@@ -29,10 +29,10 @@ def map_name(text: str) -> str:
     )
     allowed = all(character in ALLOWED or unicodedata.category(character)[0] in "LMN" for character in name)
     if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
-        raise MapStoreError(RefusalKind.BAD_NAME, f"{text!a} cannot be a map's name: {expected}")
+        raise MapStoreError(RefusalKind.BAD_NAME, f"{text!r} cannot be a map's name: {expected}")
     if len(name) > MAX_CHARACTERS or len(name.encode()) > MAX_BYTES:
         raise MapStoreError(
-            RefusalKind.BAD_NAME, f"{text[:80]!a} cannot be a map's name: it is too long; {expected}"
+            RefusalKind.BAD_NAME, f"{text[:80]!r} cannot be a map's name: it is too long; {expected}"
         )
     return name
 
@@ -47,6 +47,6 @@ def place_name(text: str) -> str:
     if not (0 < len(name) <= MAX_CHARACTERS and name.isprintable()):
         raise MapStoreError(
             RefusalKind.BAD_NAME,
-            f"{text[:80]!a} cannot be a place's name: expected 1 to {MAX_CHARACTERS} characters that can be printed",
+            f"{text[:80]!r} cannot be a place's name: expected 1 to {MAX_CHARACTERS} characters that can be printed",
         )
     return name

@@ -44,7 +44,7 @@ def parse_places(data: bytes | None, map_name: str) -> dict[str, Place]:
         where = ".".join(map(str, problem["loc"]))
         raise MapStoreError(
             RefusalKind.MAP_UNREADABLE,
-            f"the places of the map {map_name!a} cannot be read: {PLACES}: "
+            f"the places of the map {map_name!r} cannot be read: {PLACES}: "
             f"{where + ': ' if where else ''}{problem['msg']}",
         ) from error
 
@@ -68,5 +68,5 @@ def without_place(places: Mapping[str, Place], name: str) -> dict[str, Place]:
     name = place_name(name)
     if name not in places:
         there = f"there are {', '.join(places)}" if places else "there is none at all"
-        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!a}; {there}")
+        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {there}")
     return {other: place for other, place in places.items() if other != name}

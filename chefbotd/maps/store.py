@@ -64,7 +64,7 @@ class MapStore:
     def describe(self, name: str) -> StoredMap:
         """What is known of a map."""
         own = self._own(name)
-        with told(f"look at the map {name!a}", own):
+        with told(f"look at the map {name!r}", own):
             if numbers := tuple(number for number, _ in versions(own)):
                 found, damage = latest(own)
                 return StoredMap(name, None if found is None else found.manifest, numbers, damage)
@@ -75,7 +75,7 @@ class MapStore:
     def read(self, name: str) -> tuple[Version, dict[int, str]]:
         """The newest version of a map that is whole, and what is wrong with newer ones."""
         own = self._own(name)
-        with told(f"read the map {name!a}", own):
+        with told(f"read the map {name!r}", own):
             if not versions(own):
                 raise self._unknown(name)
             return require(own, name)
@@ -85,8 +85,8 @@ class MapStore:
         while True:
             version, _ = self.read(name)
             if file not in version.manifest.files:
-                raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the map {name!a} has no {file}")
-            with told(f"read the map {name!a}", version.folder):
+                raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the map {name!r} has no {file}")
+            with told(f"read the map {name!r}", version.folder):
                 try:
                     return version.manifest, (version.folder / file).read_bytes()
                 except FileNotFoundError:
@@ -95,7 +95,7 @@ class MapStore:
 
     def needs_import(self, name: str) -> bool:
         """Whether NAME.yaml and NAME.pgm are somebody else's: put there, or changed after they were saved."""
-        with told(f"look at the map {name!a}", self.folder):
+        with told(f"look at the map {name!r}", self.folder):
             return edited(self.folder, self._own(name), map_name(name))
 
     # writing
@@ -103,7 +103,7 @@ class MapStore:
     def save(self, name: str, contents: Mapping[str, Content], extent: Extent, source: str) -> Version:
         """Write a version (by the names of ``manifest``), make it the latest, and remove the oldest ones."""
         own = self._own(name)
-        with self._changing(f"save the map {name!a}"):
+        with self._changing(f"save the map {name!r}"):
             self._begin(own)
             version = add(self._disk, own, contents, extent, source)
             self._publish(map_name(name))
@@ -131,10 +131,10 @@ class MapStore:
     def rename(self, name: str, new: str) -> None:
         """Give a map another name."""
         old, new = map_name(name), map_name(new)
-        with self._changing(f"rename the map {old!a}"):
+        with self._changing(f"rename the map {old!r}"):
             self._require_own(old)
             if new in self.names():
-                raise MapStoreError(RefusalKind.MAP_EXISTS, f"there is a map {new!a} already")
+                raise MapStoreError(RefusalKind.MAP_EXISTS, f"there is a map {new!r} already")
             note = self._own(old) / RENAMING
             disks.replace(self._disk, note, json.dumps({"from": old, "to": new}).encode())
             unpublish(self._disk, self.folder, old)
@@ -145,7 +145,7 @@ class MapStore:
     def delete(self, name: str) -> None:
         """Remove a map with all its versions and its places."""
         name = map_name(name)
-        with self._changing(f"delete the map {name!a}"):
+        with self._changing(f"delete the map {name!r}"):
             if name not in self.names():
                 raise self._unknown(name)
             if self.current() == name:
@@ -164,20 +164,20 @@ class MapStore:
 
     def write_beside(self, name: str, file: str, content: bytes) -> None:
         """Replace a file that belongs to all versions of a map, such as its places."""
-        with self._changing(f"write the {Path(file).stem} of the map {name!a}"):
+        with self._changing(f"write the {Path(file).stem} of the map {name!r}"):
             self._require_own(map_name(name))
             disks.replace(self._disk, self._own(name) / file, content)
 
     def change_beside(self, name: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
         """Replace such a file by what ``change`` makes of its content; nobody else changes it meanwhile."""
-        with self._changing(f"write the {Path(file).stem} of the map {name!a}"):
+        with self._changing(f"write the {Path(file).stem} of the map {name!r}"):
             self._require_own(map_name(name))
             content = change(self._content_beside(name, file))
             disks.replace(self._disk, self._own(name) / file, content)
 
     def read_beside(self, name: str, file: str) -> bytes | None:
         """A file that belongs to all versions of a map; None where there is none."""
-        with told(f"read the {Path(file).stem} of the map {name!a}", self._own(name)):
+        with told(f"read the {Path(file).stem} of the map {name!r}", self._own(name)):
             if map_name(name) not in self.names():
                 raise self._unknown(name)
             return self._content_beside(name, file)
@@ -216,14 +216,14 @@ class MapStore:
     def _unknown(self, name: str) -> MapStoreError:
         names = self.names()
         there = f"there are {', '.join(names)}" if names else "there is none at all"
-        return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!a}; {there}")
+        return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!r}; {there}")
 
     def _require_own(self, name: str) -> None:
         if versions(self._own(name)):
             return
         if name in self.names():
             raise MapStoreError(
-                RefusalKind.MAP_UNREADABLE, f"the map {name!a} was put there by somebody else: load it first"
+                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was put there by somebody else: load it first"
             )
         raise self._unknown(name)
 

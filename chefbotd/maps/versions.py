@@ -145,5 +145,5 @@ def require(folder: Path, name: str) -> tuple[Version, dict[int, str]]:
     found, damage = latest(folder, thorough=True)
     if found is None:
         told = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or "it has no version"
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"no version of the map {name!a} is whole: {told}")
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"no version of the map {name!r} is whole: {told}")
     return found, damage

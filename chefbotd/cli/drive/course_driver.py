@@ -9,6 +9,7 @@ from typing import Any
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.latency import Latencies, Ping
 from chefbotd.cli.drive import turning
+from chefbotd.cli.drive.command import send_drive
 from chefbotd.cli.drive.course import (
     CourseParameters,
     GoTo,
@@ -137,7 +138,7 @@ class CourseDriver:
         whole = remaining(leg, self._odometry.latest)
 
         async def drive_step(asked: Twist2D) -> None:
-            await self._robot.drive(asked.linear_m_s, asked.angular_rad_s)
+            await send_drive(self._robot, asked)
             await self._ping_if_due()
             await self._next(events, ODOMETRY_TIMEOUT_S)
             share = 1 - remaining(leg, self._odometry.latest) / whole if whole else 1.0

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.drive.command import send_drive
 from chefbotd.cli.drive.simulated_daemon import simulated_process
 from chefbotd.cli.maps.listening import listen
 from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
@@ -132,7 +133,7 @@ class Demo:
                         continue
                     after = tour.points[1] if len(tour.points) > 1 else None
                     twist = velocity_to(self._parameters, pose, tour.points[0], after)
-                    await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+                    await send_drive(robot, twist)
                     left_m = length_m(pose, tour.points)
                     if left_m < nearest_m - 0.05:
                         nearest_m, nearer_s = left_m, loop.time()

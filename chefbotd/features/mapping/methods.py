@@ -3,7 +3,7 @@
 from base64 import b64encode
 from typing import Literal, Protocol
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.rpc.jobs import Progress
@@ -18,6 +18,14 @@ class StartMappingParams(Params):
 
     name: str | None = Field(None, min_length=1, max_length=64)
     unfinished: bool = Field(False, description="go on with the map that was never finished")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "StartMappingParams":
+        if self.name is not None and self.unfinished:
+            raise ValueError(
+                "expected name or unfinished, not both: a map that was never finished has no name"
+            )
+        return self
 
 
 class FinishMappingParams(Params):

@@ -84,6 +84,7 @@ class MappingService:
         )
         saved = FINISHED.decode(answer)
         self._publish(MappingStatus("idle"))
+        await self._learn_status()  # what it saved on its own may be there still
         await self._use(saved.name)
         return MapSaved(
             name=saved.name,
@@ -113,9 +114,13 @@ class MappingService:
             self._has_to_resume.clear()
             if self.is_mapping:
                 await self._resume()
-                continue
-            with contextlib.suppress(Refused):  # a worker that is gone again: the next one is asked
-                await self._ask(GetStatus(), LONG_S)
+            else:
+                await self._learn_status()
+
+    async def _learn_status(self) -> None:
+        """Ask the skill how it stands; a worker that is not there any more tells nothing."""
+        with contextlib.suppress(Refused):
+            await self._ask(GetStatus(), SHORT_S)
 
     async def _resume(self) -> None:
         status = self._status

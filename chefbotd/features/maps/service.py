@@ -14,6 +14,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.geometry import wrap_angle
 from chefbotd.features.maps import parts
 from chefbotd.features.maps.importer import Report, run_import
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
@@ -132,7 +133,7 @@ class MapsService:
             if name in known and not replace:
                 raise MapStoreError(
                     RefusalKind.MAP_EXISTS,
-                    f"there is a map {name!a} already; replace makes this its next version",
+                    f"there is a map {name!r} already; replace makes this its next version",
                 )
             version = await self._import(path, name, str(path), progress.report)
             return MapInUse(name=name, version=version)
@@ -179,7 +180,7 @@ class MapsService:
 
     def _place(self, params: SavePlaceParams, of_map: str) -> Place:
         if params.x_m is not None and params.y_m is not None:
-            return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=params.heading_rad or 0.0)
+            return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=wrap_angle(params.heading_rad or 0.0))
         pose = self._whereabouts.pose_in(of_map, self.in_use, self._clock.now_s())
         return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
 

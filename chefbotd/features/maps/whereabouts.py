@@ -56,5 +56,5 @@ class Whereabouts:
             return pose.map_from_base
         raise MapStoreError(
             RefusalKind.POSE_UNKNOWN,
-            f"where the robot is in the map {of_map!a} is not known ({why}): give x_m, y_m and heading_rad",
+            f"where the robot is in the map {of_map!r} is not known ({why}): give x_m, y_m and heading_rad",
         )

@@ -173,7 +173,7 @@ class LocalizationSkill:
         except ValueError as problem:
             self._rest()
             raise Refused(
-                RefusalKind.MAP_UNREADABLE, f"nobody can find the way on {name!a}: {problem}"
+                RefusalKind.MAP_UNREADABLE, f"nobody can find the way on {name!r}: {problem}"
             ) from problem
         self._rest()
         self._within, self._map, self.grid = within, (name, version), grid

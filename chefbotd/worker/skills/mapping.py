@@ -188,7 +188,7 @@ class MappingSkill:
             if found is None:
                 raise Refused(
                     RefusalKind.MAP_UNREADABLE,
-                    f"mapping cannot go on with {name!a}: SLAM did not make this map, or its graph is not there",
+                    f"mapping cannot go on with {name!r}: SLAM did not make this map, or its graph is not there",
                 )
         state = start() if found is None else self._continued(found)
         self._forget()
@@ -344,7 +344,10 @@ def _pose_found(aligned: AlignedScan, report: Report) -> PoseFound:
 
 def way_m(state: SlamState) -> float:
     """The way from kept scan to kept scan; SLAM's own ``path_m`` counts turning too."""
-    steps = np.diff(state.nodes.local[:, :2], axis=0)
+    nodes = state.nodes
+    steps = np.diff(nodes.local[:, :2], axis=0)[
+        np.diff(nodes.part) == 0
+    ]  # between two parts nothing is known
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 

@@ -141,6 +141,14 @@ def test_a_name_is_the_same_however_its_accents_are_written(store: MapStore) -> 
     assert same(read_grid(store, "K\u00fcche"), grid(1))
 
 
+def test_a_name_is_told_as_it_is_written(store: MapStore) -> None:
+    """In any script; only what cannot be printed is told by its number."""
+    with pytest.raises(MapStoreError, match="no map named 'K\u00fcche'"):
+        store.describe("K\u00fcche")
+    with pytest.raises(MapStoreError, match=r"'K\u00fc\\u202eche' cannot be a map's name"):
+        store.describe("K\u00fc\u202eche")
+
+
 def test_an_unknown_map_names_those_there_are(store: MapStore) -> None:
     """Also where there is no folder yet, which reading does not make."""
     with pytest.raises(MapStoreError, match="no map named 'flat'; there is none at all"):

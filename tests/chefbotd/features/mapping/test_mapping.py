@@ -197,6 +197,8 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
             assert (await s.data("mapping")).unfinished, "told without having been asked"
             with pytest.raises(CallError, match="never finished"):
                 await s.client.call("start_mapping")
+            with pytest.raises(CallError, match=r"params: expected name or unfinished, not both"):
+                await s.client.call("start_mapping", name="flat", unfinished=True)
             started = await s.client.call("start_mapping", unfinished=True)
             assert started["kept_scans"] >= kept
             assert (await s.client.call("discard_mapping"))["state"] == "idle"

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import math
 import os
 import zlib
 from collections.abc import Awaitable, Callable
@@ -200,7 +201,7 @@ def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
             await client.save_place("kitchen")
         assert refused.value.kind == "pose_unknown"
         await client.save_place("Küche #2", 1.5, -2.25, 0.75)
-        await client.save_place("table 3", 3.0, 0.5)
+        await client.save_place("table 3", 3.0, 0.5, 2 * math.pi)
         await client.save_place("Ku\u0308che #2", 1.75, -2.0, -0.5)
         await client.rename_map("flat", "home")
         listed = await client.list_places()

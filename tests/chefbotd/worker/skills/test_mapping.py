@@ -20,6 +20,7 @@ from chefbotd.worker.skills.mapping_messages import (
     Finish,
     Finished,
     GetGrid,
+    GetStatus,
     GridPart,
     MappingRequest,
     MappingSkillParameters,
@@ -296,6 +297,19 @@ def test_a_name_that_cannot_be_is_refused_before_the_work() -> None:
     assert bench.finish("Ku\u0308che")[0].name == "K\u00fcche"
 
 
+def test_the_way_between_two_parts_is_none() -> None:
+    """Gone on with by the next daemon, the robot may be anywhere: from the last scan to the first new one is no way."""
+    first = Bench()
+    first.ask(Start())
+    first.drive(0, 60)
+    way_m = first.finish("flat")[0].path_m
+    second = Bench(first.memory, session="two")
+    second.ask(Start(name="flat"))
+    second.drive(110, 111)
+    status = second.ask(GetStatus())
+    assert status.path_m == pytest.approx(way_m)
+
+
 def test_an_autosave_that_cannot_be_removed_is_said_and_the_map_is_saved() -> None:
     """The next map can be begun once it is gone."""
     bench = Bench()
@@ -354,6 +368,7 @@ def test_a_worker_that_was_killed_still_knows_which_map_it_goes_on_with() -> Non
     first.told += first.skill.step(first.clock.now_s())
     second = Bench(first.memory)
     assert second.ask(Resume(paused=True, name="flat")).name == "flat"
+    assert second.ask(GetStatus()).state == "paused"
     assert second.ask(Start(name="flat")).state == "mapping"
 
 
