@@ -1,4 +1,4 @@
-"""The last touch on a map: every kept scan is matched against the submaps about it, and the graph is solved again."""
+"""What ends a map: every kept scan is matched against the submaps about it, and the graph is solved again."""
 
 from collections.abc import Generator
 from dataclasses import replace

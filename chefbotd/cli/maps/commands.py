@@ -8,6 +8,7 @@ import click
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.maps.asking import ask, write_file
 from chefbotd.cli.maps.making import COMMANDS as MAKING
@@ -33,6 +34,9 @@ def map_group() -> None:
 def list_command(context: CommandContext) -> None:
     """List the maps that the robot keeps."""
     maps = ask(context, lambda robot: robot.list_maps())
+    if not maps.maps and not context.as_json:
+        echo(f"There is no map in {maps.folder} yet.")
+        return
     output.table(context.as_json, maps.model_dump(mode="json"), *_list_table(maps))
 
 

@@ -46,7 +46,7 @@ def pause(context: CommandContext) -> None:
 @click.argument("name")
 @click.pass_obj
 def finish(context: CommandContext, name: str) -> None:
-    """Put the last touch on the map, save it as NAME, and end. Ctrl-C gives up, and mapping goes on."""
+    """Match all scans once more, save the map as NAME, and end. Ctrl-C gives up, and mapping goes on."""
     with progress_bar(f"finishing {name}", quiet=context.as_json) as report:
         saved = _run(context, lambda robot: robot.finish_mapping(name, on_progress=report))
     text = f"Saved {saved.name}, version {saved.version}: {saved.kept_scans} scans on {saved.path_m:.0f} m."

@@ -114,7 +114,7 @@ class Mapping(Protocol):
         ...
 
     async def finish(self, name: str, progress: Progress) -> MapSaved:
-        """Put the last touch on the map, and save it."""
+        """Match all scans once more, and save the map."""
         ...
 
     async def discard(self) -> MappingResult:

@@ -78,7 +78,7 @@ class MappingService:
         return await self._ask(Discard(), SHORT_S)
 
     async def finish(self, name: str, progress: Progress) -> MapSaved:
-        """Put the last touch on the map, and save it."""
+        """Match all scans once more, and save the map."""
         answer = await self._worker.request(
             SKILL, Finish(name), deadline_s=LONG_S, on_progress=progress.report, settles=True
         )

@@ -245,7 +245,7 @@ class MappingSkill:
         return job
 
     def _finishing(self, name: str, before: Mode) -> Generator[Done, None, Struct]:
-        """Put the last touch on a copy; whatever ends this early leaves the map as it was."""
+        """Match all scans once more, in a copy, and save it; whatever ends this early leaves the map as it was."""
         self._mode = Mode.FINISHING
         self._aligner.clear()
         try:

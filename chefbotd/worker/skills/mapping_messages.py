@@ -44,7 +44,7 @@ class Pause(Message, frozen=True, tag="pause"):
 
 
 class Finish(Message, frozen=True, tag="finish"):
-    """Put the last touch on the map, save it under this name, and end."""
+    """Match all scans once more, save the map under this name, and end."""
 
     name: str
 

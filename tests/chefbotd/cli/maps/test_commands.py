@@ -51,6 +51,12 @@ def test_a_map_is_imported_listed_loaded_and_shown(mapctl: Control, tmp_path: Pa
     assert (listed["in_use"], listed["maps"][0]["rows"]) == ("room", 4)
 
 
+def test_that_there_is_no_map_yet_is_said(mapctl: Control, folder: Path) -> None:
+    """In a sentence with the folder, not as an empty table; scripts get an empty list."""
+    assert f"There is no map in {folder} yet." in mapctl("map", "list").output.replace("\n", "")
+    assert json.loads(mapctl("map", "list", "--json").output)["maps"] == []
+
+
 def test_a_map_is_shown_as_a_png_with_its_places(mapctl: Control, folder: Path, tmp_path: Path) -> None:
     """Enlarged, walls dark, and a dot where the place is; an existing file is replaced only if that is said."""
     save(MapStore(folder), "room", ROOM)
