@@ -218,13 +218,14 @@ def test_somebody_who_steps_in_front_is_not_touched(tmp_path: Path) -> None:
     in_flat(tmp_path, scenario)
 
 
-def test_without_scans_the_robot_stands_and_the_goal_ends(tmp_path: Path) -> None:
-    """The lidar falls silent in mid-drive: at rest within 2 s, a fault after 5 s more."""
+@pytest.mark.parametrize("fault", [LidarFault.SILENT, LidarFault.FROZEN])
+def test_without_scans_the_robot_stands_and_the_goal_ends(tmp_path: Path, fault: LidarFault) -> None:
+    """The lidar falls silent or repeats itself in mid-drive: at rest within 2 s, a fault after 5 s more."""
 
     async def scenario(drive: Drive) -> None:
         leg = drive.begin()
         await drive.until_driving()
-        drive.robot.lidars["lidar"].runner.fault = LidarFault.SILENT
+        drive.robot.lidars["lidar"].runner.fault = fault
         await asyncio.sleep(2.0)
         assert drive.speed_m_s < 0.005
         with pytest.raises(GoalFault, match="no scan arrived"):
@@ -274,3 +275,24 @@ def test_zones_that_cannot_be_read_let_nothing_drive(tmp_path: Path) -> None:
         assert refused.value.kind == "no_map_loaded"
 
     in_flat(tmp_path, scenario, zones="keep_out: [stairs]")
+
+
+def test_somebody_who_walks_across_is_not_touched(tmp_path: Path) -> None:
+    """A disc of 0.25 m crosses the way in the hall at 0.3 m/s and waits for nobody; the goal is reached behind it."""
+
+    async def scenario(drive: Drive) -> None:
+        leg, crowd = drive.begin(), drive.robot.board.crowd
+        await drive.until_driving()
+        least_m = math.inf
+        for step in range(200):
+            x, y = 0.9 + 0.3 * 0.05 * step, 3.95
+            crowd.put("somebody", x, y)
+            await asyncio.sleep(0.05)
+            pose = drive.truth.world_from_base
+            least_m = min(least_m, math.dist((pose.x_m, pose.y_m), (x, y)) - 0.25 - 0.18)
+            assert not drive.truth.in_contact
+        crowd.take_away("somebody")
+        assert least_m > 0.02
+        assert "reached" in await leg
+
+    in_flat(tmp_path, scenario)
