@@ -229,8 +229,10 @@ class Navigator:
 
     def _is_lost(self, now_s: float, status: PoseStatus) -> bool:
         if status is not PoseStatus.LOST:
+            self._say_over(self._lost_since_s)
             self._lost_since_s = None
             return False
+        self._blind_since_s = None
         if self._lost_since_s is None:
             self._lost_since_s = now_s
         self._reason = "stands, for it does not know where it is"
@@ -239,8 +241,14 @@ class Navigator:
             self._end(End.LOST, told)
         return True
 
+    def _say_over(self, since_s: float | None) -> None:
+        """What made it stand since then is over."""
+        if since_s is not None and self._state is State.DRIVING:
+            self._reason = self._drives()
+
     def _is_blind(self, known: Awareness, now_s: float) -> bool:
         if now_s - known.scan_stamp_s < self._params.scan_silent_s:
+            self._say_over(self._blind_since_s)
             self._blind_since_s = None
             return False
         if self._blind_since_s is None:

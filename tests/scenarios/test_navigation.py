@@ -296,3 +296,18 @@ def test_somebody_who_walks_across_is_not_touched(tmp_path: Path) -> None:
         assert "reached" in await leg
 
     in_flat(tmp_path, scenario)
+
+
+def test_a_board_that_is_silent_for_a_second_loses_nobody(tmp_path: Path) -> None:
+    """An echo that is missing silences the classic board: the gate brakes, and the goal goes on without being lost."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        feed, drive.robot.device.feed = drive.robot.device.feed, lambda data: None  # type: ignore[method-assign]
+        await asyncio.sleep(1.0)
+        drive.robot.device.feed = feed  # type: ignore[method-assign]
+        assert "reached" in await leg
+        assert not any("does not know where it is" in event.reason for event in drive.told)
+
+    in_flat(tmp_path, scenario)

@@ -7,6 +7,7 @@ that no wall disappears. Ground that nobody has seen is cut off around the map. 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
@@ -115,8 +116,8 @@ def _line(upper: list[int], lower: list[int], *, color: bool) -> Text:
     if not color:
         return Text("".join(_plain(*pair) for pair in zip(upper, lower, strict=True)))
     line = Text()
-    for above, below in zip(upper, lower, strict=True):
-        line.append(UPPER, f"{COLORS[above]} on {COLORS[below]}")
+    for (above, below), same in groupby(zip(upper, lower, strict=True)):  # few spans: they cost the time
+        line.append(UPPER * len(list(same)), f"{COLORS[above]} on {COLORS[below]}")
     return line
 
 

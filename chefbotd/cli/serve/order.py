@@ -33,7 +33,10 @@ CHAIR: Final = ThingParameters(x_m=3.2, y_m=3.8, radius_m=0.2)
 """In the hall, on the way from the living room to the study. It is on no map."""
 
 PATIENCE_S: Final = 1.0
-"""A busy computer holds up the daemon for longer than a real robot may be; the simulated robot stands still with it."""
+"""A busy computer holds up the daemon for longer than a real robot may be; the simulated robot stands still with it.
+
+For the same reason the worker does not stand back for whatever else the computer does.
+"""
 
 
 def environment(folder: Path) -> dict[str, str]:
@@ -41,6 +44,7 @@ def environment(folder: Path) -> dict[str, str]:
     return {
         "CHEFBOTD_MAPS__FOLDER": str(folder.absolute()),
         "CHEFBOTD_WATCHDOG__PATIENCE_S": repr(PATIENCE_S),
+        "CHEFBOTD_WORKER__NICENESS": "0",
         "CHEFBOTD_SIM__WORLD__START_X_M": repr(START.x_m),
         "CHEFBOTD_SIM__WORLD__START_Y_M": repr(START.y_m),
         "CHEFBOTD_SIM__WORLD__START_HEADING_RAD": repr(START.heading_rad),

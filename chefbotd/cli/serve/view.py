@@ -1,6 +1,7 @@
 """What is shown of a navigating robot: a picture that is drawn again, and the table of the legs at the end."""
 
 import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -34,7 +35,7 @@ class NavigationView:
 
     def __init__(self, *, quiet: bool) -> None:
         self._console: Console = Printer(quiet=quiet, highlight=False)
-        self._told = ""
+        self._told, self._draw_again_s = "", 0.0
 
     @contextmanager
     def showing(self) -> Iterator[Show]:
@@ -43,7 +44,15 @@ class NavigationView:
             yield self._say_what_is_new
             return
         with Live(console=self._console, auto_refresh=False, transient=True) as live:
-            yield lambda scene: live.update(self.picture(scene), refresh=True)
+            yield lambda scene: self._draw(live, scene)
+
+    def _draw(self, live: Live, scene: NavigationScene) -> None:
+        """Draw, but spend no more than a quarter of the time on it: the computer has a robot to simulate."""
+        began_s = time.monotonic()
+        if began_s < self._draw_again_s:
+            return
+        live.update(self.picture(scene), refresh=True)
+        self._draw_again_s = began_s + 4 * (time.monotonic() - began_s)
 
     def _say_what_is_new(self, scene: NavigationScene) -> None:
         told = f"{scene.doing}: {scene.reason}" if scene.state != "idle" and scene.reason else scene.doing

@@ -36,8 +36,11 @@ from chefbotd.worker.skills.skill import Job, Skill, Struct
 ZONES: Final = "zones.yaml"
 """Beside a map: where not to go, and where to go slowly."""
 
-MOST_AGE_S: Final = 0.4
-"""With odometry that is older the robot stands: nobody knows where it is."""
+MOST_AGE_S: Final = 1.5
+"""With odometry that is older nobody knows where the robot is.
+
+The classic board is silent for a second when an echo is missing; the gate lets nothing move meanwhile.
+"""
 
 STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.DOUBTFUL: PoseStatus.DOUBTFUL}
 NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
