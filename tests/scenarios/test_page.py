@@ -1,12 +1,16 @@
 """The page in a real browser, before the real program on the simulated robot."""
 
+import base64
+import json
 import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -316,3 +320,136 @@ def test_a_phone_drives_by_the_joystick(page: Any, robot: RunningRobot) -> None:
         assert until(lambda: speed_m_s(client) > MOVES_M_S)
         page.mouse.up()
         assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+
+
+GAMEPAD = """() => {
+  window.pad = { connected: true, mapping: "standard", axes: [0, 0, 0, 0],
+    buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [window.pad];
+}"""
+
+
+def test_a_gamepad_drives_while_its_enable_button_is_held(page: Any, robot: RunningRobot) -> None:
+    """The stick alone moves nothing, LB and the stick drive backward, LB let go brakes, B is the emergency stop."""
+    open_page(page, robot)
+    page.evaluate(GAMEPAD)
+    with robot.client() as client:
+        page.evaluate("() => { window.pad.axes = [0.05, 0.9, 0, 0] }")
+        time.sleep(0.5)
+        assert abs(speed_m_s(client)) < STANDS_M_S
+        page.evaluate("() => { window.pad.buttons[4].pressed = true }")
+        assert until(lambda: speed_m_s(client) < -MOVES_M_S)
+        page.evaluate("() => { window.pad.buttons[4].pressed = false }")
+        assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+        page.evaluate("() => { window.pad.buttons[1].pressed = true }")
+        mode_is(page, "Emergency stop")
+
+
+class FakeDaemon:
+    """The other end of the page's WebSocket: a robot that finds its way, and remembers what it was asked."""
+
+    METHODS = ("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation")
+    TOPICS = ("odometry", "safety", "map_pose", "map", "path", "navigation", "scan")
+
+    def __init__(self, page: Any) -> None:
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+        self._socket: Any = None
+        self._page = page
+        page.route_web_socket(re.compile("/socket$"), self._connected)
+
+    def _connected(self, socket: Any) -> None:
+        self._socket = socket
+        socket.on_message(self._take)
+        capabilities = [f"method.{name}" for name in self.METHODS] + [f"topic.{name}" for name in self.TOPICS]
+        self._send("hello", {"robot": "fake", "auth": "none", "capabilities": capabilities})
+
+    def _take(self, line: str) -> None:
+        request = json.loads(line)
+        self.asked.append((request["method"], request.get("params", {})))
+        if "id" in request:
+            self._socket.send(json.dumps({"jsonrpc": "2.0", "id": request["id"], "result": {}}))
+
+    def _send(self, method: str, params: dict[str, Any]) -> None:
+        self._socket.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))
+
+    def say(self, topic: str, **data: Any) -> None:
+        """Send an event."""
+        self._send("event", {"topic": topic, "seq": 1, "stamp_s": 1.0, "age_s": 0.0, "data": data})
+
+    def was_asked(self, method: str) -> bool:
+        """Whether a request of a method has come; playwright hands messages over only while it is called."""
+        self._page.wait_for_timeout(50)
+        return any(name == method for name, _ in self.asked)
+
+    def last(self, method: str) -> dict[str, Any]:
+        """The parameters of the latest request of a method."""
+        self._page.wait_for_timeout(50)
+        return [params for name, params in self.asked if name == method][-1]
+
+
+def pixel(page: Any, x: float, y: float) -> list[int]:
+    """The colour of the view at a place of the window."""
+    script = """([x, y]) => { const box = view.getBoundingClientRect();
+      return [...view.getContext("2d").getImageData(x - box.x, y - box.y, 1, 1).data].slice(0, 3); }"""
+    colour: list[int] = page.evaluate(script, [x, y])
+    return colour
+
+
+def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, robot: RunningRobot) -> None:
+    """At 90 pixels a metre around the robot at (2, -1): 45 right and 90 down are (2.5, -2); a drag up is 90 degrees."""
+    daemon = FakeDaemon(page)
+    page.goto(robot.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    page.emulate_media(color_scheme="light")
+    daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.3, state="localized")
+    daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    sync_api.expect(page.locator("#goal")).to_have_text("driving, 3.2 m left")
+    box = page.locator("#view").bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    assert until(lambda: pixel(page, *middle) == [0x0B, 0x57, 0xD0])  # the robot is drawn
+    x, y = middle[0] + 45, middle[1] + 90
+    page.mouse.click(x, y)
+    assert until(lambda: daemon.was_asked("navigate_to"))
+    assert daemon.last("navigate_to") == {
+        "x_m": pytest.approx(2.5, abs=0.02),
+        "y_m": pytest.approx(-2.0, abs=0.02),
+    }
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+    page.mouse.up()
+    assert until(lambda: "heading_rad" in daemon.last("navigate_to"))
+    assert daemon.last("navigate_to")["heading_rad"] == pytest.approx(1.5708, abs=0.02)
+    page.locator("#gesture").select_option("set_pose")
+    page.mouse.click(x, y)
+    assert until(lambda: daemon.was_asked("set_pose"))
+    page.locator("#goal-cancel").click()
+    assert until(lambda: daemon.was_asked("cancel_navigation"))
+
+
+def test_the_map_is_drawn_where_it_is(page: Any, robot: RunningRobot) -> None:
+    """Of 3 by 2 cells of 0.5 m from (1, 2) the upper right one is a wall, drawn up and to the right; then it goes."""
+    daemon = FakeDaemon(page)
+    page.goto(robot.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    page.emulate_media(color_scheme="light")
+    daemon.say("odometry", x_m=9.0, y_m=9.0, heading_rad=0.0, linear_m_s=0.0, angular_rad_s=0.0)
+    daemon.say("map_pose", x_m=1.0, y_m=2.0, heading_rad=-2.0, state="localized")
+    grid = {"resolution_m": 0.5, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "columns": 3, "rows": 2}
+
+    def cells(*values: int) -> str:
+        return base64.b64encode(zlib.compress(struct.pack(f"{len(values)}b", *values))).decode()
+
+    whole = {"column": 0, "row": 0, "part_columns": 3, "part_rows": 2, "whole": True}
+    daemon.say("map", revision=7, **grid, **whole, encoding="zlib", cells=cells(0, 0, -1, -1, 0, 100))
+    box = page.locator("#view").bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    wall, free = (
+        (middle[0] + 1.25 * 90, middle[1] - 0.75 * 90),
+        (middle[0] + 0.75 * 90, middle[1] - 0.75 * 90),
+    )
+    assert until(lambda: pixel(page, *wall) == [0x20, 0x26, 0x2D])
+    assert pixel(page, *free) == [255, 255, 255]
+    part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False}
+    daemon.say("map", revision=8, **grid, **part, encoding="zlib", cells=cells(0))
+    assert until(lambda: pixel(page, *wall) == [255, 255, 255])

@@ -8,7 +8,7 @@ import { View, scanPoints } from "./view.js";
 
 const RATE_HZ = 10;
 const FAST = ["odometry", "wheels", "ranges", "scan", "map_pose"];
-const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map"];
+const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map", "navigation", "path"];
 const MODES = {
   armed: ["good", "Ready to drive"],
   disarmed: ["bad", "Stopped by a fault"],
@@ -97,6 +97,7 @@ function show() {
   $("wheels-part").hidden = !can.has("topic.wheels");
   $("sensors-part").hidden = !["ranges", "lidars", "depth_cameras"].some((name) => can.has(`topic.${name}`));
   $("driving").hidden = !can.has("method.drive");
+  $("goal-part").hidden = !can.has("method.navigate_to");
   const gestures = [["navigate_to", "sends the robot there"], ["set_pose", "says where the robot is"]];
   const there = gestures.filter(([method]) => can.has(`method.${method}`));
   $("gesture-label").hidden = there.length === 0;
@@ -132,6 +133,7 @@ const estop = () => ask("estop", { reason: `by ${me}` });
 const stop = () => ask("stop");
 $("estop").addEventListener("click", () => { estop(); driver.dead(); });
 $("stop").addEventListener("click", () => { stop(); driver.dead(); });
+$("goal-cancel").addEventListener("click", () => ask("cancel_navigation"));
 $("arm").addEventListener("click", () => ask("arm"));
 driver.addEventListener("estop", estop);
 driver.addEventListener("stop", stop);
@@ -167,6 +169,13 @@ on("odometry", (pose) => {
   const robot = view.robot;
   text("pose", `x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, `
     + `${pose.linear_m_s.toFixed(2)} m/s, ${pose.angular_rad_s.toFixed(2)} rad/s`);
+});
+on("path", ({ x_m, y_m }) => { view.path = x_m.map((x, index) => [x, y_m[index]]); view.draw(); });
+on("navigation", ({ state, reason, distance_m }) => {
+  const going = ["planning", "driving", "recovering", "paused"].includes(state);
+  const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
+  text("goal", state === "idle" ? "No goal. Click in the view to send the robot there." : `${state}${left}${reason ? `: ${reason}` : ""}`);
+  $("goal-cancel").hidden = !going;
 });
 on("map_pose", (pose) => view.setPose(pose, true));
 on("scan", (scan) => { view.scans.set(scan.lidar, scanPoints(scan)); view.draw(); });
