@@ -2,11 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path as FilePath
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.states import State as Knows
@@ -31,6 +30,9 @@ from chefbotd.worker.skills.navigation_messages import (
     Stepped,
     Taken,
 )
+
+if TYPE_CHECKING:
+    from chefbotd.clock import Clock
 from chefbotd.worker.skills.skill import Job, Skill, Struct
 
 ZONES: Final = "zones.yaml"
@@ -49,7 +51,7 @@ NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
 class NavigationSkill:
     """One navigator, on the map that localization uses."""
 
-    def __init__(self, parameters: bytes, clock: Clock) -> None:
+    def __init__(self, parameters: bytes, clock: "Clock") -> None:
         told = NavigationSkillParameters.model_validate_json(parameters)
         self._params = NavigationParameters(outline=_outline(told), follower=_follower(told))
         self._folder, self._clock = told.folder, clock

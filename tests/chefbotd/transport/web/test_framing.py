@@ -64,6 +64,7 @@ def test_a_closing_client_is_answered_in_kind() -> None:
         (b"\xff\xff\xff\xff\xff\xff", ErrorKind.PARSE_ERROR),
         (b"GET / HTTP/1.1\r\n\r\n", ErrorKind.PARSE_ERROR),
     ],
+    ids=["too large", "no mask", "goes on with nothing", "no frame", "HTTP"],
 )
 def test_what_is_no_frame_ends_the_reading(data: bytes, kind: ErrorKind) -> None:
     """With a reason; what came before it counts, what comes after it does not."""
