@@ -19,18 +19,18 @@ settings.load_profile("full" if IS_FULL else "fast")
 
 HERE = Path(__file__).parent
 NEED_NAVIGATION = (
+    "chefbotd/cli/serve",
     "chefbotd/features/localization",
     "chefbotd/features/mapping",
     "chefbotd/localization",
     "chefbotd/mapping/slam",
     "chefbotd/navigation",
     "chefbotd/worker/skills",
+    "scenarios/test_navigation.py",
 )
 """Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
 
-collect_ignore_glob = (
-    [] if find_spec("numba") and find_spec("scipy") else [f"{room}/*" for room in NEED_NAVIGATION]
-)
+collect_ignore_glob = [] if find_spec("numba") and find_spec("scipy") else list(NEED_NAVIGATION)
 
 CONTROLLER = "PYTEST_XDIST_WORKER" not in os.environ
 
@@ -46,11 +46,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """One worker runs all tests that need the real clock, and one compiles for all tests that need it."""
     if not config.pluginmanager.hasplugin("xdist"):
         return
-    rooms = tuple(f"{HERE / room}{os.sep}" for room in NEED_NAVIGATION)
+    rooms = {HERE / room for room in NEED_NAVIGATION}
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(pytest.mark.xdist_group("realtime"))
-        elif str(item.path).startswith(rooms):
+        elif rooms.intersection((item.path, *item.path.parents)):
             item.add_marker(pytest.mark.xdist_group("compiled"))
 
 

@@ -22,7 +22,6 @@ from chefbotd.testing.worker import worker_in_process
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child
 
-pytest.importorskip("numba")
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("compiled")]
 
 START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}

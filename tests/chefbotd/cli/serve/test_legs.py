@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-pytest.importorskip("numba")
-
 from chefbotd.cli.serve.legs import Best, Truth, ended_leg
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
