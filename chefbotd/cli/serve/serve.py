@@ -30,7 +30,10 @@ MAP: Final = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
 LOOK_S, LOOK_RAD_S, FOUND_S = 4.0, 0.5, 40.0
 """It looks for so long while it stands; then it turns, so that it sees from more sides."""
 
-LEG_S, TRUTH_HZ, SENT_AGAIN = 75.0, 25.0, 4
+LEG_S, ORDER_S = 75.0, 165.0
+"""The longest time for one leg, and for the whole order from the loaded map on: three minutes with the start."""
+
+TRUTH_HZ, SENT_AGAIN = 25.0, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ class Serve:
         world = of_solids(FLAT.solids).below(body.height_m)
         self._truth = Truth(world, body.radius_m)
         chair = (order.CHAIR.x_m, order.CHAIR.y_m, order.CHAIR.radius_m)
+        self._due_s = math.inf
         self._best = Best(FLAT.grid(), [chair], body.radius_m)
 
     async def run(self) -> Served:
@@ -87,6 +91,7 @@ class Serve:
         await until_worker_ready(robot, self._say)
         async with self._beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
             await self._load_map(robot)
+            self._due_s = time.monotonic() + ORDER_S
             found = await self._find(robot)
             legs = self._scene.legs
             for place in self._places:
@@ -173,14 +178,15 @@ class Serve:
         return ended_leg(place, start, order.PLACES[place], end, seconds, self._truth, self._best)
 
     async def _end_of(self, robot: Client, place: str) -> tuple[str, str]:
+        limit_s = max(1.0, min(LEG_S, self._due_s - time.monotonic()))
         try:
-            async with asyncio.timeout(LEG_S):
+            async with asyncio.timeout(limit_s):
                 return "reached", await self._sent(robot, place)
         except GoalNotReached as error:
             return error.end, error.reason
         except TimeoutError:
             await robot.cancel_navigation()
-            return "timed out", f"not there within {LEG_S:g} s; last: {self._scene.reason}"
+            return "timed out", f"not there within {limit_s:.0f} s; last: {self._scene.reason}"
 
     async def _sent(self, robot: Client, place: str) -> str:
         """On a busy computer a request may be too old before it is read: then it is sent again."""
