@@ -17,7 +17,6 @@ from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
 
 GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
-DESCRIBE = b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n'
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 ARM = b'{"jsonrpc":"2.0","id":9,"method":"arm"}\n'
 DRIVE = b'{"jsonrpc":"2.0","id":9,"method":"drive","params":{"linear_m_s":0.17,"angular_rad_s":-0.3}}\n'
@@ -199,12 +198,12 @@ def test_and_so_through_tls() -> None:
 
 @pytest.mark.parametrize("run", [run_virtual, uvloop.run])
 def test_a_drive_behind_answers_that_nobody_reads_is_old_when_they_are_read(run: Callable[..., None]) -> None:
-    """400 long answers unread for 0.8 s, then read: the drive behind them moves nothing any more."""
+    """800 answers unread for 0.8 s, then read: the drive behind them moves nothing any more."""
 
     async def scenario(served: Served) -> None:
         async with line_client(served) as client:
             client.stop_reading()
-            client.send_raw(DESCRIBE * 400 + DRIVE)
+            client.send_raw(GET_STATE * 800 + DRIVE)
             await asyncio.sleep(0.8)
             client.read_on()
             message = await client.read()

@@ -228,13 +228,22 @@ def test_a_daemon_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "api.port_" in str(caught.value)
 
 
+def catch_interrupts() -> None:
+    """Have SIGINT end the process, also where the tests themselves were started with it ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_signals_end_a_command_in_order() -> None:
     """SIGTERM ends a watching chefbotctl with the code for interruptions, SIGINT the same way."""
 
     async def interrupt(address: Address, number: signal.Signals) -> int | None:
         command = ("-m", "chefbotd.cli.programs.chefbotctl", "--connect", str(address), "watch", "odometry")
         watching = await asyncio.create_subprocess_exec(
-            sys.executable, *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
+            sys.executable,
+            *command,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+            preexec_fn=catch_interrupts,
         )
         assert watching.stdout is not None
         await watching.stdout.readline()
