@@ -14,6 +14,7 @@ from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
 from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.depth import SimulatedDepthChild
+from tests.budget import sample
 
 EYE: Mapping[str, object] = {
     "name": "eye",
@@ -97,7 +98,7 @@ TALL = {
 }
 
 
-@pytest.mark.parametrize("guards", [True, False])
+@pytest.mark.parametrize("guards", sample([True, False]))
 def test_a_tall_robot_stops_before_a_tables_top_and_only_the_camera_sees_it(guards: bool) -> None:
     """Three times towards the edge, at 0.2 m/s for 6 s each: it never touches; without the camera's guard it does."""
 

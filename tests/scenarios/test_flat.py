@@ -17,6 +17,7 @@ from chefbotd.sim.lidar_faults import LidarFault
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.world import World
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 
 WALLS = World(scene_of(Path("flat")).slice(0.2)[0])
 
@@ -117,13 +118,15 @@ def test_a_thing_that_is_put_in_the_way_is_seen_and_bumped_into() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "condition"),
-    [
-        (LidarFault.SILENT, "silent"),
-        (LidarFault.GARBAGE, "wrong_baud"),
-        (LidarFault.WRONG_BAUD, "wrong_baud"),
-        (LidarFault.FROZEN, "frozen"),
-        (LidarFault.STALLED, "motor_stalled"),
-    ],
+    sample(
+        [
+            (LidarFault.FROZEN, "frozen"),
+            (LidarFault.SILENT, "silent"),
+            (LidarFault.GARBAGE, "wrong_baud"),
+            (LidarFault.WRONG_BAUD, "wrong_baud"),
+            (LidarFault.STALLED, "motor_stalled"),
+        ]
+    ),
 )
 def test_what_is_wrong_with_the_lidar_is_told_and_mended(fault: LidarFault, condition: str) -> None:
     """Ten seconds of the fault: no scan in the last of them, the condition is told; then it is healthy again."""

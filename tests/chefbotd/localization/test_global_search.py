@@ -53,6 +53,7 @@ def brute_force(levels: Pyramid, points: Singles, turns: Floats) -> float:
     return best
 
 
+@pytest.mark.slow
 def test_nothing_that_brute_force_finds_is_missed(levels: Pyramid) -> None:
     """The best score is that of all poses tried one by one, and its place is where the scan was taken."""
     params = GlobalSearchParameters(points_at_most=40)

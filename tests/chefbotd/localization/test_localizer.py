@@ -61,6 +61,7 @@ def places_of(report: Report) -> list[tuple[float, float]]:
     return sorted((round(float(pose[0]), 1), round(float(pose[1]), 1)) for pose in poses)
 
 
+@pytest.mark.slow
 def test_it_finds_itself_and_tracks_along_the_tour(flat: LocalizationMap) -> None:
     """Nobody says where it is. After half a second it knows, and stays within 0.02 m and 0.5 degrees in the median."""
     lidar, robot = Lidar(WALLS, 4), Robot(flat)

@@ -107,6 +107,7 @@ def run(scene: Callable[[], object]) -> None:
         runner.run(scene())  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
     """Killed four times while it saves ten times a second: each time the last autosave is whole, and mapping goes on."""
     chance = random.Random(7)
@@ -140,6 +141,7 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
     run(scene)
 
 
+@pytest.mark.slow
 def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) -> None:
     """Killed at three moments of finishing: a saved map is whole, and without one mapping goes on from the autosave."""
 
