@@ -22,7 +22,7 @@ from chefbotd.testing.worker import worker_in_process
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("compiled")]
+pytestmark = pytest.mark.slow
 
 START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
 GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
@@ -164,6 +164,24 @@ def test_a_stop_cancels_the_goal(tmp_path: Path) -> None:
         with pytest.raises(GoalCancelled, match="navigation was stopped by"):
             await leg
         await asyncio.sleep(1.0)
+        assert drive.speed_m_s < 0.005
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_stop_during_a_pause_cancels_the_goal_too(tmp_path: Path) -> None:
+    """Navigation has wished nothing for 2 s; after a stop, neither time nor ``resume`` make it go on."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        await drive.client.call("pause_navigation")
+        await asyncio.sleep(2.0)
+        await drive.client.stop()
+        with pytest.raises(GoalCancelled, match="navigation was stopped by"):
+            await leg
+        await drive.client.call("resume_navigation")
+        await asyncio.sleep(2.0)
         assert drive.speed_m_s < 0.005
 
     in_flat(tmp_path, scenario)

@@ -20,6 +20,16 @@ MOST_AGE_S: Final = 0.3
 class Gate(Protocol):
     """What takes the commands; ``features.driving.service.DriveService`` does."""
 
+    @property
+    def stops(self) -> int:
+        """How many stops and emergency stops there have been."""
+        ...
+
+    @property
+    def stopped_by(self) -> str:
+        """Whose was the last of them."""
+        ...
+
     def command(self, source: str, motion: Motion) -> None:
         """Take a command; raises ``Refused``."""
         ...
@@ -57,6 +67,16 @@ class InnerDriver:
         self._gate.command(self.source, twist)
         self._leases.renew(self.source, self._session, now_s)
         self._has_lease = True
+
+    @property
+    def stops(self) -> int:
+        """How many stops there have been, whoever drove then: what was asked for before the last one is void."""
+        return self._gate.stops
+
+    @property
+    def stopped_by(self) -> str:
+        """Whose was the last of them."""
+        return self._gate.stopped_by
 
     def begin(self) -> None:
         """A new goal was asked for: a stop from before does not hold it."""

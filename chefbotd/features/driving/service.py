@@ -70,6 +70,7 @@ class DriveService:
         self._failure = HandlerFailure()
         self._watch_timer: asyncio.TimerHandle | None = None
         self._runs = False
+        self.stops, self.stopped_by = 0, ""
         self._remove_handlers = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
             bus.add_handler(self._on_link, LinkOpened, on_error=self._on_handler_error),
@@ -112,6 +113,7 @@ class DriveService:
 
         Sources that are driven are held in the name of ``by``, but for the ``excluded`` ones; without a name, none is.
         """
+        self.stops, self.stopped_by = self.stops + 1, by
         self._keeper.stop(by, excluded)
         self._obey(self._clock.now_s())
 
@@ -121,6 +123,7 @@ class DriveService:
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""
+        self.stops, self.stopped_by = self.stops + 1, "an emergency stop"
         self._keeper.estop(reason)
         self._obey(self._clock.now_s())
 

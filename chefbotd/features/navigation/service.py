@@ -61,6 +61,7 @@ class NavigationService:
         self._places, self._section = places, section
         self._orders: asyncio.Queue[NavigationRequest] = asyncio.Queue()
         self._goals = Goals()
+        self._stops = driver.stops  # that the goals know of
         self._map: str | None = None  # in which the goals are
         self._known_map: str | None = None  # that localization uses
         self._safety: SafetyChanged | None = None
@@ -91,8 +92,14 @@ class NavigationService:
     async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
         """Accept goals; their numbers."""
         self._require_armed()
+        self._end_if_stopped()
+        stops = self._stops
         goals = [await self._goal(each) for each in waypoints]
         self._goals.require_room(len(goals))
+        if self._driver.stops != stops:
+            raise Refused(
+                RefusalKind.STOPPED, "the robot was stopped after this goal was asked for; ask again"
+            )
         request = messages.NavigateTo(tuple(goals), queue)
         self._goals.add(goals)
         self._driver.begin()
@@ -175,9 +182,16 @@ class NavigationService:
 
     def resume(self) -> None:
         """Go on."""
+        self._end_if_stopped()
         self._is_paused = self._is_muted = False
         self._driver.begin()
         self._orders.put_nowait(messages.Resume())
+
+    def _end_if_stopped(self) -> None:
+        """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
+        if self._driver.stops != self._stops:
+            self._stops = self._driver.stops
+            self.cancel(f"{self._driver.source} was stopped by {self._driver.stopped_by or 'somebody'}")
 
     def _stand_still(self) -> None:
         self._is_muted = True
@@ -188,6 +202,7 @@ class NavigationService:
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""
         told = messages.STEPPED.decode(body)
+        self._end_if_stopped()
         for ended in told.ended:
             self._end(ended)
         if told.path is not None:
@@ -212,6 +227,8 @@ class NavigationService:
 
     def _take_safety(self, event: SafetyChanged) -> None:
         self._safety = event
+        if event.mode == ARMED:
+            self._end_if_stopped()
         if not self._goals.active:
             self._is_taken_over = False
         elif event.mode != ARMED:
@@ -240,6 +257,7 @@ class NavigationService:
     def _take_localization(self, event: LocalizationChanged) -> None:
         """A worker that is back has its map: tell it of the goals that are left."""
         self._known_map = event.map
+        self._end_if_stopped()
         if not self._must_tell_goals or event.map is None or not self._worker.is_ready:
             return
         self._must_tell_goals = False
