@@ -14,7 +14,7 @@ import psutil
 
 from benchmarks.carmen import Recording, Score, recordings, score
 from benchmarks.figures import Figure, Outcome
-from chefbotd.core.compiled import release_compiler
+from chefbotd.core.compiled import release_libraries
 from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.parameters import SlamParameters
@@ -142,7 +142,7 @@ def _flat(seeds: int) -> Iterable[Figure]:
     yield Figure("flat, drives with a loop left open", open_loops, "", 0)
     yield Figure("flat, matching 270 beams, median", 1e3 * float(np.median(matching)), "ms", FRONT_END_MS)
     yield Figure("flat, at 10 Hz, all of it", 10 * float(np.mean(seconds)), "core", CORE_AT_10_HZ)
-    release_compiler()
+    release_libraries()
     yield Figure("flat, memory of this process", psutil.Process().memory_info().rss / 1e6, "MB", MEMORY_MB)
 
 

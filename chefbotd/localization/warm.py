@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from chefbotd.core.compiled import release_compiler
+from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import (
     Localization,
@@ -24,7 +24,7 @@ SIDE, BEAMS = 60, 90
 
 
 def warm() -> None:
-    """Find the way in a small room, and give back the compiler's memory."""
+    """Find the way in a small room, and give back the memory of libraries."""
     params = LocalizationParameters()
     percent = np.zeros((SIDE, SIDE), np.int8)
     percent[[0, -1]] = percent[:, [0, -1]] = 100
@@ -41,4 +41,4 @@ def warm() -> None:
     search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
     tracking = Localization(state=State.DOUBTFUL)
     step(params, within, set_pose(params, tracking, np.zeros(3)), 0.0, odometry, scan)
-    release_compiler()
+    release_libraries()

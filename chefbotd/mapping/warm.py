@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from chefbotd.core.compiled import release_compiler
+from chefbotd.core.compiled import release_libraries
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
@@ -17,7 +17,7 @@ BEAMS, RADIUS_M = 60, 2.0
 
 
 def warm() -> None:
-    """Take two scans of a round room through every step, and give back the compiler's memory.
+    """Take two scans of a round room through every step, and give back the memory of libraries.
 
     This takes half a second from the cache, and half a minute without it.
     """
@@ -30,4 +30,4 @@ def warm() -> None:
         state, _ = step(params, state, float(k), odometry, scan)
         search(state.active[0].grids, points, odometry, Window(1.0, 0.1))
     occupancy(refined(params, state).nodes)
-    release_compiler()
+    release_libraries()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from chefbotd.core.compiled import release_compiler
+from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.navigation.navigator import Navigator
@@ -16,7 +16,7 @@ CELLS, CELL_M, STEPS = 80, 0.05, 60
 
 
 def warm(params: NavigationParameters) -> None:
-    """Begin to drive through a small room with a post in it, and give back the compiler's memory."""
+    """Begin to drive through a small room with a post in it, and give back the memory of libraries."""
     percent = np.full((CELLS, CELLS), FREE, np.int8)
     percent[0], percent[-1], percent[:, 0], percent[:, -1] = OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED
     middle_m = CELLS * CELL_M / 2
@@ -32,4 +32,4 @@ def warm(params: NavigationParameters) -> None:
         if step.twist is not None:
             turned = pose.heading_rad + step.twist.angular_rad_s * 0.05
             pose = Pose2D(pose.x_m, pose.y_m, turned)
-    release_compiler()
+    release_libraries()

@@ -23,7 +23,7 @@ class WorkerParameters(Parameters):
     step_s: float = Field(default=20.0, gt=0, le=600)
     """For what it does without having been asked, such as a scan."""
     most_memory_mb: float = Field(default=800.0, ge=100, le=65536)
-    """Resident memory. SLAM in a flat takes 150 MB; compiling, once, 300 MB."""
+    """Resident memory. SLAM in a flat takes 120 MB; compiling, once, 300 MB."""
     restart_after_s: float = Field(default=0.5, gt=0, le=60)
     """Doubled with each failure in a row, up to:"""
     restart_at_most_s: float = Field(default=30.0, gt=0, le=600)

@@ -1,6 +1,7 @@
 """The worker's one thread of work, without a socket: messages in, messages out."""
 
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -26,10 +27,13 @@ class _Running:
 
 
 class Runner:
-    """The skills, and the jobs that they are at; ``doing`` says what it is busy with, and since when."""
+    """The skills, and the jobs that they are at; ``doing`` says what it is busy with, and since when.
 
-    def __init__(self, clock: "Clock") -> None:
-        self._clock = clock
+    ``renew`` is called, and does not return, when all is loaded and some of it had to be compiled.
+    """
+
+    def __init__(self, clock: "Clock", renew: Callable[[messages.Configure], None] | None = None) -> None:
+        self._clock, self._renew = clock, renew
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []
         self._stepped_s = float("-inf")
@@ -88,6 +92,8 @@ class Runner:
         for skill in self._skills.values():
             if isinstance(skill, Meets):
                 skill.meet(self._skills)
+        if self._renew is not None and _has_compiled():
+            self._renew(message)
         yield messages.Ready()
 
     def _begin(self, request: messages.Request) -> Iterator[FromWorker]:
@@ -144,3 +150,9 @@ class Runner:
 
     def _begin_work(self, what: str) -> None:
         self.doing = (what, self._clock.now_s())
+
+
+def _has_compiled() -> bool:
+    """Whether a skill had to compile; one that never compiles has not loaded the compiler either."""
+    compiled = sys.modules.get("chefbotd.core.compiled")
+    return compiled is not None and bool(compiled.has_compiled())

@@ -1,9 +1,11 @@
 """The real worker process: started, killed, stopped, orphaned. Without skills, so that it starts at once."""
 
 import asyncio
+import base64
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,6 +16,7 @@ import pytest
 import uvloop
 
 from chefbotd.clock import SystemClock
+from chefbotd.worker.messages import FROM_WORKER, Configure, FrameReader, FromWorker, Ready, packed
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import environment
@@ -134,6 +137,7 @@ def test_a_bound_of_memory_is_held() -> None:
 DAEMON = """
 import asyncio, sys
 from chefbotd.clock import SystemClock
+from chefbotd.worker.messages import FROM_WORKER, Configure, FrameReader, FromWorker, Ready, packed
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker
 told = set()
@@ -159,6 +163,22 @@ def test_it_dies_with_a_daemon_that_is_killed(stopped: bool) -> None:
     while lives(pid) and time.monotonic() < ends_s:
         time.sleep(0.02)
     assert not lives(pid)
+
+
+def test_a_process_that_begins_anew_knows_its_configuration() -> None:
+    """It is ready without having been told anything, and as nice as before: the daemon notices nothing."""
+    ours, theirs = socket.socketpair()
+    known = base64.b64encode(packed(Configure({}))).decode()
+    descriptor = theirs.fileno()
+    command = [sys.executable, "-m", "chefbotd.worker", str(descriptor), str(os.getpid()), "0", known]
+    with ours, theirs, subprocess.Popen(command, pass_fds=(descriptor,)) as process:
+        theirs.close()
+        ours.settimeout(PATIENCE_S)
+        reader, told = FrameReader(), list[FromWorker]()
+        while Ready() not in told:
+            told += [FROM_WORKER.decode(frame) for frame in reader.feed(ours.recv(65536))]
+        assert os.getpriority(os.PRIO_PROCESS, process.pid) == os.getpriority(os.PRIO_PROCESS, 0)
+        ours.close()
 
 
 def test_compiled_code_goes_where_the_service_may_write() -> None:

@@ -108,6 +108,31 @@ def test_a_skill_is_warmed_before_the_worker_is_ready(runner: Runner, skill: Cou
     assert skill.is_warm
 
 
+def test_what_has_compiled_begins_anew_before_it_is_ready(
+    clock: ManualClock, skill: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compiler's memory does not stay with the worker; with everything in the cache there is nothing to be rid of."""
+    begun: list[Configure] = []
+
+    class Anew(Exception):
+        pass
+
+    def renew(configure: Configure) -> None:
+        begun.append(configure)
+        raise Anew
+
+    configure = Configure({"counting": b"{}"})
+    monkeypatch.setattr(runner_module, "_has_compiled", lambda: True)
+    told: list[FromWorker] = []
+    with pytest.raises(Anew):
+        told.extend(Runner(clock, renew).take_message(configure))
+    assert begun == [configure]
+    assert Ready() not in told
+    assert Ready() in list(Runner(clock).take_message(configure)), "it has begun anew already"
+    monkeypatch.setattr(runner_module, "_has_compiled", lambda: False)
+    assert Ready() in list(Runner(clock, renew).take_message(configure))
+
+
 def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) -> None:
     """A scan's consequences leave in the order in which the skill tells them."""
     assert list(runner.take_message(ODOMETRY)) == []

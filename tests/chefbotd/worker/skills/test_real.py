@@ -172,3 +172,34 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
                     assert (await bench.ask(Resume(paused=False))).state == "mapping"
 
     run(scene)
+
+
+@pytest.mark.slow
+def test_compiling_for_the_first_time_leaves_no_memory_behind(tmp_path: Path) -> None:
+    """With an empty cache the worker compiles, begins anew as the same process, and takes what a warm one takes."""
+    parameters = MappingSkillParameters(
+        lidar="top", folder=tmp_path / "maps", versions_kept=1, session="one", mapping=MappingParameters()
+    )
+    bounds = WorkerParameters(cache_folder=tmp_path / "cache", start_s=600.0)
+
+    async def scene() -> None:
+        pids: set[int] = set()
+        worker = Worker(
+            bounds,
+            SystemClock(),
+            {SKILL: parameters.model_dump_json().encode()},
+            lambda status: pids.add(status.pid) if status.pid else None,
+        )
+        task = asyncio.create_task(worker.run())
+        async with asyncio.timeout(600.0):
+            while not worker.is_ready or worker.status.rss_mb is None:  # noqa: ASYNC110 - another process
+                await asyncio.sleep(0.1)
+        await asyncio.sleep(2.0)
+        assert worker.status.restarts == 0
+        assert len(pids) == 1
+        assert worker.status.rss_mb is not None
+        assert worker.status.rss_mb < 120.0
+        task.cancel()
+        await asyncio.wait({task})
+
+    run(scene)
