@@ -17,7 +17,7 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: run serve map test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: docs run serve map test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -109,6 +109,10 @@ soak-%: $(VENV)/ready
 # is the same in every run.
 faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtual: without the real program)
 	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --jobs $(JOBS_OF_FAULTS) --json build/faults.json
+
+docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html, and check its links
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site
 
 bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 	$(BIN)/python -m benchmarks

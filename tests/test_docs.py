@@ -74,7 +74,7 @@ def test_times_are_those_in_force() -> None:
         assert told in text, told
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
 def test_links_between_documents_lead_somewhere(page: Path) -> None:
     """Every relative link names a file that there is."""
     for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
