@@ -27,6 +27,10 @@ class Port(Protocol):
     def get_write_buffer_size(self) -> int:
         """As asyncio's: how many bytes are unsent."""
 
+    def unread_bytes(self) -> int:
+        """How many bytes have come in and wait to be read."""
+        ...
+
     def write(self, data: bytes) -> None:
         """As asyncio's."""
 
@@ -63,6 +67,10 @@ class BoardWriter:
     def has_drained(self) -> bool:
         """Whether there is a port to speak to, and nothing is unsent there."""
         return self._port is not None and not self._port.get_write_buffer_size()
+
+    def unread_bytes(self) -> int:
+        """How many bytes wait to be read; none without a port."""
+        return 0 if self._port is None else self._port.unread_bytes()
 
     def say(self, line: bytes, now_s: float) -> None:
         """Write a line after all that is unsent; without a port it is dropped."""

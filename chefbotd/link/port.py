@@ -133,6 +133,13 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         else:
             self._close(OSError("device reports readiness to read but returned no data: was it unplugged?"))
 
+    def unread_bytes(self) -> int:
+        """How many bytes have come in and wait to be read; none from a lost device."""
+        try:
+            return 0 if self._closing else int(self.serial.in_waiting)
+        except (OSError, termios.error):
+            return 0
+
     def overtake(self, words: bytes) -> None:
         """Write instead of all that is unsent, in the kernel too where the driver can drop it.
 

@@ -311,6 +311,15 @@ class BoardSession(asyncio.Protocol):
     # What is counted
 
     @property
+    def bytes_in(self) -> int:
+        """Bytes read so far."""
+        return self.monitor.bytes_in
+
+    def unread_bytes(self) -> int:
+        """How many bytes have come in and wait to be read; none without a port."""
+        return self._writer.unread_bytes()
+
+    @property
     def board_restarts(self) -> int:
         """How often the board restarted."""
         return self._restarts.count

@@ -20,6 +20,7 @@ class FakeSerialTransport(asyncio.Transport):
         self._high_water = 64 * 1024
         self._stalled = self._paused = self._closing = False
         self.dtr: bool | None = None  # as set after the opening
+        self.unread = 0  # bytes that nobody reads, where the reader is stuck
         self._loop.call_soon(protocol.connection_made, self)
 
     def feed(self, data: bytes) -> None:
@@ -61,6 +62,10 @@ class FakeSerialTransport(asyncio.Transport):
         if len(self._unsent) > self._high_water and not self._paused:
             self._paused = True
             self._protocol.pause_writing()
+
+    def unread_bytes(self) -> int:
+        """What a test says."""
+        return self.unread
 
     def set_dtr(self, state: bool) -> None:
         """The line is set or cleared."""

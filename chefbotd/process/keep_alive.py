@@ -1,0 +1,98 @@
+"""What systemd is told while the daemon runs: that it makes progress (``WatchdogSec=``), and a status line.
+
+The word for the watchdog is kept back while the control loop takes no step, or while bytes of the board wait that
+nobody reads; systemd then ends the daemon and starts it again. A pulled cable or a silent board is no such case: what
+is not there cannot be read, and a restart would not bring it back.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import structlog
+
+log = structlog.get_logger(component="systemd")
+
+PERIOD_S = 1.0
+"""Between two words, where the watchdog asks for none or is patient."""
+
+WORDS_PER_WATCHDOG = 4
+"""One that is late must not end the daemon: sd_watchdog_enabled(3) suggests at least two."""
+
+
+class Control(Protocol):
+    """The control loop."""
+
+    acted_s: float
+
+
+class Reader(Protocol):
+    """What reads the board's bytes."""
+
+    @property
+    def bytes_in(self) -> int:
+        """Bytes read so far."""
+        ...
+
+    def unread_bytes(self) -> int:
+        """How many bytes wait to be read."""
+        ...
+
+
+class KeepAlive:
+    """``tell`` brings a message to systemd, ``status`` is the line for people, ``watchdog_s`` is ``WatchdogSec=``."""
+
+    def __init__(
+        self,
+        control: Control,
+        reader: Reader,
+        tell: Callable[[str], object],
+        status: Callable[[], str],
+        watchdog_s: float | None,
+    ) -> None:
+        self._control, self._reader, self._tell, self._status = control, reader, tell, status
+        self._has_watchdog = watchdog_s is not None
+        self._period_s = PERIOD_S if watchdog_s is None else min(PERIOD_S, watchdog_s / WORDS_PER_WATCHDOG)
+        self._acted_s, self._bytes_in, self._had_unread = float("-inf"), 0, False
+        self._said, self._complaint = "", ""
+
+    async def run(self) -> None:
+        """Tell systemd until cancelled."""
+        while True:
+            await asyncio.sleep(self._period_s)
+            self.beat()
+
+    def beat(self) -> None:
+        """One look, and what there is to tell of it."""
+        stuck, status = self._stuck(), self._status()
+        if stuck != self._complaint:
+            self._complaint = stuck
+            if stuck:
+                log.error("systemd's watchdog is not fed", reason=stuck)
+        words = [] if status == self._said else [f"STATUS={status}"]
+        self._said = status
+        if self._has_watchdog and not stuck:
+            words.append("WATCHDOG=1")
+        if words:
+            self._tell("\n".join(words))
+
+    def _stuck(self) -> str:
+        """What has made no progress since the last look, in words; empty: everything has."""
+        acted_s, bytes_in, unread = self._control.acted_s, self._reader.bytes_in, self._reader.unread_bytes()
+        stands = acted_s == self._acted_s
+        unheard = self._had_unread and unread > 0 and bytes_in == self._bytes_in
+        self._acted_s, self._bytes_in, self._had_unread = acted_s, bytes_in, unread > 0
+        if stands:
+            return "the control loop takes no step"
+        return f"{unread} bytes of the board wait, and nobody reads them" if unheard else ""
+
+
+def watchdog_s_of(environment: Mapping[str, str]) -> float | None:
+    """``WatchdogSec=`` of the unit as sd_watchdog_enabled(3) reads it; None where there is none, or it is another's."""
+    text, pid = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
+    if not (text.isascii() and text.isdigit()) or int(text) == 0:
+        return None
+    if pid and pid != str(os.getpid()):
+        return None
+    return int(text) / 1e6
