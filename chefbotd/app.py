@@ -122,6 +122,7 @@ class Daemon:
         self._link = PortLink(settings.link, self.session, opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
+        self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
         let_go_s = settings.safety.held_until_silent_s
         self._leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
@@ -161,7 +162,7 @@ class Daemon:
             driving(
                 self.driving,
                 QuadratureService(bus, settings.quadrature, names),
-                LimitPreview(settings.drive, settings.chassis, settings.limits),
+                self.limit_preview,
                 self._leases,
                 clock,
                 wheel_names=names,

@@ -31,7 +31,7 @@ LAGGING_M_S = 0.02
 
 
 class Drive:
-    """The wheels' controller: pure steps over ``DriveState``; only the gains can be exchanged."""
+    """The wheels' controller: pure steps over ``DriveState``; gains and limits can be exchanged."""
 
     def __init__(
         self,
@@ -130,6 +130,10 @@ class Drive:
         pids = tuple(pid.retune(*wheel, scrub_duty) for wheel in wheels)
         self.gains = gains
         return replace(state, pids=pids)
+
+    def relimit(self, limits: MotionLimits) -> None:
+        """Exchange the limits of speed and acceleration; at rest only, for a ramp begun under others would jump."""
+        self._setpoints = Setpoints(self._parameters, limits, self._kinematics)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
         """A speed for each named wheel as a motion that can be asked for; the others stand.

@@ -21,6 +21,10 @@ class LimitPreview:
         self._max_rim_speed_m_s, self._limits = drive.max_rim_speed_m_s, limits
         self._kinematics, self._names = Kinematics(chassis), [wheel.name for wheel in chassis.wheels]
 
+    def relimit(self, limits: MotionLimits) -> None:
+        """The robot obeys other limits from now on."""
+        self._limits = limits
+
     def of_twist(self, wanted: Twist2D) -> Allowed[Twist2D]:
         """First what the wheels reach, with its curvature, then the limits of each axis."""
         reachable = self._kinematics.saturate(wanted, self._max_rim_speed_m_s)

@@ -4,12 +4,14 @@ import logging
 import sys
 
 import structlog
-from structlog.typing import EventDict, Processor
+from structlog.typing import EventDict, FilteringBoundLogger, Processor
 
 from chefbotd.process.log_writer import LogWriter
 from chefbotd.settings.model import Level
 
 STDERR = 2
+METHODS = ("debug", "info", "warning", "error", "critical", "exception", "log")
+"""Those of a logger that heed the level."""
 
 
 def configure(level: Level) -> LogWriter:
@@ -24,12 +26,26 @@ def configure(level: Level) -> LogWriter:
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             *_renderers(on_terminal=sys.stderr.isatty()),
         ],
-        wrapper_class=structlog.make_filtering_bound_logger(getattr(logging, level.upper())),
+        wrapper_class=_logger_class(level),
         logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
         cache_logger_on_first_use=True,
     )
     logging.basicConfig(handlers=[_Forwarder()], level=logging.WARNING, force=True)
     return writer
+
+
+def _logger_class(level: Level) -> type[FilteringBoundLogger]:
+    """A class of loggers of its own, which ``set_level`` can change under the loggers that are made of it."""
+    filtering = structlog.make_filtering_bound_logger(getattr(logging, level.upper()))
+    return type("Logger", (filtering,), {})
+
+
+def set_level(level: Level) -> None:
+    """Log from this level on; also through loggers that have been in use before. ``configure`` comes first."""
+    wanted = structlog.make_filtering_bound_logger(getattr(logging, level.upper()))
+    used = structlog.get_config()["wrapper_class"]
+    for name in METHODS:
+        setattr(used, name, getattr(wanted, name))
 
 
 class _Forwarder(logging.Handler):

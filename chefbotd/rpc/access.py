@@ -31,7 +31,7 @@ class Keyring:
     """The tokens that open the socket, each with the role that it gives."""
 
     def __init__(self, tokens: Mapping[str, Role]) -> None:
-        self._roles = [(_digest(token), role) for token, role in tokens.items()]
+        self._roles = [(digest(token), role) for token, role in tokens.items()]
 
     @classmethod
     def parse(cls, text: str, name: str) -> Self:
@@ -45,16 +45,25 @@ class Keyring:
             raise AccessError(f"{name}: holds no token; make one: {MAKE_ONE.format(path=name)}")
         return cls(tokens)
 
+    def exchange(self, other: "Keyring") -> None:
+        """From now on the other's tokens open the socket, and no others."""
+        self._roles = other._roles
+
     def role_of(self, token: str) -> Role | None:
         """The role that a token gives, or None; how long it takes says nothing about the tokens."""
-        offered, found = _digest(token), None
+        return self.role_of_digest(digest(token))
+
+    def role_of_digest(self, offered: bytes) -> Role | None:
+        """The same for a token of which only the digest was kept."""
+        found = None
         for known, role in self._roles:
             if hmac.compare_digest(known, offered):
                 found = role
         return found
 
 
-def _digest(token: str) -> bytes:
+def digest(token: str) -> bytes:
+    """What is kept of a token."""
     return hashlib.sha256(token.encode()).digest()
 
 

@@ -191,6 +191,16 @@ class ConnectionManager:
             if late is not None and not connection.closing:
                 connection.end(late)
 
+    def check_tokens(self, role_of_digest: Callable[[bytes], Role | None]) -> None:
+        """The tokens were exchanged: whoever has shown one gets the role that it gives now, or is disconnected."""
+        for connection in self._connections():
+            session = connection.session
+            if session.token_digest is None:
+                continue
+            session.role = role_of_digest(session.token_digest)
+            if session.role is None and not connection.closing:
+                connection.end(Failure(ErrorKind.WRONG_TOKEN, "this token opens nothing here any more"))
+
     def _connections(self) -> list[Connection]:
         return [connection for connection in self._sessions.values() if connection is not None]
 

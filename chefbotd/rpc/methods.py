@@ -11,7 +11,7 @@ from pydantic import BaseModel, create_model
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.rpc import models
-from chefbotd.rpc.access import Keyring
+from chefbotd.rpc.access import Keyring, digest
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
@@ -56,6 +56,7 @@ class ServerMethods:
         if role is None:
             raise Unserved(ErrorKind.WRONG_TOKEN, "this token opens nothing here")
         session.role = role
+        session.token_digest = None if keyring is None else digest(params.token.get_secret_value())
         log.info("client_authenticated", client=str(session), role=str(role))
         return models.Known(client=str(session), role=role)
 

@@ -100,6 +100,18 @@ class RpcServer:
             await asyncio.sleep(0)  # answers that are not sent by now are lost
             self.connections.abort()
 
+    @property
+    def asks_for_tokens(self) -> bool:
+        """Whether a client has to show a token."""
+        return self._keyring is not None
+
+    def exchange_tokens(self, keyring: Keyring) -> None:
+        """Other tokens open the socket from now on; raises ``ValueError`` where none is asked for."""
+        if self._keyring is None:
+            raise ValueError("a daemon that was started without tokens asks for none")
+        self._keyring.exchange(keyring)
+        self.connections.check_tokens(self._keyring.role_of_digest)
+
     def add_metrics(self, metrics: Metrics) -> None:
         """Add what the server counts."""
         connections, dispatcher = self.connections, self.connections.dispatcher

@@ -22,6 +22,7 @@ class Session:
         self._parameters = parameters
         self.host, self._port = host, port
         self.role, self.client, self.proven, self.stops_only = role, "", False, ""
+        self.token_digest: bytes | None = None  # of the token that it has shown
         self.arrival: Arrival | None = None  # the earliest at which its connection can have been opened
         self._arrived_s = self._active_s = now_s
         self._incomplete_s: float | None = None

@@ -26,6 +26,7 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
 from chefbotd.motion import ceiling
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision
@@ -70,6 +71,7 @@ class DriveService:
         self._failure = HandlerFailure()
         self._watch_timer: asyncio.TimerHandle | None = None
         self._runs = False
+        self._when_at_rest: Callable[[], None] | None = None
         self.stops, self.stopped_by = 0, ""
         self._remove_handlers = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
@@ -158,6 +160,28 @@ class DriveService:
         """Exchange the gains of every wheel without a bump."""
         self._state = self._drive.retune(self._state, tuple([gains[name] for name in self._wheel_names]))
 
+    def relimit(self, limits: MotionLimits, then: Callable[[], None]) -> bool:
+        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once.
+
+        Of several changes that wait, the last one is made.
+        """
+
+        def exchange() -> None:
+            self._drive.relimit(limits)
+            then()
+
+        self._when_at_rest = exchange
+        self._rest()
+        return self._when_at_rest is None
+
+    def _rest(self) -> None:
+        """Do what waits for the robot to be at rest, if it is: no duty in force, and nothing asked of any wheel."""
+        action, state = self._when_at_rest, self._state
+        rests = state.limiter == AT_REST and not any(state.duty) and not any(state.setpoint_m_s)
+        if action is not None and rests:
+            self._when_at_rest = None
+            action()
+
     @property
     def readings_refused(self) -> int:
         """Encoder readings that were not believed."""
@@ -219,6 +243,8 @@ class DriveService:
         self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
         self._regulate(now_s, seen)
         self._send_duty(now_s, self._state.duty)
+        if self._when_at_rest is not None:
+            self._rest()
         self.steps += 1
         self._keeper.announce(now_s)
         self._publish(event, seen)
@@ -275,6 +301,8 @@ class DriveService:
             self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
         if repeat or self._state.duty != before.duty or not any(self._state.duty):
             self._send_duty(now_s, self._state.duty)
+        if self._when_at_rest is not None:
+            self._rest()
         self._keeper.announce(now_s)
 
     def _decide(self, now_s: float) -> Decision:

@@ -1,0 +1,151 @@
+"""Taking over a changed configuration while the robot runs: what may change does, and what may not is named.
+
+Gains change without a bump, limits as soon as the robot stands, the log's level and the tokens at once. Everything else
+is built into the parts of the daemon, and waits for its next start.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+from msgspec import Struct
+from pydantic import ValidationError
+
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.access import AccessError, Keyring
+from chefbotd.settings import Settings, SettingsError
+from chefbotd.settings.checks import check
+from chefbotd.settings.model import Level
+
+CHANGEABLE = ("pid", "wheel_pid", "limits", "log")
+"""The sections that a running daemon takes over."""
+
+RESTART = "it is fixed while the daemon runs: sudo systemctl restart chefbotd"
+ABSENT = object()
+
+
+class Target(Protocol):
+    """What the changes go to: the running daemon."""
+
+    def gains(self) -> Mapping[str, PidParameters]:
+        """The present gains by wheel name."""
+        ...
+
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Exchange the gains of every wheel without a bump."""
+        ...
+
+    def relimit(self, limits: MotionLimits) -> bool:
+        """Exchange the limits as soon as the robot stands; whether it was at once."""
+        ...
+
+    def set_level(self, level: Level) -> None:
+        """Log from this level on."""
+        ...
+
+    def load_keyring(self, settings: Settings) -> Keyring | None:
+        """The tokens as their file has them now, None where none are asked for; raises ``AccessError``."""
+        ...
+
+    def exchange_tokens(self, keyring: Keyring) -> None:
+        """Let these tokens open the socket, and no others."""
+        ...
+
+
+class Outcome(Struct, frozen=True):
+    """What became of a changed configuration: keys that are in force, that wait for the robot to stand, and refusals."""
+
+    changed: tuple[str, ...] = ()
+    waiting: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        told = [
+            f"changed {', '.join(self.changed)}" if self.changed else "",
+            f"when the robot stands: {', '.join(self.waiting)}" if self.waiting else "",
+            "; ".join(self.refused),
+        ]
+        return "; ".join(filter(None, told)) or "nothing has changed"
+
+
+class Reloader:
+    """``settings`` are those in force."""
+
+    def __init__(self, settings: Settings, target: Target) -> None:
+        self._settings, self._target = settings, target
+
+    def apply(self, wanted: Settings) -> Outcome:
+        """Take over what may change.
+
+        Raises:
+            SettingsError: what may change does not go with what may not; nothing has changed.
+            AccessError: the tokens cannot be read; nothing has changed.
+        """
+        before = self._settings
+        merged = before.model_copy(update={name: getattr(wanted, name) for name in CHANGEABLE})
+        if wrong := "; ".join(check(merged)):
+            raise SettingsError(f"together with what only a restart changes: {wrong}")
+        keyring = self._target.load_keyring(before)
+        keys = list(_differences("", _plain(before), _plain(wanted)))
+        mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]
+        refused = [f"{key}: {RESTART}" for key in keys if key not in mine]
+        limits = tuple([key for key in mine if key.startswith("limits")])
+        self._settings = merged
+        self._retune(before, merged)
+        at_once = not limits or self._target.relimit(merged.limits)
+        if merged.log.level != before.log.level:
+            self._target.set_level(merged.log.level)
+        if keyring is not None:
+            self._target.exchange_tokens(keyring)
+        changed = [key for key in mine if at_once or key not in limits]
+        return Outcome(
+            changed=(*changed, *(["the tokens were read"] if keyring is not None else [])),
+            waiting=() if at_once else limits,
+            refused=tuple(refused),
+        )
+
+    def _retune(self, before: Settings, after: Settings) -> None:
+        """Gains that the file has changed; those that were changed by ``set_pid`` and not in the file stay."""
+        was, running, new = before.gains(), self._target.gains(), after.gains()
+        wanted = {name: _merged(was[name], running[name], new[name]) for name in new}
+        if wanted != running:
+            self._target.retune(wanted)
+
+
+def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:
+    """The running gains with what the file says otherwise now; the file's own where these do not go together."""
+    said, old = new.model_dump(), was.model_dump()
+    changed = {name: value for name, value in said.items() if value != old[name]}
+    try:
+        return PidParameters.model_validate(running.model_dump() | changed)
+    except ValidationError:
+        return new
+
+
+def _plain(settings: Settings) -> dict[str, Any]:
+    return settings.model_dump(mode="json", by_alias=True)
+
+
+def _differences(key: str, before: object, after: object) -> Iterator[str]:
+    """The keys whose values differ, as dotted as the configuration's own."""
+    if isinstance(before, dict) and isinstance(after, dict):
+        for name in {**before, **after}:
+            inner = f"{key}.{name}" if key else name
+            yield from _differences(inner, before.get(name, ABSENT), after.get(name, ABSENT))
+    elif _is_named(before) and _is_named(after):
+        yield from _differences(key, _by_name(before), _by_name(after))
+    elif before != after:
+        yield key
+
+
+def _is_named(value: object) -> bool:
+    """Whether this is a list of sections that each have a name, such as ``[[chassis.wheels]]``."""
+    return isinstance(value, list) and all(isinstance(entry, dict) and "name" in entry for entry in value)
+
+
+def _by_name(entries: Any) -> dict[str, object]:
+    return {entry["name"]: entry for entry in entries}
+
+
+CANNOT_RELOAD = (SettingsError, AccessError, OSError)
+"""What keeps everything as it is."""
