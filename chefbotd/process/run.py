@@ -3,7 +3,7 @@
 import asyncio
 import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import structlog
 import uvloop
@@ -12,6 +12,7 @@ from chefbotd.app import Daemon, Loop
 from chefbotd.clock import SystemClock
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
+from chefbotd.process.service import Load, Service, service_of
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
@@ -20,15 +21,17 @@ from chefbotd.transport.listening import CannotListen
 
 log = structlog.get_logger(component="app")
 
+AsService = Callable[[Daemon], Service | None]
 
-def run(settings: Settings, *, simulated: bool) -> int:
-    """Run the daemon until a signal ends it; returns the exit code.
+
+def run(settings: Settings, *, simulated: bool, load: Load | None = None) -> int:
+    """Run the daemon until a signal ends it; returns the exit code. ``load`` reads the configuration again, on SIGHUP.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
     """
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_until_signalled(settings, simulated=simulated))
+            runner.run(_until_signalled(settings, load, simulated=simulated))
     except BaseExceptionGroup as failures:
         for failure in _leaves(failures):
             if isinstance(failure, CannotListen):
@@ -50,7 +53,17 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
             yield error
 
 
-async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
+class _Hangup:
+    """What SIGHUP does once the daemon is built; before that there is nothing to reload."""
+
+    service: Service | None = None
+
+    def __call__(self) -> None:
+        if self.service is not None:
+            self.service.want_reload()
+
+
+async def _until_signalled(settings: Settings, load: Load | None, *, simulated: bool) -> None:
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
     received: list[str] = []
@@ -59,9 +72,15 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
         received.append(name)
         task.cancel()
 
-    signals.handle(end)
+    hangup = _Hangup()
+    signals.handle(end, hangup if load is not None and systemd.is_listening() else None)
+
+    def as_service(daemon: Daemon) -> Service | None:
+        hangup.service = service_of(daemon, settings, load)
+        return hangup.service
+
     try:
-        await (_serve_simulated(settings) if simulated else _serve_real(settings))
+        await (_serve_simulated(settings, as_service) if simulated else _serve_real(settings, as_service))
     except asyncio.CancelledError:
         if not received:
             raise
@@ -70,11 +89,16 @@ async def _until_signalled(settings: Settings, *, simulated: bool) -> None:
     log.info("stopped", signal=received[0])
 
 
-async def _serve(daemon: Daemon, settings: Settings, *more: Loop) -> None:
+async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *more: Loop) -> None:
+    service = as_service(daemon)
+
     async def report_ready() -> None:
         host, port = await daemon.server.address()
         freeze_gc()
-        systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
+        if service is None:
+            systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
+        else:
+            service.report_ready(f"{host}:{port}")
 
     watchdog = Watchdog(
         settings.watchdog,
@@ -84,10 +108,10 @@ async def _serve(daemon: Daemon, settings: Settings, *more: Loop) -> None:
         daemon.driving.report_from_thread,
     )
     with watchdog:
-        await daemon.run(report_ready, *more)
+        await daemon.run(report_ready, *(service.loops if service else ()), *more)
 
 
-async def _serve_real(settings: Settings) -> None:
+async def _serve_real(settings: Settings, as_service: AsService) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or systemd.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
@@ -96,10 +120,10 @@ async def _serve_real(settings: Settings) -> None:
         log.info(
             "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
         )
-    await _serve(daemon, settings)
+    await _serve(daemon, settings, as_service)
 
 
-async def _serve_simulated(settings: Settings) -> None:
+async def _serve_simulated(settings: Settings, as_service: AsService) -> None:
     from chefbotd.process.simulated_robot import (
         simulation_of,  # not in the memory of a daemon on a real robot
     )
@@ -120,7 +144,7 @@ async def _serve_simulated(settings: Settings) -> None:
 
             depth_spawn = spawn_with(board.share_truth(), settings.sim)
         daemon = build(plugged, clock=SystemClock(), simulated=True, depth_spawn=depth_spawn)
-        await _serve(daemon, settings, lambda: board.run(daemon.bus.publish))
+        await _serve(daemon, settings, as_service, lambda: board.run(daemon.bus.publish))
 
 
 def freeze_gc() -> None:

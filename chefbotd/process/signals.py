@@ -42,14 +42,17 @@ def hold_crashes() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, CRASHES)
 
 
-def handle(end: End) -> None:
+def handle(end: End, reload: Callable[[], object] | None = None) -> None:
     """Call ``end`` with the name of any signal that should end the process, in the running loop; ignore ``SUSPENDING``.
 
-    For ``CRASHES`` that works where they are held.
+    For ``CRASHES`` that works where they are held. With ``reload``, SIGHUP calls that instead: a service has no terminal
+    whose closing it would tell of.
     """
     loop = asyncio.get_running_loop()
     for number in ENDING:
         loop.add_signal_handler(number, end, name_of(number))
+    if reload is not None:
+        loop.add_signal_handler(signal.SIGHUP, reload)
     for number in SUSPENDING:
         signal.signal(number, signal.SIG_IGN)
     if signal.pthread_sigmask(signal.SIG_BLOCK, ()) >= CRASHES:

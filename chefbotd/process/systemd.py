@@ -26,6 +26,11 @@ def notify(state: str) -> bool:
     return True
 
 
+def is_listening() -> bool:
+    """Whether the daemon was started as a service that is to say something."""
+    return bool(os.environ.get("NOTIFY_SOCKET"))
+
+
 def runtime_folder() -> Path | None:
     """The first ``RuntimeDirectory=`` of the unit (systemd.exec(5)); None where there is none."""
     first, _, _ = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")

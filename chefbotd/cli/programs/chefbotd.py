@@ -6,6 +6,7 @@ Users wait for the start, so each command imports what it needs when it is calle
 import asyncio
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import click
@@ -83,8 +84,9 @@ def run(
         "page.enabled": with_page or None,
         "log.level": log_level,
     }
+    overrides = {key: value for key, value in wanted.items() if value is not None}
     with start.light_imports():
-        settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
+        settings = load_valid(path, overrides)
         if simulated:
             simulation_of(settings)
         if settings.page.enabled:
@@ -92,9 +94,10 @@ def run(
                 pass
         from chefbotd.process import logs
         from chefbotd.process import run as process
+        from chefbotd.settings import load
 
     logs.configure(settings.log.level)
-    ctx.exit(process.run(settings, simulated=simulated))
+    ctx.exit(process.run(settings, simulated=simulated, load=partial(load, path, overrides=overrides)))
 
 
 @main.command()

@@ -1,0 +1,123 @@
+"""The daemon as a systemd service: status and watchdog words, and a reload on SIGHUP."""
+
+import asyncio
+import os
+import time
+from collections.abc import Awaitable, Callable
+from functools import partial
+
+import structlog
+
+from chefbotd.app import Daemon, Loop
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.process import logs, systemd
+from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
+from chefbotd.process.reload import CANNOT_RELOAD, Reloader
+from chefbotd.process.status import StatusLine
+from chefbotd.rpc.access import Keyring, load_guard
+from chefbotd.settings import Settings
+from chefbotd.settings.model import Level
+
+log = structlog.get_logger(component="service")
+
+Load = Callable[[], Settings]
+Read = Callable[[], Awaitable[Settings]]
+
+
+class DaemonTarget:
+    """The running daemon, as what a reload changes."""
+
+    def __init__(self, daemon: Daemon) -> None:
+        self._daemon = daemon
+        self.gains, self.retune = daemon.driving.gains, daemon.driving.retune
+        self.exchange_tokens = daemon.rpc.exchange_tokens
+
+    def relimit(self, limits: MotionLimits) -> bool:
+        """As soon as the robot stands; what is told of a command changes at the same time."""
+
+        def tell() -> None:
+            self._daemon.limit_preview.relimit(limits)
+            log.info("the limits have changed")
+
+        return self._daemon.driving.relimit(limits, tell)
+
+    def set_level(self, level: Level) -> None:
+        """For every part of the process, but for the worker's."""
+        logs.set_level(level)
+
+    def load_keyring(self, settings: Settings) -> Keyring | None:
+        """From where the daemon had them at its start; what systemd passes is as it was then."""
+        if not self._daemon.rpc.asks_for_tokens:
+            return None
+        return load_guard(settings.api, os.environ).keyring
+
+
+class Service:
+    """``read`` reads the configuration again; ``tell`` brings a message to systemd."""
+
+    def __init__(
+        self,
+        daemon: Daemon,
+        settings: Settings,
+        read: Read,
+        tell: Callable[[str], object] = systemd.notify,
+        watchdog_s: float | None = None,
+    ) -> None:
+        device = settings.link.device
+        session = daemon.session
+        self.status = StatusLine(
+            daemon.bus, device, lambda: session.is_open, lambda: len(daemon.rpc.connections)
+        )
+        self._tell, self._read = tell, read
+        self._keep_alive = KeepAlive(daemon.driving, session, tell, self.status, watchdog_s)
+        self._reloader = Reloader(settings, DaemonTarget(daemon))
+        self._wanted = asyncio.Event()
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """What runs beside the daemon."""
+        return (self._keep_alive.run, self._reload_when_wanted)
+
+    def want_reload(self) -> None:
+        """Read the configuration again, soon; several wishes meanwhile are one."""
+        self._wanted.set()
+
+    def report_ready(self, where: str) -> None:
+        """The daemon serves at this address."""
+        self.status.where = where
+        self._tell(f"READY=1\nSTATUS={self.status()}")
+
+    async def _reload_when_wanted(self) -> None:
+        while True:
+            await self._wanted.wait()
+            self._wanted.clear()
+            await self.reload()
+
+    async def reload(self) -> None:
+        """Take over what may change, and say what became of it."""
+        self._tell(f"RELOADING=1\nMONOTONIC_USEC={time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000}")
+        try:
+            outcome = self._reloader.apply(await self._read())
+        except CANNOT_RELOAD as error:
+            self.status.note = "reload failed, nothing has changed: see the log"
+            log.error("the configuration was not reloaded, and nothing has changed", error=str(error))
+        else:
+            self.status.note = f"reloaded: {outcome}"
+            told = log.warning if outcome.refused else log.info
+            told(
+                "the configuration was reloaded",
+                changed=outcome.changed,
+                waiting=outcome.waiting,
+                refused=outcome.refused,
+            )
+        self._tell(f"READY=1\nSTATUS={self.status()}")
+
+
+def service_of(daemon: Daemon, settings: Settings, load: Load | None) -> Service | None:
+    """Where systemd listens and the configuration can be read again; elsewhere SIGHUP is a terminal's end.
+
+    The configuration is read in a thread: control goes on meanwhile.
+    """
+    if load is None or not systemd.is_listening():
+        return None
+    return Service(daemon, settings, partial(asyncio.to_thread, load), watchdog_s=watchdog_s_of(os.environ))
