@@ -11,6 +11,8 @@ import structlog
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
+from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
+from chefbotd.entries import Entries
 from chefbotd.features.board.feature import board
 from chefbotd.features.description.feature import description
 from chefbotd.features.driving.feature import driving
@@ -19,7 +21,7 @@ from chefbotd.features.driving.quadrature import QuadratureService
 from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
-from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.features.feature import Feature, Service, methods_and_topics
 from chefbotd.features.odometry.feature import odometry
 from chefbotd.features.odometry.service import OdometryService
 from chefbotd.features.sensors.feature import sensors
@@ -29,6 +31,7 @@ from chefbotd.features.statistics.feature import statistics
 from chefbotd.features.statistics.service import StatsService
 from chefbotd.features.tuning.feature import tuning
 from chefbotd.features.tuning.tuning import Tuning
+from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.link.ring import FaultLog
@@ -106,7 +109,7 @@ class Daemon:
         depth_spawn: DepthSpawn | None = None,
     ) -> None:
         self.bus = Bus()
-        self._clock = clock
+        self.entries = self._clock = clock = Entries(clock, self.bus)
         variant = VARIANTS[settings.robot.wire]
         self.session = BoardSession(
             self.bus,
@@ -119,7 +122,9 @@ class Daemon:
         )
         self._fault_log = FaultLog(self.bus, self.session.lines)
         rng = rng or random.Random()
-        self._link = PortLink(settings.link, self.session, opener, clock, rng)
+        self._link = PortLink(
+            settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng
+        )
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
@@ -268,14 +273,32 @@ class Daemon:
         The socket listens before the board is touched. However this ends, the motors are told to stop before all else.
         To be cancelled is to end in order; after any other end the next daemon begins disarmed, where a latch is kept.
         """
+        with self.entries.entry(self._started):
+            pass
         try:
             await self._run(*more)
         except asyncio.CancelledError:
             self._latch.end()
             raise
 
+    def _started(self, stamp_s: float) -> DaemonStarted:
+        gate = self.driving.gate
+        return DaemonStarted(
+            stamp_s, str(gate.mode), gate.reason, None if gate.fault is None else str(gate.fault)
+        )
+
+    def _fail(self, fault: Fault) -> None:
+        with self.entries.entry(ServiceFailed, fault.reason):
+            self.driving.fail(fault)
+
+    def _loop_of(self, service: Service) -> Loop:
+        """What runs the service: where a replay runs it again, in steps."""
+        if not service.in_steps:
+            return service.run
+        return partial(self.entries.in_steps, service.name, service.run)
+
     async def _run(self, *more: Loop) -> None:
-        run_restarting = partial(self._supervisor.run_restarting, on_failure=self.driving.fail)
+        run_restarting = partial(self._supervisor.run_restarting, on_failure=self._fail)
         run_critical = self._supervisor.run_critical
         async with asyncio.TaskGroup() as group:
             try:
@@ -289,9 +312,11 @@ class Daemon:
                     group.create_task(loop())
                 for service in [each for feature in self.features for each in feature.services]:
                     run = run_critical if service.critical else run_restarting
-                    group.create_task(run(service.name, service.run))
+                    group.create_task(run(service.name, self._loop_of(service)))
                 await asyncio.Event().wait()
             finally:
+                if self.entries.recording:
+                    self.bus.publish(DaemonStopping(self.entries.now_s()))
                 self.driving.detach()
                 self.session.close()
 

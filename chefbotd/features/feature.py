@@ -15,12 +15,14 @@ Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 class Service(Struct, frozen=True):
     """A loop that runs as long as the daemon does.
 
-    The daemon ends when a ``critical`` one fails. Any other is started again, with the motors stopped.
+    The daemon ends when a ``critical`` one fails. Any other is started again, with the motors stopped. One that is
+    ``in_steps`` is run again by a replay: what it does between two waits is one entry.
     """
 
     name: str
     run: Run
     critical: bool = False
+    in_steps: bool = False
 
 
 def _no_metrics(metrics: Metrics) -> None:

@@ -6,6 +6,8 @@ from typing import Protocol
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import Direction, LineSeen
+from chefbotd.core.events.inputs import BOARD_LINK, DrainAnswered, LinkBytesWritten
+from chefbotd.entries import entries_of
 from chefbotd.link.ring import LineRing
 
 FIRST_STOPS = 2
@@ -49,10 +51,11 @@ class BoardWriter:
     """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
-        self._bus, self._clock, self._lines, self._stop = bus, clock, lines, stop
+        self._bus, self._clock, self._lines, self._stop = bus, entries_of(clock), lines, stop
         self._port: Port | None = None
         self._port_lock = threading.Lock()
-        self.lines_out = 0
+        self.lines_out = self._queries = 0
+        self._drained = False  # as it was last recorded
 
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""
@@ -66,7 +69,13 @@ class BoardWriter:
 
     def has_drained(self) -> bool:
         """Whether there is a port to speak to, and nothing is unsent there."""
-        return self._port is not None and not self._port.get_write_buffer_size()
+        drained = self._port is not None and not self._port.get_write_buffer_size()
+        self._queries += 1
+        if drained is not self._drained:
+            self._drained = drained
+            if self._clock.recording:
+                self._clock.publish(DrainAnswered(self._clock.now_s(), self._queries, drained))
+        return drained
 
     def unread_bytes(self) -> int:
         """How many bytes wait to be read; none without a port."""
@@ -101,6 +110,8 @@ class BoardWriter:
             return self._port is not None and self._port.write_from_thread(self._stop * FIRST_STOPS)
 
     def _note(self, line: bytes, now_s: float, times: int) -> None:
+        if self._clock.recording:
+            self._clock.publish(LinkBytesWritten(now_s, BOARD_LINK, line * times))
         text = line.rstrip(b"\r\n")
         self.lines_out += times
         for _ in range(times):

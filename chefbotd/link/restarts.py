@@ -1,12 +1,11 @@
 """The board's restarts: those that are asked for, from the stop until it is back, and those that it shows itself."""
 
-import asyncio
-
 import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
+from chefbotd.entries import Timer, entries_of
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.reset import ResetRequest, ResetStage
 from chefbotd.link.restart_watch import RestartWatch
@@ -37,9 +36,9 @@ class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
 
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
-        self._bus, self._clock, self._writer, self._request_line = bus, clock, speech, request
+        self._bus, self._clock, self._writer, self._request_line = bus, entries_of(clock), speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
-        self._timer: asyncio.TimerHandle | None = None
+        self._timer: Timer | None = None
         self.count = 0
 
     @property
@@ -104,7 +103,7 @@ class Restarts:
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)
-        self._timer = asyncio.get_running_loop().call_later(wait_s, self._look)
+        self._timer = self._clock.call_later(wait_s, self._look, "board restart")
 
     def _end(self, stage: ResetStage) -> None:
         self._cancel_timer()

@@ -1,7 +1,7 @@
 """The board as seen from the wire: bytes in, stamped events out; duties in, bytes out."""
 
 import asyncio
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, cast
 
 import structlog
@@ -22,6 +22,7 @@ from chefbotd.core.events import (
     LinkOpened,
     TextReceived,
 )
+from chefbotd.entries import entries_of
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
 from chefbotd.link.cycle_clock import CycleClock
@@ -63,6 +64,7 @@ class BoardSession(asyncio.Protocol):
         health_after_s: float = 2.0,
         board_buffer_bytes: int = 63,
     ) -> None:
+        clock = entries_of(clock)
         self._bus, self._clock, self._device = bus, clock, device
         self._decoder = Decoder(from_board(variant))
         self._encoder = to_board(variant)
@@ -82,6 +84,7 @@ class BoardSession(asyncio.Protocol):
             clock.now_s,
             interval_s=1.0 / setpoints_per_s,
             window=self._window,
+            call_later=partial(clock.call_later, name="board setpoint"),
         )
         self._closed = asyncio.Event()
         self._closed.set()

@@ -6,6 +6,7 @@ The firmware has no watchdog, so a queue of velocities behind a slow reader woul
 import asyncio
 from collections.abc import Callable
 
+from chefbotd.entries import Timer
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
 
@@ -17,7 +18,7 @@ class SetpointWriter:
     ``write`` puts one command on the wire at a time, before what is unsent if it is told so. ``idle`` tells whether the
     transport has nothing left to send: a command that makes a wheel faster waits for that, one that slows goes instead
     of what is unsent. ``window`` says what the board can take. Call ``resume`` when the transport has drained, or the
-    board has spoken.
+    board has spoken. ``call_later`` is the event loop's where none is given.
     """
 
     def __init__(
@@ -27,12 +28,14 @@ class SetpointWriter:
         now_s: Callable[[], float],
         interval_s: float,
         window: SendWindow,
+        call_later: Callable[[float, Callable[[], None]], Timer] | None = None,
     ) -> None:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
         self._written: Duty | None = None
         self._paid_s = float("-inf")  # the lines written so far use up the time until then
-        self._timer: asyncio.TimerHandle | None = None
+        self._timer: Timer | None = None
+        self._call_later = call_later or _on_the_loop
         self._window = window
         self.replaced = 0
 
@@ -96,9 +99,13 @@ class SetpointWriter:
 
     def _wake_in(self, wait_s: float) -> None:
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(wait_s, self.resume)
+            self._timer = self._call_later(wait_s, self.resume)
 
     def _cancel_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+
+def _on_the_loop(delay_s: float, callback: Callable[[], None]) -> Timer:
+    return asyncio.get_running_loop().call_later(delay_s, callback)

@@ -4,6 +4,7 @@ import asyncio
 import gc
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import structlog
 import uvloop
@@ -144,7 +145,9 @@ async def _serve_simulated(settings: Settings, as_service: AsService) -> None:
 
             depth_spawn = spawn_with(board.share_truth(), settings.sim)
         daemon = build(plugged, clock=SystemClock(), simulated=True, depth_spawn=depth_spawn)
-        await _serve(daemon, settings, as_service, lambda: board.run(daemon.bus.publish))
+        await _serve(
+            daemon, settings, as_service, lambda: board.run(partial(daemon.entries.observe, daemon.bus))
+        )
 
 
 def freeze_gc() -> None:

@@ -9,11 +9,14 @@ from collections import Counter
 from collections.abc import Callable
 from enum import Enum, auto
 from functools import partial
+from itertools import count
 from typing import Protocol
 
 import structlog
 
 from chefbotd.clock import Clock
+from chefbotd.core.events.inputs import ClientLeft, TimerFired
+from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.control_leases import ControlLeases
@@ -25,6 +28,9 @@ from chefbotd.rpc.method import Caller
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
+
+LEASES_TIMER = "leases"
+"""What the regular look at the leases is called in a recording."""
 
 IDLE_S = 5.0
 """A client that has sent nothing for so long may be disconnected to make room for a new one."""
@@ -88,6 +94,7 @@ class ConnectionManager:
         ] = {}  # by arrival; None: not connected yet, as during TLS
         self._handshakes: dict[Session, Callable[[], object]] = {}
         self._log = RateLimitedLog(structlog.get_logger(__name__))
+        self._entries, self._numbers = entries_of(clock), count(1)
 
     def __len__(self) -> int:
         return len(self._sessions)
@@ -97,7 +104,7 @@ class ConnectionManager:
     ) -> Session | Failure:
         """A new client's session, or why there is no room; ``arrival`` is the earliest for its first byte."""
         session = Session(self.parameters, host, port, self._role, self.clock.now_s())
-        session.arrival = arrival
+        session.arrival, session.number = arrival, next(self._numbers)
         no_room = self._no_room(host, headroom)
         if no_room and headroom is not Headroom.NONE and self._disconnect_idle(host):
             no_room = ""
@@ -172,7 +179,8 @@ class ConnectionManager:
         self._handshakes.pop(session, None)
         if connection is not None:
             self._fanout.unsubscribe(connection)
-        self._control.release(session, self.clock.now_s())
+        with self._entries.entry(ClientLeft, session.number):
+            self._control.release(session, self._entries.now_s())
         self.dispatcher.jobs.cancel_all(session)
 
     def count_ended(self, session: Session, failure: Failure) -> None:
@@ -184,8 +192,9 @@ class ConnectionManager:
 
     def sweep(self) -> None:
         """End leases that are over, and connections of clients that take too long."""
+        with self._entries.entry(TimerFired, LEASES_TIMER):
+            self._control.expire(self._entries.now_s())
         now_s = self.clock.now_s()
-        self._control.expire(now_s)
         for connection in self._connections():
             late = connection.session.overdue(now_s, partial(self._fanout.is_subscribed, connection))
             if late is not None and not connection.closing:

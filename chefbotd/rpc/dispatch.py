@@ -11,6 +11,8 @@ from pydantic import BaseModel, ValidationError
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
+from chefbotd.core.events.inputs import RequestHandled
+from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
 from chefbotd.rpc.arrivals import Arrival, Arrivals
@@ -51,7 +53,8 @@ class Dispatcher:
             raise ValueError(
                 f"{late[0]} is urgent, so its handler must not be async: a stop does not wait for a task"
             )
-        self._methods, self._clock = methods, clock
+        self._methods, self._clock = methods, entries_of(clock)
+        self._handled = 0
         self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
         self.faults: Counter[str] = Counter()
         self.void: Counter[str] = Counter()
@@ -121,7 +124,10 @@ class Dispatcher:
                 self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
             if request.method in self._async_methods:
-                self.jobs.start(caller, request, partial(method.handle, caller, params), self._failure)
+                handler = partial(method.handle, caller, params)
+                with self._clock.entry(partial(self._record, method, caller, params)):
+                    in_steps = partial(self._clock.in_steps, job_name(self._handled))
+                    self.jobs.start(caller, request, handler, self._failure, in_steps)
                 return None
             body = self._constants.get(request.method) or self._handle(method, caller, params)
             if method.constant:
@@ -139,11 +145,27 @@ class Dispatcher:
     def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
         """The result as JSON. A stop makes older commands of others void, even where it has failed."""
         try:
-            result: BaseModel = method.handle(caller, params)
+            with self._clock.entry(partial(self._record, method, caller, params)):
+                result: BaseModel = method.handle(caller, params)
             return result.model_dump_json().encode()
         finally:
             if method.urgent:
                 self._arrivals.record_stop(caller, str(caller.session))
+
+    def _record(self, method: Method, caller: Caller, params: Params, stamp_s: float) -> RequestHandled:
+        session = caller.session
+        self._handled += 1
+        told = None if method.params.confidential else params.model_dump(mode="json")
+        return RequestHandled(
+            stamp_s,
+            self._handled,
+            method.name,
+            told,
+            session.number,
+            session.client,
+            str(session),
+            session.role,
+        )
 
     def _failure(self, request: Request, problem: Exception) -> Failure:
         """The error of a handler's exception; one that is no refusal is a fault, which is counted and logged."""
@@ -194,6 +216,11 @@ class Dispatcher:
                 ErrorKind.FORBIDDEN, f"{request.method} needs the role {method.role}, not {session.role}"
             )
         return method
+
+
+def job_name(number: int) -> str:
+    """What the task of a request is called in a recording."""
+    return f"request {number}"
 
 
 def _is_foreign(line: bytes | bytearray, failure: Failure) -> bool:

@@ -5,6 +5,7 @@ A job ends when its handler does. It is cancelled by the method ``cancel`` and w
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -49,6 +50,7 @@ class Progress:
 
 
 Handler = Callable[[Progress], Coroutine[Any, Any, BaseModel]]
+InSteps = Callable[[Callable[[], Coroutine[Any, Any, bytes]]], Coroutine[Any, Any, bytes]]
 
 
 class Jobs:
@@ -63,8 +65,11 @@ class Jobs:
         request: Request,
         handler: Handler,
         failure_of: Callable[[Request, Exception], Failure],
+        in_steps: InSteps = lambda run: run(),
     ) -> None:
         """Run a handler, and answer when it ends; ``failure_of`` makes the error of an exception.
+
+        ``in_steps`` makes the coroutine that becomes the task.
 
         Raises:
             Unserved: the client has too many jobs, or one with this id.
@@ -75,7 +80,9 @@ class Jobs:
             raise Unserved(ErrorKind.TOO_MANY_JOBS, f"at most {MAX_JOBS} requests of a client run at a time")
         if key in own:
             raise Unserved(ErrorKind.INVALID_REQUEST, f"a request with the id {request.id!a} is running")
-        task = asyncio.get_running_loop().create_task(_result(handler, Progress(caller, request)))
+        task = asyncio.get_running_loop().create_task(
+            in_steps(partial(_result, handler, Progress(caller, request)))
+        )
         self._tasks.setdefault(caller.session, own)[key] = task
 
         def finish(task: asyncio.Task[bytes]) -> None:

@@ -23,6 +23,7 @@ class Session:
         self.host, self._port = host, port
         self.role, self.client, self.proven, self.stops_only = role, "", False, ""
         self.token_digest: bytes | None = None  # of the token that it has shown
+        self.number = 0  # of the connections that were admitted
         self.arrival: Arrival | None = None  # the earliest at which its connection can have been opened
         self._arrived_s = self._active_s = now_s
         self._incomplete_s: float | None = None

@@ -99,11 +99,12 @@ async def simulated_robot(
     token: str | None = None,
     tls: ssl.SSLContext | None = None,
     spawn_worker: Spawn = no_worker,
+    features: Sequence[FeatureBuilder] = (),
 ) -> AsyncIterator[SimulatedRobot]:
     """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between.
 
-    ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket. ``spawn_worker`` is as
-    for ``running_daemon``.
+    ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket. ``spawn_worker`` and
+    ``features`` are as for ``running_daemon``.
     """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
@@ -122,6 +123,7 @@ async def simulated_robot(
         simulated=True,
         rng=random.Random(settings.sim.seed),
         spawn_worker=spawn_worker,
+        features=features,
         depth_spawn=depth_spawn(board, settings.sim),
     )
     try:

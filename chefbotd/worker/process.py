@@ -8,6 +8,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 from typing import Final
 
@@ -16,6 +17,8 @@ import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
+from chefbotd.entries import entries_of
 from chefbotd.worker import messages
 from chefbotd.worker.channel import CLOSED, Channel
 from chefbotd.worker.messages import FromWorker, OdometrySeen, ScanSeen, packed
@@ -90,7 +93,7 @@ class Worker:
         on_status: Callable[[WorkerStatus], None],
         start: Spawn = spawn,
     ) -> None:
-        self._parameters, self._clock, self._skills = parameters, clock, dict(skills)
+        self._parameters, self._clock, self._skills = parameters, entries_of(clock), dict(skills)
         self._on_status, self._start = on_status, start
         self.status = WorkerStatus()
         self._vitals = Vitals(0.0, 0.0, 0.0)
@@ -257,7 +260,11 @@ class Worker:
         if self._channel is not None:
             self._channel.close()
             self._dropped += self._channel.dropped
-            self._channel = None
+        with self._clock.entry(WorkerGone):
+            self._forget_pending()
+
+    def _forget_pending(self) -> None:
+        self._channel = None
         pending, self._pending = self._pending, {}
         for each in pending.values():
             if not each.future.done():
@@ -275,9 +282,11 @@ class Worker:
             case messages.Alive():
                 self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
             case messages.Told():
-                self._hand_on(message)
+                with self._clock.entry(partial(_said, message)):
+                    self._hand_on(message)
             case messages.Answer() | messages.Failed() | messages.Progress():
-                self._take_of_request(message, now_s)
+                with self._clock.entry(partial(_said, message)):
+                    self._take_of_request(message, now_s)
             case messages.Warming():
                 self._set(Happened.WARMING, reason=f"loading {message.skill}")
             case messages.Ready():
@@ -333,6 +342,10 @@ class Worker:
     def _report(self, status: WorkerStatus) -> None:
         self.status = status
         self._on_status(status)
+
+
+def _said(message: FromWorker, stamp_s: float) -> WorkerSaid:
+    return WorkerSaid(stamp_s, packed(message))
 
 
 def _because(reason: str) -> str:

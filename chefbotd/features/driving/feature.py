@@ -60,7 +60,7 @@ def driving(
     return Feature(
         "driving",
         services=(
-            Service("drive", service.run, critical=True),
+            Service("drive", service.run, critical=True, in_steps=True),
             Service("quadrature", quadrature.run, critical=True),
         ),
         methods=methods(handlers, arm_role),

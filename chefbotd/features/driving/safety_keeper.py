@@ -20,15 +20,17 @@ from chefbotd.core.events import (
     RangeMeasured,
     SafetyChanged,
 )
+from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Motion, Pose2D
 from chefbotd.core.record import replace
+from chefbotd.entries import entries_of
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.logs import RateLimitedLog
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, hold, wheels
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
-from chefbotd.safety.gate import HALT, Command, Decision, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
@@ -73,7 +75,7 @@ class SafetyKeeper:
         motors: MotorWatch,
         scans: Callable[[OnError], Scans] | None = None,
     ) -> None:
-        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
@@ -92,6 +94,11 @@ class SafetyKeeper:
         bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
+
+    @property
+    def gate(self) -> GateState:
+        """The gate's state."""
+        return self._gate
 
     @property
     def armed(self) -> bool:
@@ -312,6 +319,8 @@ class SafetyKeeper:
     def _take_report(self) -> None:
         if self._reported is not None:
             fault, self._reported = self._reported, None
+            if self._clock.recording:
+                self._clock.publish(FaultTaken(self._clock.now_s(), str(fault.kind), fault.reason))
             self.fail(fault)
 
     def _on_range(self, event: RangeMeasured) -> None:

@@ -4,7 +4,6 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 goes out as events.
 """
 
-import asyncio
 from collections.abc import Callable, Collection, Mapping
 
 import structlog
@@ -22,6 +21,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters
+from chefbotd.entries import Timer, entries_of
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
 from chefbotd.motion import ceiling
@@ -29,7 +29,7 @@ from chefbotd.motion.drive import Drive
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Command, Decision
+from chefbotd.safety.gate import Command, Decision, GateState
 from chefbotd.safety.watchdog import WatchdogParameters
 
 log = structlog.get_logger(component="drive")
@@ -63,13 +63,13 @@ class DriveService:
         duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
         patience_s: float = WatchdogParameters().patience_s,
     ) -> None:
-        self._bus, self._clock, self._write_duty = bus, clock, send_duty
+        self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._duty_ceiling = duty_ceiling
         self._watch_period_s, self._patience_s = control.watch_period_s, patience_s
         self._failure = HandlerFailure()
-        self._watch_timer: asyncio.TimerHandle | None = None
+        self._watch_timer: Timer | None = None
         self._runs = False
         self._when_at_rest: Callable[[], None] | None = None
         self.stops, self.stopped_by = 0, ""
@@ -148,6 +148,11 @@ class DriveService:
         self._keeper.report_from_thread(fault)
 
     @property
+    def gate(self) -> GateState:
+        """The gate's state."""
+        return self._keeper.gate
+
+    @property
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
         return any(self._state.duty)
@@ -215,7 +220,7 @@ class DriveService:
         if self._watch_timer is not None:
             self._watch_timer.cancel()
         if self._runs:
-            self._watch_timer = asyncio.get_running_loop().call_later(self._watch_period_s, self._watch)
+            self._watch_timer = self._clock.call_later(self._watch_period_s, self._watch, "drive watch")
 
     def _watch(self) -> None:
         """Act without a measurement: nothing was heard for the period."""

@@ -11,7 +11,8 @@ from chefbotd.core.events.lidars import LidarChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.features.feature import Feature, Service
 from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
-from chefbotd.link.lidar.session import LidarSession, port_of
+from chefbotd.link.entry_session import EntrySession
+from chefbotd.link.lidar.session import LidarSession, link_of, port_of
 from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.topics import Topic
@@ -28,7 +29,10 @@ def lidars(
 ) -> Feature:
     """Every lidar, each on a link of its own."""
     sessions = [LidarSession(bus, clock, lidar) for lidar in parameters]
-    links = [PortLink(port_of(each.lidar), each, opener, clock, rng) for each in sessions]
+    links = [
+        PortLink(port_of(each.lidar), EntrySession(link_of(each.lidar), each, clock), opener, clock, rng)
+        for each in sessions
+    ]
     return Feature(
         "lidars",
         services=tuple(

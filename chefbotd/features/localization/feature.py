@@ -10,7 +10,7 @@ def localization(service: LocalizationService) -> Feature:
     """Localization in the worker, over the service that asks it."""
     return Feature(
         "localization",
-        services=(Service("localization", service.run),),
+        services=(Service("localization", service.run, in_steps=True),),
         methods=methods_of(LocalizationMethods(service)),
         topics=TOPICS,
     )

@@ -10,7 +10,7 @@ def mapping(service: MappingService) -> Feature:
     """SLAM in the worker, over the service that asks it."""
     return Feature(
         "mapping",
-        services=(Service("mapping", service.run),),
+        services=(Service("mapping", service.run, in_steps=True),),
         methods=methods_of(MappingMethods(service)),
         topics=TOPICS,
     )

@@ -15,6 +15,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
 from chefbotd.core.geometry import wrap_angle
+from chefbotd.entries import entries_of
 from chefbotd.features.maps import parts
 from chefbotd.features.maps.importer import Report, run_import
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
@@ -41,6 +42,7 @@ class MapsService:
 
     def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
+        self._entries = entries_of(clock)
         self._whereabouts = Whereabouts(bus)
         self.growing: Callable[[], Awaitable[MapChanged]] | None = None
         self._threads = ThreadPoolExecutor(MOST_THREADS, "maps")
@@ -111,7 +113,7 @@ class MapsService:
     def _announce(self, name: str, version: Version) -> None:
         folder, number = str(self.store.folder), version.manifest.version
         log.info("map in use", map=name, version=number)
-        self._bus.publish(MapLoaded(self._clock.now_s(), folder, name, number))
+        self._entries.observe(self._bus, MapLoaded(self._clock.now_s(), folder, name, number))
 
     async def part(self, name: str | None, part: int) -> MapPart:
         """A part of a map's cells."""
@@ -165,7 +167,7 @@ class MapsService:
         async with self._order:
             await self._changing(self.store.delete, name)
             if self.in_use == map_name(name):
-                self._bus.publish(MapUnloaded(self._clock.now_s(), self.in_use))
+                self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), self.in_use))
                 self.in_use = None
 
     # places

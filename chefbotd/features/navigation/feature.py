@@ -10,7 +10,7 @@ def navigation(service: NavigationService) -> Feature:
     """Navigation in the worker, over the service that puts its wishes through the gate."""
     return Feature(
         "navigation",
-        services=(Service("navigation", service.run),),
+        services=(Service("navigation", service.run, in_steps=True),),
         methods=methods_of(NavigationMethods(service)),
         topics=TOPICS,
     )

@@ -5,6 +5,7 @@ import asyncio
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import StatsSampled
+from chefbotd.entries import entries_of
 from chefbotd.metrics import Metrics
 
 PROBES_PER_SAMPLE = 10
@@ -16,6 +17,7 @@ class StatsService:
 
     def __init__(self, bus: Bus, clock: Clock, metrics: Metrics) -> None:
         self._bus, self._clock, self._metrics = bus, clock, metrics
+        self._entries = entries_of(clock)
         self.lag_s = 0.0
 
     def sample(self) -> StatsSampled:
@@ -26,7 +28,7 @@ class StatsService:
         """Probe the loop's lag and publish a sample every second until cancelled."""
         while True:
             self.lag_s = await self._worst_lag_s()
-            self._bus.publish(self.sample())
+            self._entries.observe(self._bus, self.sample())
 
     async def _worst_lag_s(self) -> float:
         period_s, worst_s = SAMPLE_PERIOD_S / PROBES_PER_SAMPLE, 0.0

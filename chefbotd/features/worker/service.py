@@ -10,6 +10,7 @@ from chefbotd.core.events import OdometryReset, OdometryUpdated
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.entries import entries_of
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
@@ -27,7 +28,7 @@ class WorkerService:
         skills: Mapping[str, bytes],
         start: Spawn | None = None,
     ) -> None:
-        self._bus, self._clock = bus, clock
+        self._bus, self._entries = bus, entries_of(clock)
         self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
         self._steady_from_odom = ORIGIN
         bus.add_handler(self._send_odometry, OdometryUpdated)
@@ -44,16 +45,17 @@ class WorkerService:
         await self.worker.run()
 
     def _report(self, status: WorkerStatus) -> None:
-        self._bus.publish(
+        self._entries.observe(
+            self._bus,
             WorkerReported(
-                self._clock.now_s(),
+                self._entries.now_s(),
                 str(status.state),
                 status.pid,
                 status.restarts,
                 status.rss_mb,
                 status.cpu,
                 status.reason,
-            )
+            ),
         )
 
     def _take_reset(self, event: OdometryReset) -> None:

@@ -11,6 +11,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events.depth_cameras import DepthCameraChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
+from chefbotd.entries import entries_of
 from chefbotd.link.depth.process import DepthChild, Spawn
 from chefbotd.link.depth.wire import BEARINGS, BadMessage, MessageReader
 from chefbotd.perception.depth_camera import DepthSourceParameters
@@ -30,7 +31,7 @@ class DepthCamera:
         self, parameters: DepthSourceParameters, bus: Bus, clock: Clock, spawn: Spawn, rng: random.Random
     ) -> None:
         self.parameters = parameters
-        self._bus, self._clock, self._spawn, self._rng = bus, clock, spawn, rng
+        self._bus, self._entries, self._spawn, self._rng = bus, entries_of(clock), spawn, rng
         self._told: tuple[bool, str] | None = None
         self.scans = self.starts = 0
 
@@ -86,14 +87,14 @@ class DepthCamera:
         self._tell(healthy=True, reason="")
         scan = LaserScan(stamp_s, bearing_rad, range_m, np.zeros(len(range_m)))
         mount = self.parameters.base_from_camera
-        self._bus.publish(ScanMeasured(stamp_s, self.parameters.name, mount, scan))
+        self._entries.observe(self._bus, ScanMeasured(stamp_s, self.parameters.name, mount, scan))
 
     def _tell(self, *, healthy: bool, reason: str) -> None:
         """Publish and log a change."""
         if (healthy, reason) == self._told:
             return
         self._told, name = (healthy, reason), self.parameters.name
-        self._bus.publish(DepthCameraChanged(self._clock.now_s(), name, healthy, reason))
+        self._entries.observe(self._bus, DepthCameraChanged(self._entries.now_s(), name, healthy, reason))
         if healthy:
             log.info("depth camera sends images", camera=name)
         else:

@@ -9,8 +9,10 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryUpdated
+from chefbotd.core.events.inputs import LinkBytesWritten
 from chefbotd.core.events.lidars import LidarChanged
 from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.entries import Timer, entries_of
 from chefbotd.link.lidar.health import Condition, HealthWatch, Heard
 from chefbotd.link.lidar.ld19_reader import Ld19Reader
 from chefbotd.link.lidar.reader import LidarReader
@@ -52,6 +54,11 @@ def port_of(lidar: LidarParameters) -> LinkParameters:
     )
 
 
+def link_of(lidar: LidarParameters) -> str:
+    """The name of the lidar's link in a recording."""
+    return f"lidar/{lidar.name}"
+
+
 def _reader_of(lidar: LidarParameters) -> LidarReader:
     baud = baud_of(lidar)
     if lidar.model.is_ldrobot:
@@ -63,7 +70,7 @@ class LidarSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters; scans go to the bus as they end."""
 
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
-        self._bus, self._clock, self.lidar = bus, clock, lidar
+        self._bus, self._clock, self.lidar = bus, entries_of(clock), lidar
         self.reader = _reader_of(lidar)
         self._base_from_lidar = lidar.base_from_lidar
         self._repeats, self._travel = RepeatFinder(), Travel()
@@ -72,7 +79,7 @@ class LidarSession(asyncio.Protocol):
         self._closed = asyncio.Event()
         self._closed.set()
         self._sample = b""
-        self._poll_timer: asyncio.TimerHandle | None = None
+        self._poll_timer: Timer | None = None
         self._scans_before, self._heard_s = 0, 0.0
         self._health = HealthWatch(0.0, Heard())
         self.bytes_in = self.opens = self.scans = self.repeated = 0
@@ -184,11 +191,13 @@ class LidarSession(asyncio.Protocol):
         if self._transport is None or self.lidar.model in (LidarModel.LD06, LidarModel.LD19):
             return
         self._say(self.reader.poll(self._clock.now_s()))
-        self._poll_timer = asyncio.get_running_loop().call_later(POLL_EVERY_S, self._poll)
+        self._poll_timer = self._clock.call_later(POLL_EVERY_S, self._poll, f"{link_of(self.lidar)} poll")
 
     def _say(self, words: bytes) -> None:
         if words and self._transport is not None:
             self._transport.write(words)
+            if self._clock.recording:
+                self._clock.publish(LinkBytesWritten(self._clock.now_s(), link_of(self.lidar), words))
 
     def _heard(self) -> Heard:
         repeated = self.repeated + self.reader.refused["out_of_order"]

@@ -1,0 +1,184 @@
+"""What comes into the process, and in which order: published only while somebody records.
+
+A robot does what follows from its configuration and from these. Each record of an *entry* says what was handled, and at
+which time: until the next entry the robot sees no other time. What follows an entry on the bus is its consequence.
+Records that are no entries say what the outside answered meanwhile.
+"""
+
+from typing import Any, TypeAlias
+
+from chefbotd.core.record import Record
+
+BOARD_LINK = "board"
+
+
+class DaemonStarted(Record, frozen=True):
+    """An entry: nothing has happened before it. The mode of the gate is what the daemon before this one left."""
+
+    stamp_s: float
+    mode: str
+    reason: str
+    fault: str | None
+
+
+class DaemonStopping(Record, frozen=True):
+    """The end: what is published after it belongs to no entry."""
+
+    stamp_s: float
+
+
+class PortOpened(Record, frozen=True):
+    """An entry: the port of a link (``board``, or ``lidar/`` and its name) was opened."""
+
+    stamp_s: float
+    link: str
+
+
+class PortLost(Record, frozen=True):
+    """An entry: the port of a link is gone. ``reason`` is None where it was closed here."""
+
+    stamp_s: float
+    link: str
+    reason: str | None
+
+
+class PortNotOpened(Record, frozen=True):
+    """An entry: the port of a link cannot be opened."""
+
+    stamp_s: float
+    link: str
+    reason: str
+
+
+class PortDrained(Record, frozen=True):
+    """An entry: the port takes bytes again."""
+
+    stamp_s: float
+    link: str
+
+
+class LinkBytesRead(Record, frozen=True):
+    """An entry: bytes came from a link, in one read."""
+
+    stamp_s: float
+    link: str
+    data: bytes
+
+
+class LinkBytesWritten(Record, frozen=True):
+    """Bytes went to a link: what the robot did."""
+
+    stamp_s: float
+    link: str
+    data: bytes
+
+
+class TimerFired(Record, frozen=True):
+    """An entry: the time of a timer has come."""
+
+    stamp_s: float
+    timer: str
+
+
+class RequestHandled(Record, frozen=True):
+    """An entry: a client's request is carried out. Params that hold a secret are None.
+
+    ``number`` counts the requests and ``client`` the connections. ``name`` is what the client calls itself, ``shown``
+    what it is called where others see it.
+    """
+
+    stamp_s: float
+    number: int
+    method: str
+    params: dict[str, Any] | None
+    client: int
+    name: str
+    shown: str
+    role: str | None
+
+
+class ClientLeft(Record, frozen=True):
+    """An entry: a client is gone, and with it what it has control of."""
+
+    stamp_s: float
+    client: int
+
+
+class TaskStepped(Record, frozen=True):
+    """An entry: a service, or a request that takes its time, goes on to where it waits next."""
+
+    stamp_s: float
+    task: str
+    cancelled: bool
+
+
+class ServiceFailed(Record, frozen=True):
+    """An entry: a service has failed, and the robot is stopped for it."""
+
+    stamp_s: float
+    reason: str
+
+
+class EventObserved(Record, frozen=True):
+    """An entry: the event that follows came from outside: from the disk, from another process, from the computer."""
+
+    stamp_s: float
+
+
+class WorkerSaid(Record, frozen=True):
+    """An entry: a message of the worker, as MessagePack."""
+
+    stamp_s: float
+    message: bytes
+
+
+class WorkerGone(Record, frozen=True):
+    """An entry: the worker has ended; nothing more comes from this one."""
+
+    stamp_s: float
+
+
+class DrainAnswered(Record, frozen=True):
+    """No entry: the port of the board was asked the ``query``-th time whether all is sent; it said otherwise before."""
+
+    stamp_s: float
+    query: int
+    drained: bool
+
+
+class FaultTaken(Record, frozen=True):
+    """No entry: a fault that a thread had reported was taken note of."""
+
+    stamp_s: float
+    kind: str
+    reason: str
+
+
+class AnswerTaken(Record, frozen=True):
+    """No entry: what a task waited for came from the disk, as JSON."""
+
+    stamp_s: float
+    asked: str
+    answer: str
+
+
+Entry: TypeAlias = (
+    DaemonStarted
+    | PortOpened
+    | PortLost
+    | PortNotOpened
+    | PortDrained
+    | LinkBytesRead
+    | TimerFired
+    | RequestHandled
+    | ClientLeft
+    | TaskStepped
+    | ServiceFailed
+    | EventObserved
+    | WorkerSaid
+    | WorkerGone
+)
+ENTRIES: tuple[type[Entry], ...] = Entry.__args__
+ANSWERS = (DrainAnswered, FaultTaken, AnswerTaken)
+INPUTS: tuple[type[Any], ...] = (*ENTRIES, *ANSWERS, LinkBytesWritten, DaemonStopping)
+"""Every class of this module that is published."""

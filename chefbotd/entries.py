@@ -1,0 +1,134 @@
+"""Entries from outside: each is handled at one time, and told to whoever records.
+
+Bytes that arrive, a timer that fires, a request, a task that goes on: whatever follows from one of them in the same call
+stack sees the time of its beginning. So what the robot does is a function of its entries and their times, and can be
+computed again from a recording.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Coroutine, Generator, Iterator
+from typing import Any, Protocol, TypeVar
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events.inputs import EventObserved, TaskStepped, TimerFired
+
+T = TypeVar("T")
+
+
+class Timer(Protocol):
+    """What ``call_later`` returns."""
+
+    def cancel(self) -> None:
+        """Do not call it any more."""
+        ...
+
+
+class Entries:
+    """A clock that stands still while an entry is handled.
+
+    ``recording`` says whether the records in ``core.events.inputs`` are to be published; read it before you make one.
+    """
+
+    def __init__(self, clock: Clock, bus: Bus | None = None) -> None:
+        self._read_clock, self._bus = clock.now_s, bus
+        self._latched_s: float | None = None
+        self._recorders = 0
+        self.recording = False
+
+    def now_s(self) -> float:
+        """The time of the entry that is being handled; between entries, the present."""
+        latched_s = self._latched_s
+        return self._read_clock() if latched_s is None else latched_s
+
+    def begin(self) -> bool:
+        """An entry begins, unless it belongs to one that is being handled: whether ``end`` is to follow."""
+        if self._latched_s is not None:
+            return False
+        self._latched_s = self._read_clock()
+        return True
+
+    def end(self) -> None:
+        """The entry has been handled."""
+        self._latched_s = None
+
+    def publish(self, record: object) -> None:
+        """Publish a record; to be called only while ``recording``."""
+        if self._bus is not None:
+            self._bus.publish(record)
+
+    @contextlib.contextmanager
+    def entry(self, kind: Callable[..., object], *fields: object) -> Iterator[None]:
+        """Handle an entry; ``kind`` is the class of its record, whose fields after the stamp these are."""
+        outermost = self.begin()
+        try:
+            if self.recording and outermost:
+                self.publish(kind(self.now_s(), *fields))
+            yield
+        finally:
+            if outermost:
+                self.end()
+
+    def call_later(self, delay_s: float, callback: Callable[[], None], name: str) -> Timer:
+        """As the event loop's; the call is an entry. Of one name, one timer at most runs at a time."""
+        return asyncio.get_running_loop().call_later(delay_s, self._fire, callback, name)
+
+    def _fire(self, callback: Callable[[], None], name: str) -> None:
+        with self.entry(TimerFired, name):
+            callback()
+
+    def observe(self, bus: Bus, event: object) -> None:
+        """Publish what came from outside: from the disk, from another process, from the computer itself."""
+        outermost = self.begin()
+        try:
+            if self.recording:
+                self.publish(EventObserved(self.now_s()))
+            bus.publish(event)
+        finally:
+            if outermost:
+                self.end()
+
+    async def in_steps(self, name: str, run: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """Run a coroutine; each time that it goes on is an entry."""
+        result: T = await _Steps(self, name, run())
+        return result
+
+    def begin_recording(self) -> Callable[[], None]:
+        """Publish the records from now on; returns what ends that. A replay needs them from the daemon's start."""
+        self._recorders += 1
+        self.recording, ended = True, False
+
+        def end() -> None:
+            nonlocal ended
+            if not ended:
+                ended, self._recorders = True, self._recorders - 1
+                self.recording = self._recorders > 0
+
+        return end
+
+
+class _Steps:
+    """A coroutine whose steps are entries; an asyncio task sees no difference."""
+
+    def __init__(self, entries: Entries, name: str, task: Coroutine[Any, Any, Any]) -> None:
+        self._entries, self._name, self._task = entries, name, task
+
+    def __await__(self) -> Generator[Any, None, Any]:
+        error: BaseException | None = None
+        while True:
+            with self._entries.entry(TaskStepped, self._name, error is not None):
+                try:
+                    awaited = self._task.send(None) if error is None else self._task.throw(error)
+                except StopIteration as end:
+                    return end.value
+            error = None
+            try:
+                yield awaited
+            except BaseException as raised:  # noqa: BLE001 - the coroutine's to handle
+                error = raised
+
+
+def entries_of(clock: Clock) -> Entries:
+    """The clock itself where it is one of entries; else one of entries that nobody records."""
+    return clock if isinstance(clock, Entries) else Entries(clock)
