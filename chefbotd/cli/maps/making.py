@@ -31,7 +31,8 @@ def start(context: CommandContext, name: str | None, unfinished: bool) -> None:
     """
     told = _run(context, lambda robot: robot.start_mapping(name, unfinished=unfinished))
     begun = f"Mapping: {told.kept_scans} scans so far." if told.kept_scans else "Mapping."
-    output.say(context.as_json, told.model_dump(), f"{begun} 'chefbotctl map live' shows the map.")
+    warning = f" Beware: {told.warning}." if told.warning else ""
+    output.say(context.as_json, told.model_dump(), f"{begun} 'chefbotctl map live' shows the map.{warning}")
 
 
 @click.command()
@@ -100,13 +101,14 @@ def demo(context: CommandContext, out: Path) -> None:
     from chefbotd.cli.maps.demo import Demo
     from chefbotd.cli.maps.demo_view import DemoView, as_json
     from chefbotd.cli.maps.draw import Mark
+    from chefbotd.cli.maps.only_one import only_one_in
     from chefbotd.cli.maps.png import to_png
     from chefbotd.sim.scene import of_solids
     from chefbotd.sim.worlds.building import SLICE_M
     from chefbotd.sim.worlds.flat import FLAT
 
     view = DemoView(quiet=context.as_json)
-    with view.showing() as show:
+    with only_one_in(out), view.showing() as show:
         result = context.run(Demo(out, FLAT.name, FLAT.start, show).run())
     errors = wall_errors(result.grid, FLAT.start, of_solids(FLAT.solids).slice(SLICE_M)[0])
     picture = out / f"{FLAT.name}.png"
