@@ -61,12 +61,12 @@ class MapStore:
             plain = {path.name.removesuffix(".yaml") for path in self.folder.glob("*.yaml")}
         return sorted(name for name in own | plain if _is_name(name))
 
-    def describe(self, name: str) -> StoredMap:
-        """What is known of a map."""
+    def describe(self, name: str, *, thorough: bool = False) -> StoredMap:
+        """What is known of a map; ``thorough`` reads every byte, so that damage which changes no size is found too."""
         own = self._own(name)
         with told(f"look at the map {name!r}", own):
             if numbers := tuple(number for number, _ in versions(own)):
-                found, damage = latest(own)
+                found, damage = latest(own, thorough=thorough)
                 return StoredMap(name, None if found is None else found.manifest, numbers, damage)
             if (self.folder / f"{name}.yaml").is_file():
                 return StoredMap(name, None, plain=True)
@@ -119,8 +119,12 @@ class MapStore:
 
     def read_autosave(self) -> Version | None:
         """The latest autosave that is whole, if there is one."""
+        return self.look_at_autosave()[0]
+
+    def look_at_autosave(self) -> tuple[Version | None, dict[int, str]]:
+        """The latest autosave that is whole, if there is one, and what is wrong with newer ones, by their numbers."""
         with told("read the map that was being made", self._autosaved):
-            return latest(self._autosaved, thorough=True)[0]
+            return latest(self._autosaved, thorough=True)
 
     def discard_autosave(self) -> None:
         """Forget what was being mapped: it has been saved, or nobody wants it."""

@@ -69,7 +69,9 @@ class MapsService:
         """Every map."""
 
         def read() -> list[Any]:
-            return [summary(self.store.describe(name), self.in_use) for name in self.store.names()]
+            return [
+                summary(self.store.describe(name, thorough=True), self.in_use) for name in self.store.names()
+            ]
 
         maps = await self._in_thread(read)
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
@@ -156,6 +158,7 @@ class MapsService:
     async def rename(self, name: str, new_name: str) -> None:
         """Give a map another name; one in use stays in use."""
         async with self._order:
+            self._require_not_mapped(name)
             await self._changing(self.store.rename, name, new_name)
             if self.in_use == map_name(name):
                 self.in_use = map_name(new_name)
@@ -165,6 +168,7 @@ class MapsService:
     async def delete(self, name: str) -> None:
         """Remove a map; after the one in use, none is."""
         async with self._order:
+            self._require_not_mapped(name)
             await self._changing(self.store.delete, name)
             if self.in_use == map_name(name):
                 self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), self.in_use))
@@ -207,6 +211,14 @@ class MapsService:
             await self._changing(self.store.change_beside, of_map, PLACES, rewritten)
 
     # inside
+
+    def _require_not_mapped(self, name: str) -> None:
+        """What is being added to a map belongs to its name."""
+        if self._whereabouts.is_mapping and self._whereabouts.mapped == map_name(name):
+            raise MapStoreError(
+                RefusalKind.ALREADY_MAPPING,
+                f"mapping goes on with the map {name!r}: finish_mapping or discard_mapping comes first",
+            )
 
     def _named(self, name: str | None) -> str:
         """The map of this name, or else the one in use."""

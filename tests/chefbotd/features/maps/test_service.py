@@ -261,6 +261,46 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
     asyncio.run(run())
 
 
+def test_a_map_that_mapping_goes_on_with_keeps_its_name_and_stays(tmp_path: Path) -> None:
+    """Renaming and deleting it are refused until mapping ends; other maps are not concerned."""
+    for name in ("flat", "cellar", "attic"):
+        save(MapStore(tmp_path), name, grid(1))
+
+    async def run() -> None:
+        bus = Bus()
+        service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
+        bus.publish(mapping_told("paused", "flat"))
+        for change in (service.rename("flat", "home"), service.delete("flat")):
+            with pytest.raises(MapStoreError, match="mapping goes on with the map 'flat'") as refused:
+                await change
+            assert refused.value.kind == "already_mapping"
+        await service.rename("cellar", "basement")
+        await service.delete("attic")
+        bus.publish(mapping_told("idle", None))
+        await service.rename("flat", "home")
+        assert MapStore(tmp_path).names() == ["basement", "home"]
+
+    asyncio.run(run())
+
+
+def test_damage_that_changes_no_size_is_listed(tmp_path: Path) -> None:
+    """One bit of the cells is another one: the newest version is told as damaged, and the map is the one before it."""
+    store = MapStore(tmp_path)
+    save(store, "flat", grid(1))
+    save(store, "flat", grid(2))
+    cells = tmp_path / "flat.map" / "v000002" / "cells.zlib"
+    data = bytearray(cells.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    cells.write_bytes(data)
+
+    async def run() -> None:
+        (only,) = (await MapsService(Bus(), LoopClock(), store, 3).list_maps()).maps
+        assert (only.condition, only.version) == ("whole", 1)
+        assert only.problem == "version 2: cells.zlib is damaged: its checksum differs"
+
+    asyncio.run(run())
+
+
 def pose_told(stamp_s: float, state: str) -> MapPoseUpdated:
     """What mapping or localization tells."""
     return MapPoseUpdated(stamp_s, Pose2D(1.25, -0.5, 2.0), Pose2D(), CERTAIN, 0.97, state)
