@@ -44,7 +44,8 @@ class MapChanged(Record, frozen=True):
 class MappingChanged(Record, frozen=True):
     """How the map stands that is being made: ``state`` is idle, mapping, paused or finishing.
 
-    ``name`` is the map that is gone on with. ``unfinished``: one that was never finished lies on the disk.
+    ``name`` is the map that is gone on with. ``unfinished``: one that was never finished lies on the disk; ``warning``
+    says what is lost of it, if anything is.
     """
 
     stamp_s: float
@@ -56,3 +57,4 @@ class MappingChanged(Record, frozen=True):
     scans: int
     unfinished: bool
     reason: str
+    warning: str = ""

@@ -42,6 +42,7 @@ class MappingResult(Result):
     kept_scans: int
     loops: int
     path_m: float
+    warning: str | None = Field(default=None, description="what is lost of a map that was never finished")
 
 
 class MapSaved(Result):
@@ -65,6 +66,7 @@ class MappingData(TopicData):
     scans: int = 0
     unfinished: bool = Field(default=False, description="a map that was never finished lies on the disk")
     reason: str = ""
+    warning: str | None = Field(default=None, description="what is lost of a map that was never finished")
 
 
 class MapData(TopicData):
@@ -197,6 +199,7 @@ def _mapping(event: MappingChanged | None) -> MappingData:
         scans=event.scans,
         unfinished=event.unfinished,
         reason=event.reason,
+        warning=event.warning or None,
     )
 
 

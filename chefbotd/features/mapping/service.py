@@ -146,6 +146,7 @@ class MappingService:
             kept_scans=status.kept_scans,
             loops=status.loops,
             path_m=status.path_m,
+            warning=status.warning or None,
         )
 
     def _take_told(self, body: bytes) -> None:
@@ -160,6 +161,10 @@ class MappingService:
                 self._publish(told)
 
     def _publish(self, status: MappingStatus) -> None:
+        if status.warning and status.warning != self._status.warning:
+            log.warning("the map that was being made is damaged", state=status.state, warning=status.warning)
+        if status.reason and not self._status.reason:
+            log.warning("something is wrong with the map that is being made", reason=status.reason)
         self._status = status
         self._bus.publish(
             MappingChanged(
@@ -172,6 +177,7 @@ class MappingService:
                 status.scans,
                 status.unfinished,
                 status.reason,
+                status.warning,
             )
         )
 

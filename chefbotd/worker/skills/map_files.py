@@ -33,6 +33,10 @@ class MapFiles(Protocol):
         """Its state, None where there is none."""
         ...
 
+    def autosave_damage(self) -> str:
+        """What is wrong with its newest states, in words; empty where nothing is."""
+        ...
+
     def discard_autosave(self) -> None:
         """Forget it."""
         ...
@@ -59,6 +63,11 @@ class StoredMaps:
     def has_autosave(self) -> bool:
         """Whether there is a map that was not finished."""
         return self._store.read_autosave() is not None
+
+    def autosave_damage(self) -> str:
+        """What is wrong with its newest states, in words; empty where nothing is."""
+        _, damage = self._store.look_at_autosave()
+        return "; ".join(f"version {number}: {why}" for number, why in damage.items())
 
     def read_autosave(self) -> Arrays | None:
         """Its state, None where there is none."""

@@ -28,6 +28,7 @@ from chefbotd.worker.skills import mapping_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
 from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
+from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Done, Job, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
@@ -41,6 +42,9 @@ WHOLE_EVERY_S: Final = 10.0
 
 BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
+
+
+UNREADABLE: Final = "there was a map that was never finished, and nothing of it can be read"
 
 
 class Mode(StrEnum):
@@ -60,7 +64,8 @@ class MappingSkill:
         self._clock = clock
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
         self._aligner = ScanAligner()
-        self._mode, self._reason = Mode.IDLE, ""
+        self._mode, self._reason, self._warning = Mode.IDLE, "", ""
+        self._silence = Silence(self._parameters.lidar)
         self._name: str | None = None
         self._revision = 0
         self._forget()
@@ -83,12 +88,15 @@ class MappingSkill:
 
     def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
         """A turn of the lidar of which the map is made."""
-        if self._mode is Mode.MAPPING and scan.lidar == self._parameters.lidar:
-            self._aligner.add_scan(scan)
+        if scan.lidar == self._parameters.lidar:
+            self._silence.scan_s = self._clock.now_s()
+            if self._mode is Mode.MAPPING:
+                self._aligner.add_scan(scan)
         return self._map_what_is_aligned()
 
     def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
         """Where the robot is by odometry: also while no map is made, so that the first scan finds it."""
+        self._silence.odometry_s = self._clock.now_s()
         self._aligner.add_odometry(odometry)
         return self._map_what_is_aligned()
 
@@ -110,6 +118,8 @@ class MappingSkill:
     def step(self, now_s: float) -> Iterable[Struct]:
         """Map scans that odometry keeps waiting; tell what changed; save now and then."""
         yield from self._map_what_is_aligned()
+        if self._silence.has_changed(now_s, is_awaited=self._mode is Mode.MAPPING):
+            yield self._status()
         if self._mode is not Mode.MAPPING:
             return
         if now_s >= self._tell_at_s and self._told_number != self._state.next_number:
@@ -180,8 +190,12 @@ class MappingSkill:
                 RefusalKind.ALREADY_MAPPING,
                 "there is a map that was never finished: go on with it (unfinished = true), or send discard_mapping",
             )
+        damage = self._files.autosave_damage()
         if request.unfinished and found is None:
+            if damage:
+                raise Refused(RefusalKind.MAP_UNREADABLE, f"{UNREADABLE} ({damage})")
             raise Refused(RefusalKind.NOT_MAPPING, "no map was left unfinished")
+        warning = _warning(damage, is_found=found is not None)
         name = request.name
         if name is not None and not request.unfinished:
             found = self._files.read_slam(name)
@@ -193,16 +207,18 @@ class MappingSkill:
         state = start() if found is None else self._continued(found)
         self._forget()
         self._state, self._mode, self._name, self._reason = state, Mode.MAPPING, name, ""
+        self._warning = warning
         return self._status()
 
     def _resume(self, request: messages.Resume) -> MappingStatus:
-        found = self._files.read_autosave()
+        found, damage = self._files.read_autosave(), self._files.autosave_damage()
         if found is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
             return self._status()
         state = self._continued(found)
         self._forget()
         self._state, self._name, self._reason = state, request.name, ""
+        self._warning = _warning(damage, is_found=True)
         self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
         self._saved_number = state.next_number
         return self._status()
@@ -228,7 +244,7 @@ class MappingSkill:
         if self._mode is Mode.FINISHING:
             raise Refused(RefusalKind.ALREADY_MAPPING, "the map is being finished: cancel that first")
         self._files.discard_autosave()
-        self._mode, self._name, self._reason = Mode.IDLE, None, ""
+        self._mode, self._name, self._reason, self._warning = Mode.IDLE, None, "", ""
         self._forget()
         return self._status()
 
@@ -260,7 +276,7 @@ class MappingSkill:
             self._mode = before
             raise
         status = self._status()
-        self._mode, self._name, self._reason = Mode.IDLE, None, ""
+        self._mode, self._name, self._reason, self._warning = Mode.IDLE, None, "", ""
         self._forget()
         try:
             self._files.discard_autosave()
@@ -281,7 +297,10 @@ class MappingSkill:
     # what is told
 
     def _status(self) -> MappingStatus:
-        state = self._state
+        state, is_idle = self._state, self._mode is Mode.IDLE
+        unfinished, warning = is_idle and self._files.has_autosave(), self._warning
+        if is_idle:
+            warning = _warning(self._files.autosave_damage(), is_found=unfinished)
         return MappingStatus(
             state=str(self._mode),
             name=self._name,
@@ -289,8 +308,9 @@ class MappingSkill:
             loops=int(state.edges.loop.sum()),
             path_m=way_m(state),
             scans=self._scans,
-            unfinished=self._mode is Mode.IDLE and self._files.has_autosave(),
-            reason=self._reason,
+            unfinished=unfinished,
+            reason="; ".join(filter(None, (self._silence.told, self._reason))),
+            warning=warning,
         )
 
     def _arrays(self) -> Arrays:
@@ -317,6 +337,17 @@ class MappingSkill:
             whole=patch.whole,
             cells=zlib.compress(np.ascontiguousarray(patch.percent).tobytes(), 1),
         )
+
+
+def _warning(damage: str, *, is_found: bool) -> str:
+    """What is lost of a map that was never finished; ``is_found``: an older state of it is whole."""
+    if not damage:
+        return ""
+    return (
+        f"the newest state of it is damaged ({damage}): an older one is used"
+        if is_found
+        else f"{UNREADABLE} ({damage})"
+    )
 
 
 def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generator[Done, None, SlamState]:

@@ -70,7 +70,7 @@ class MappingStatus(Message, frozen=True, tag="status"):
     """How the map stands; ``reason`` says what is wrong, if anything is. Also told whenever the state changes.
 
     ``state`` is idle, mapping, paused or finishing; ``name`` is that of the map that is gone on with. ``unfinished``: a
-    map that was not finished lies on the disk.
+    map that was not finished lies on the disk. ``warning`` says what is lost of it, if anything is.
     """
 
     state: str
@@ -81,6 +81,7 @@ class MappingStatus(Message, frozen=True, tag="status"):
     scans: int = 0
     unfinished: bool = False
     reason: str = ""
+    warning: str = ""
 
 
 class Finished(Message, frozen=True, tag="finished"):

@@ -11,6 +11,7 @@ from zlib import decompress
 
 import numpy as np
 import pytest
+from structlog.testing import capture_logs
 
 from chefbotd.bus import Bus
 from chefbotd.client import Client
@@ -205,6 +206,49 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
             assert (await s.client.call("start_mapping"))["kept_scans"] == 0
 
     run_virtual(play())
+
+
+def test_a_map_of_which_every_autosave_is_damaged_is_never_replaced_in_silence(tmp_path: Path) -> None:
+    """Half of each file is lost with the daemon: the topic, the log, a refusal and the new map's answer all say so."""
+    lost = "there was a map that was never finished, and nothing of it can be read (version "
+
+    async def play() -> None:
+        async with scene(tmp_path) as s:
+            await s.client.call("start_mapping")
+            await s.drive(0, 20)
+        for graph in (tmp_path / ".autosave.map").glob("v*/slam.npz"):
+            graph.write_bytes(graph.read_bytes()[: graph.stat().st_size // 2])
+        async with scene(tmp_path) as s:
+            before = await s.data("mapping")
+            assert (before.unfinished, before.warning[: len(lost)]) == (False, lost)
+            with pytest.raises(CallError, match="nothing of it can be read") as refused:
+                await s.client.call("start_mapping", unfinished=True)
+            assert refused.value.kind == "map_unreadable"
+            assert (await s.client.start_mapping()).warning == before.warning
+            assert (await s.data("mapping")).warning == before.warning
+
+    with capture_logs() as log:
+        run_virtual(play())
+    assert "the map that was being made is damaged" in [entry["event"] for entry in log]
+
+
+def test_a_lidar_that_falls_silent_is_said_while_a_map_is_made(tmp_path: Path) -> None:
+    """Odometry goes on: ``mapping.reason`` and the log say that nothing is added, and for how long."""
+
+    async def play() -> None:
+        async with scene(tmp_path) as s:
+            await s.client.call("start_mapping")
+            await s.drive(0, 10)
+            assert (await s.data("mapping")).reason == ""
+            for _ in range(35):
+                now_s = asyncio.get_running_loop().time()
+                s.bus.publish(OdometryUpdated(now_s, now_s, Pose2D(0.3), STANDING, CERTAIN))
+                await asyncio.sleep(0.1)
+            assert (await s.data("mapping")).reason == "no scan of the lidar 'top' for 3 s"
+
+    with capture_logs() as log:
+        run_virtual(play())
+    assert "something is wrong with the map that is being made" in [entry["event"] for entry in log]
 
 
 def test_a_reset_of_the_odometry_is_no_motion_of_the_map(tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ class Memory:
     autosaves: int = 0
     full: bool = False
     stubborn: bool = False
+    damage: str = ""
 
     def save(self, name: str, grid: OccupancyGrid, slam: Arrays) -> int:
         """A version more."""
@@ -69,6 +70,10 @@ class Memory:
     def read_autosave(self) -> Arrays | None:
         """It."""
         return None if self.kept is None else self.kept[1]
+
+    def autosave_damage(self) -> str:
+        """What is wrong with its newest states."""
+        return self.damage
 
     def discard_autosave(self) -> None:
         """Forget it."""
@@ -338,6 +343,83 @@ def test_a_full_disk_is_said_and_mapping_goes_on() -> None:
     bench.drive(30, 150)
     assert bench.of(MappingStatus)[-1].reason == ""  # type: ignore[attr-defined]
     assert bench.memory.kept is not None
+
+
+def test_a_lidar_that_falls_silent_in_mid_mapping_is_said_with_the_seconds() -> None:
+    """From 2 s on, each second anew; the odometry goes on meanwhile, and with the next scan nothing is missing."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 5)
+    bench.told.clear()
+    bench.drive(5, 38, [each for each in measured(5, 38) if isinstance(each, OdometrySeen)])
+    told = [each.reason for each in bench.of(MappingStatus) if each.reason]  # type: ignore[attr-defined]
+    assert told == ["no scan of the lidar 'top' for 2 s", "no scan of the lidar 'top' for 3 s"]
+    bench.drive(38, 40)
+    assert bench.ask(GetStatus()).reason == ""
+
+
+def test_odometry_that_falls_silent_in_mid_mapping_is_said() -> None:
+    """Scans go on to come; nothing is missing while mapping is paused."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 5)
+    begun_s = bench.clock.now_s()
+    for scan in (each for each in measured(5, 32) if isinstance(each, ScanSeen)):
+        bench.clock.advance(scan.stamp_s - bench.clock.now_s())
+        list(bench.skill.take_scan(scan))
+        list(bench.skill.step(bench.clock.now_s()))
+    assert 2.6 < bench.clock.now_s() - begun_s < 2.8
+    assert bench.ask(GetStatus()).reason == "no odometry for 2 s"
+    bench.ask(Pause())
+    list(bench.skill.step(bench.clock.now_s()))
+    assert bench.ask(GetStatus()).reason == ""
+
+
+def test_a_lidar_from_which_nothing_ever_came_is_said_too() -> None:
+    """The seconds count from the beginning of the map; what the worker was too busy to look at counts for nobody."""
+    bench = Bench()
+    bench.ask(Start())
+    for _ in range(5):
+        list(bench.skill.step(bench.clock.now_s()))
+        bench.clock.advance(0.5)
+    list(bench.skill.step(bench.clock.now_s()))
+    assert bench.ask(GetStatus()).reason == "no scan of the lidar 'top' for 2 s; no odometry for 2 s"
+    bench.clock.advance(7.0)
+    list(bench.skill.step(bench.clock.now_s()))
+    assert bench.ask(GetStatus()).reason == ""
+
+
+def test_a_map_that_begins_where_one_was_lost_says_so() -> None:
+    """Both autosaves are damaged: said before, refused to whoever wants to go on, and in the answer of a new map."""
+    bench = Bench(Memory(damage="version 8: slam.npz is missing; version 7: cells.zlib is damaged"))
+    lost = "there was a map that was never finished, and nothing of it can be read (version 8: slam.npz is missing; "
+    before = bench.ask(GetStatus())
+    assert (before.state, before.unfinished) == ("idle", False)
+    assert before.warning.startswith(lost)
+    with pytest.raises(Refused, match="nothing of it can be read") as refused:
+        bench.ask(Start(unfinished=True))
+    assert refused.value.kind is RefusalKind.MAP_UNREADABLE
+    assert bench.ask(Start()).warning.startswith(lost)
+    bench.memory.damage = ""  # it was pruned: two new autosaves are there
+    bench.drive(0, 5)
+    assert bench.ask(GetStatus()).warning.startswith(lost), "it is said as long as this map is made"
+    assert bench.ask(Discard()).warning == ""
+
+
+def test_an_older_state_that_is_gone_on_with_is_said() -> None:
+    """The newest autosave is damaged and the one before it whole: mapping goes on from that, and says so."""
+    bench = Bench()
+    bench.ask(Start())
+    bench.drive(0, 20)
+    bench.skill.close()
+    bench.memory.damage = "version 8: slam.npz is missing"
+    again = Bench(bench.memory, session="two")
+    told = again.ask(Start(unfinished=True))
+    assert told.state == "mapping"
+    assert (
+        told.warning
+        == "the newest state of it is damaged (version 8: slam.npz is missing): an older one is used"
+    )
 
 
 def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
