@@ -5,22 +5,51 @@ the addition, and whoever collects the figures (the topic ``stats``, a metrics p
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-Value: TypeAlias = int | float | Mapping[str, int] | None
+
+class Histogram:
+    """How often a value was at most each of ``bounds``, which rise, or above the last; and the ``total`` of all values.
+
+    ``counts`` is not cumulative, and has one more member than ``bounds``.
+    """
+
+    __slots__ = ("bounds", "counts", "total")
+
+    def __init__(self, bounds: Sequence[float]) -> None:
+        if list(bounds) != sorted(set(bounds)) or not bounds:
+            raise ValueError(f"the bounds of a histogram rise, got {list(bounds)}")
+        self.bounds, self.counts, self.total = tuple(bounds), [0] * (len(bounds) + 1), 0.0
+
+    def observe(self, value: float) -> None:
+        """Count one value."""
+        self.counts[bisect_left(self.bounds, value)] += 1
+        self.total += value
+
+    def by_bound(self) -> dict[str, int]:
+        """The counts by their upper bound in decimal figures, the last of which is ``inf``; not cumulative."""
+        return dict(zip([*map(str, self.bounds), "inf"], self.counts, strict=True))
+
+
+Figure: TypeAlias = int | float | Mapping[str, int] | None
+"""A figure as it is collected."""
+Value: TypeAlias = Figure | Histogram
+"""What a part lets be read."""
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 class Kind(StrEnum):
-    """A counter only grows while the daemon runs; a gauge goes up and down."""
+    """A counter only grows while the daemon runs; a gauge goes up and down; a histogram counts values by their size."""
 
     COUNTER = "counter"
     GAUGE = "gauge"
+    HISTOGRAM = "histogram"
 
 
 class Metric(Struct, frozen=True):
@@ -67,7 +96,11 @@ class Metrics:
         """Add a number that goes up and down, and is None as long as it is not known."""
         self._add(Metric(name, help, Kind.GAUGE, float | None, read))
 
-    def collect(self) -> dict[str, Value]:
+    def histogram(self, name: str, help: str, histogram: Histogram) -> None:
+        """Add a count of values by their size; collected as a mapping from each upper bound to its count."""
+        self._add(Metric(name, help, Kind.HISTOGRAM, dict[str, int], lambda: histogram, "at_most"))
+
+    def collect(self) -> dict[str, Figure]:
         """Every figure by its name, as it is now; mappings are copies."""
         return {metric.name: _copied(metric.read()) for metric in self}
 
@@ -79,5 +112,7 @@ class Metrics:
         self._metrics[metric.name] = metric
 
 
-def _copied(value: Value) -> Value:
+def _copied(value: Value) -> Figure:
+    if isinstance(value, Histogram):
+        return value.by_bound()
     return {str(key): count for key, count in value.items()} if isinstance(value, Mapping) else value

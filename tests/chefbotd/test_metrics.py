@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from chefbotd.metrics import Kind, Metrics
+from chefbotd.metrics import Histogram, Kind, Metrics
 
 
 def test_figures_are_read_when_they_are_collected_and_not_before() -> None:
@@ -56,3 +56,20 @@ def test_two_parts_cannot_share_a_name() -> None:
     with pytest.raises(ValueError, match="there is a metric named 'steps' already"):
         metrics.gauge("steps", "Other steps.", lambda: 2.0)
     assert metrics.collect() == {"steps": 1}
+
+
+def test_a_histogram_counts_each_value_at_the_lowest_bound_that_holds_it() -> None:
+    """A value that equals a bound belongs to it, and one above the last bound is counted too."""
+    lag, metrics = Histogram((0.001, 0.02)), Metrics()
+    metrics.histogram("lag_s", "How late.", lag)
+    for value in (0.0005, 0.001, 0.0011, 0.02, 3.0):
+        lag.observe(value)
+    assert metrics.collect() == {"lag_s": {"0.001": 2, "0.02": 2, "inf": 1}}
+    assert lag.total == pytest.approx(3.0226)
+
+
+@pytest.mark.parametrize("bounds", [(), (0.1, 0.1), (0.2, 0.1)])
+def test_a_histogram_without_rising_bounds_is_refused(bounds: tuple[float, ...]) -> None:
+    """The message has them in it."""
+    with pytest.raises(ValueError, match="the bounds of a histogram rise"):
+        Histogram(bounds)

@@ -3,6 +3,7 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
@@ -89,6 +90,7 @@ class SafetyKeeper:
         self._reported: Fault | None = None
         self._announced: SafetyChanged | None = None
         self._said: tuple[str | None, ...] = ()
+        self.faults: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
         self._reading_error: Exception | None = None
         bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
@@ -268,6 +270,8 @@ class SafetyKeeper:
         self._said, limited_by, fault = said, decision.limited_by, state.fault
         event = SafetyChanged(now_s, *said)
         self._announced = event
+        if fault is not None and (told is None or told.fault != fault):
+            self.faults[fault] += 1
         self._latch.keep(state)
         self._bus.publish(event)
         if limited_by is not None and (told is None or told.limited_by != limited_by):

@@ -5,6 +5,7 @@ goes out as events.
 """
 
 from collections.abc import Callable, Collection, Mapping
+from time import perf_counter
 
 import structlog
 from pydantic import Field
@@ -24,6 +25,7 @@ from chefbotd.core.parameters import Parameters
 from chefbotd.entries import Timer, entries_of
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
+from chefbotd.metrics import Histogram
 from chefbotd.motion import ceiling
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limits import AT_REST, MotionLimits
@@ -31,6 +33,9 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision, GateState
 from chefbotd.safety.watchdog import WatchdogParameters
+
+STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
+"""From a fast computer's step to a cycle of the fastest board (10 ms), and beyond."""
 
 log = structlog.get_logger(component="drive")
 
@@ -79,7 +84,7 @@ class DriveService:
             bus.add_handler(self._on_link, LinkClosed, on_error=self._on_handler_error),
             bus.add_handler(self._on_link, BoardRestarted, on_error=self._on_handler_error),
         )
-        self.steps = 0
+        self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
         self.internal_errors = 0
         self.acted_s = float("-inf")
 
@@ -188,6 +193,11 @@ class DriveService:
             action()
 
     @property
+    def faults(self) -> Mapping[str, int]:
+        """How often each fault has latched."""
+        return self._keeper.faults
+
+    @property
     def readings_refused(self) -> int:
         """Encoder readings that were not believed."""
         return self._reader.refused
@@ -232,7 +242,7 @@ class DriveService:
 
     def _on_encoders(self, event: EncodersCounted) -> None:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
-        now_s = self._clock.now_s()
+        began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
         self._restart_watch()
         seen = self._reader.read(event, self._state.setpoint_m_s)
@@ -253,6 +263,7 @@ class DriveService:
         self.steps += 1
         self._keeper.announce(now_s)
         self._publish(event, seen)
+        self.step_times.observe(perf_counter() - began_s)
 
     def _regulate(self, now_s: float, seen: WheelsRead) -> None:
         decision = self._decide(now_s)

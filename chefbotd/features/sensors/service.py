@@ -46,6 +46,7 @@ class SensorService:
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
             self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
+        self.battery: BatteryMeasured | None = None
         self._failure = HandlerFailure()
         bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
@@ -74,5 +75,5 @@ class SensorService:
         }
 
     def _charge(self, event: BatteryCounted) -> BatteryMeasured:
-        self._battery_state, measured = battery.measure(self._battery, self._battery_state, event)
-        return measured
+        self._battery_state, self.battery = battery.measure(self._battery, self._battery_state, event)
+        return self.battery

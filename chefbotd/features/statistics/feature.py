@@ -21,6 +21,7 @@ def statistics(service: StatsService, metrics: Metrics, clock: Clock) -> Feature
             "The latest that the event loop was to a timer in the last second.",
             lambda: service.lag_s,
         )
+        metrics.histogram("loop_lags_s", "How late the event loop was to its timers.", service.lags)
 
     return replace(
         statistics_without_service(service, metrics),
