@@ -21,6 +21,7 @@ from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.service.commands import install_service, uninstall_service
 from chefbotd.process import signals
 
 EXITS = (
@@ -157,7 +158,7 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
         echo("\n".join(_assignments("", values)))
 
 
-for command in (init, urdf, completion):
+for command in (init, urdf, install_service, uninstall_service, completion):
     main.add_command(command)
 
 

@@ -1,0 +1,1 @@
+"""Commands that make chefbotd a service of the computer."""

@@ -1,0 +1,115 @@
+"""The computer that chefbotd is installed on, or a folder that will be the root of one."""
+
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+from msgspec import Struct
+
+LONGEST_S = 90.0
+"""``systemctl start`` waits until the daemon is ready."""
+
+
+class InstallError(Exception):
+    """The installation cannot go on; the text is ready to be shown."""
+
+
+class Ended(Struct, frozen=True):
+    """A command that was run: its exit code, and what it printed."""
+
+    code: int
+    output: str = ""
+
+
+Run = Callable[[tuple[str, ...]], Ended]
+
+
+def run_command(command: tuple[str, ...]) -> Ended:
+    """Run a program of the system to its end."""
+    try:
+        done = subprocess.run(  # noqa: S603 - the commands are our own
+            command, capture_output=True, text=True, timeout=LONGEST_S, check=False, stdin=subprocess.DEVNULL
+        )
+    except FileNotFoundError:
+        return Ended(127, f"there is no program {command[0]}")
+    except subprocess.TimeoutExpired:
+        return Ended(124, f"it took longer than {LONGEST_S:g} s")
+    return Ended(done.returncode, (done.stdout + done.stderr).strip())
+
+
+class Host:
+    """``root`` is / on the running system; in any other folder nothing is started, and no device is asked for.
+
+    ``run`` runs programs; ``chown`` gives a path to a user and a group by their names.
+    """
+
+    def __init__(
+        self,
+        root: Path = Path("/"),
+        run: Run = run_command,
+        chown: Callable[[Path, str, str], None] | None = None,
+    ) -> None:
+        self.root, self._run = root, run
+        self._chown = chown or self._give
+
+    @property
+    def is_running(self) -> bool:
+        """Whether this is the system that runs now."""
+        return self.root == Path("/")
+
+    def path(self, name: str) -> Path:
+        """A path of the system, here."""
+        return self.root / name.removeprefix("/")
+
+    def ask(self, *command: str) -> bool:
+        """Whether a command says yes, by its exit code."""
+        return self._run(command).code == 0
+
+    def run(self, *command: str) -> None:
+        """Run a command that must not fail.
+
+        Raises:
+            InstallError: it did; with what it said.
+        """
+        ended = self._run(command)
+        if ended.code:
+            raise InstallError(f"'{' '.join(command)}' failed with {ended.code}: {ended.output}")
+
+    def give(self, path: Path, user: str, group: str) -> None:
+        """Make a path somebody's own."""
+        self._chown(path, user, group)
+
+    def owner(self, path: Path) -> str:
+        """The name of a path's owner by this system's own list, its number where it has none there."""
+        number = str(path.stat().st_uid)
+        names = [fields[0] for fields in self._fields("/etc/passwd") if fields[2] == number]
+        return names[0] if names else "root" if number == "0" else number
+
+    def has_user(self, name: str) -> bool:
+        """Whether there is such a user."""
+        return any(fields[0] == name for fields in self._fields("/etc/passwd"))
+
+    def is_in_group(self, user: str, group: str) -> bool:
+        """Whether a user is a member of a group."""
+        members = [fields[3].split(",") for fields in self._fields("/etc/group") if fields[0] == group]
+        return any(user in names for names in members)
+
+    def _fields(self, file: str) -> list[list[str]]:
+        try:
+            lines = self.path(file).read_text(encoding="utf-8").splitlines()
+        except FileNotFoundError:
+            return []
+        return [fields for fields in (line.split(":") for line in lines) if len(fields) >= 4]
+
+    def _give(self, path: Path, user: str, group: str) -> None:
+        """By the numbers that the names have in this system, which need not be the running one's."""
+        os.chown(path, self._number("/etc/passwd", user), self._number("/etc/group", group))
+
+    def _number(self, file: str, name: str) -> int:
+        if name == "root":
+            return 0
+        number = next((fields[2] for fields in self._fields(file) if fields[0] == name), None)
+        if number is None:
+            raise LookupError(f"there is no {name} in {self.path(file)}")
+        return int(number)

@@ -1,0 +1,166 @@
+"""Which steps install chefbotd as a service, and which remove it, planned from what is there."""
+
+import importlib.util
+import stat
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import Struct
+
+from chefbotd.process.installation import texts
+from chefbotd.process.installation.host import Host
+from chefbotd.process.installation.steps import Step, command, file, folder, remove, write
+from chefbotd.settings import load, packaged
+
+SERVICE = "chefbotd.service"
+UNIT = f"/etc/systemd/system/{SERVICE}"
+WANTED_BY = f"/etc/systemd/system/multi-user.target.wants/{SERVICE}"
+RULE = "/etc/udev/rules.d/60-chefbot.rules"
+SYSUSERS = "/etc/sysusers.d/chefbotd.conf"
+FOLDER, STATE, CACHE, RUNTIME = "/etc/chefbotd", "/var/lib/chefbotd", "/var/cache/chefbotd", "/run/chefbotd"
+TOKEN_MODE = 0o600
+
+
+class Wanted(Struct, frozen=True):
+    """What to install: ``program`` is started with the configuration of ``robot``, or a copy of the file ``config``."""
+
+    program: Path
+    robot: str = "chefbot"
+    config: Path | None = None
+
+
+def install(host: Host, wanted: Wanted) -> list[Step]:
+    """Every step from a computer without the service to one on which it runs.
+
+    Raises:
+        SettingsError: the configuration, that which is there already or else the wanted one, is not valid.
+    """
+    steps = [file(host, SYSUSERS, texts.SYSUSERS), _user(host)]
+    steps += [folder(host, FOLDER, 0o755), folder(host, STATE, 0o750, texts.USER)]
+    steps += _configuration(host, wanted)
+    steps.append(_tokens(host))
+    templates = packaged().parent
+    rule = file(host, RULE, (templates / "60-chefbot.rules").read_text(encoding="utf-8"))
+    steps.append(rule)
+    if rule.act is not None and host.is_running:
+        steps.append(command(host, "have udev read the rule", "udevadm", "control", "--reload"))
+        steps.append(
+            command(
+                host, "name the boards that are plugged in", *("udevadm", "trigger", "--subsystem-match=tty")
+            )
+        )
+    unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), wanted.program))
+    return [*steps, unit, *_started(host, changed=unit.act is not None)]
+
+
+def _user(host: Host) -> Step:
+    if host.has_user(texts.USER) and host.is_in_group(texts.USER, texts.SERIAL_GROUP):
+        return Step(f"user {texts.USER}, in the group {texts.SERIAL_GROUP}: unchanged")
+    root = () if host.is_running else (f"--root={host.root}",)
+    told = f"create the system user {texts.USER}, in the group {texts.SERIAL_GROUP}"
+    return command(host, told, "systemd-sysusers", *root, str(host.path(SYSUSERS)))
+
+
+def _configuration(host: Host, wanted: Wanted) -> Iterator[Step]:
+    """What is there stays, for people edit it; else the robot's own, or the file that was named."""
+    path, source = host.path(texts.CONFIGURATION), wanted.config
+    if source is None:
+        text = texts.configuration(
+            packaged(wanted.robot).read_text(encoding="utf-8"),
+            with_page=importlib.util.find_spec("aiohttp") is not None,
+        )
+    else:
+        load(source)
+        text = source.read_text(encoding="utf-8")
+    if not path.exists():
+        yield file(host, texts.CONFIGURATION, text)
+        if source is not None:
+            yield from _description(host, source)
+        return
+    load(path)
+    if path.read_text(encoding="utf-8") == text:
+        yield Step(f"{texts.CONFIGURATION}: unchanged")
+    else:
+        yield Step(f"{texts.CONFIGURATION}: kept as it is (edited, or another robot's)")
+
+
+def _description(host: Host, source: Path) -> Iterator[Step]:
+    """The URDF beside a configuration, if that names one by a relative path."""
+    named = tomllib.loads(source.read_text(encoding="utf-8")).get("robot", {}).get("description")
+    if isinstance(named, str) and not Path(named).is_absolute():
+        yield file(host, f"{FOLDER}/{named}", (source.parent / named).read_text(encoding="utf-8"))
+
+
+def _tokens(host: Host) -> Step:
+    """Made once: whoever has a copy keeps it."""
+    path = host.path(texts.TOKENS)
+    if not path.exists():
+        told = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
+        return Step(told, lambda: write(host, path, texts.tokens(), TOKEN_MODE))
+    if stat.S_IMODE(path.stat().st_mode) != TOKEN_MODE:
+        return Step(f"let nobody but root read {texts.TOKENS}", lambda: path.chmod(TOKEN_MODE))
+    return Step(f"{texts.TOKENS}: unchanged")
+
+
+def _started(host: Host, *, changed: bool) -> Iterator[Step]:
+    enabled = host.path(WANTED_BY).is_symlink()
+    if not host.is_running:
+        if enabled:
+            yield Step(f"{SERVICE} starts at boot: unchanged")
+        else:
+            yield command(host, "start it at boot", "systemctl", f"--root={host.root}", "enable", SERVICE)
+        return
+    if changed:
+        yield command(host, "have systemd read the unit", "systemctl", "daemon-reload")
+    if enabled:
+        yield Step(f"{SERVICE} starts at boot: unchanged")
+    else:
+        yield command(host, "start it at boot", "systemctl", "enable", SERVICE)
+    if not host.ask("systemctl", "is-active", "--quiet", SERVICE):
+        yield command(host, "start it now", "systemctl", "start", SERVICE)
+    elif changed:
+        yield command(
+            host, "start it anew, with the robot stopped meanwhile", "systemctl", "restart", SERVICE
+        )
+    else:
+        yield Step(f"{SERVICE} runs: unchanged")
+
+
+def uninstall(host: Host, *, purge: bool) -> list[Step]:
+    """Every step back; ``purge`` takes configuration, tokens, maps and the user too."""
+    return [*_stopped(host), *_removed(host), *(_purged(host) if purge else _kept(host))]
+
+
+def _stopped(host: Host) -> Iterator[Step]:
+    enabled = host.path(WANTED_BY).is_symlink()
+    if host.is_running and host.ask("systemctl", "is-active", "--quiet", SERVICE):
+        yield command(host, "stop it, which stops the motors", "systemctl", "stop", SERVICE)
+    if enabled:
+        root = () if host.is_running else (f"--root={host.root}",)
+        yield command(host, "start it at boot no longer", "systemctl", *root, "disable", SERVICE)
+
+
+def _removed(host: Host) -> Iterator[Step]:
+    steps = {name: remove(host, name) for name in (UNIT, RULE, SYSUSERS)}
+    yield from steps.values()
+    if host.is_running and steps[UNIT].act is not None:
+        yield command(host, "have systemd forget the unit", "systemctl", "daemon-reload")
+    if host.is_running and steps[RULE].act is not None:
+        yield command(host, "have udev forget the rule", "udevadm", "control", "--reload")
+
+
+def _purged(host: Host) -> Iterator[Step]:
+    for name in (FOLDER, STATE, CACHE, RUNTIME):
+        yield remove(host, name)
+    if not host.has_user(texts.USER):
+        yield Step(f"user {texts.USER}: not there")
+    else:
+        root = () if host.is_running else ("--root", str(host.root))
+        yield command(host, "remove the user", "userdel", *root, texts.USER)
+
+
+def _kept(host: Host) -> Iterator[Step]:
+    for name, what in ((FOLDER, "configuration and tokens"), (STATE, "maps")):
+        if host.path(name).exists():
+            yield Step(f"{name}: kept ({what}); --purge removes it")

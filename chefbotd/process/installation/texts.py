@@ -1,0 +1,47 @@
+"""What the installed files say: the unit, the robot's configuration, the tokens, the user."""
+
+import re
+import secrets
+from pathlib import Path
+
+CONFIGURATION = "/etc/chefbotd/chefbot.toml"
+TOKENS = "/etc/chefbotd/tokens"
+CREDENTIAL = "chefbotd.tokens"
+DEVICE = "/dev/chefbot"
+USER = "chefbotd"
+SERIAL_GROUP = "dialout"
+
+SYSUSERS = f"""# The user that the robot's daemon runs as: sysusers.d(5).
+u {USER} - "chefbotd robot daemon" /var/lib/chefbotd /usr/sbin/nologin
+m {USER} {SERIAL_GROUP}
+"""
+
+
+def unit(packaged: str, program: Path) -> str:
+    """The unit that comes with chefbotd, starting this program."""
+    start = f"ExecStart={_quoted(program)} run --config {CONFIGURATION}"
+    return re.sub(r"^ExecStart=.*$", lambda _: start, packaged, count=1, flags=re.MULTILINE)
+
+
+def configuration(packaged: str, *, with_page: bool) -> str:
+    """A packaged robot's configuration as a service has it: the board by its lasting name, tokens, and the page."""
+    text = re.sub(r'^device = "[^"]*"', f'device = "{DEVICE}"', packaged, count=1, flags=re.MULTILINE)
+    key = f'token_credential = "{CREDENTIAL}"  # {TOKENS}, by way of the unit'
+    text = text.replace("[api]\n", f"[api]\n{key}\n", 1)
+    if with_page:
+        text = re.sub(
+            r"^\[page\]\nenabled = false\b", "[page]\nenabled = true", text, count=1, flags=re.MULTILINE
+        )
+    return text
+
+
+def tokens() -> str:
+    """A token for each role, which nobody can guess."""
+    lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "observe")]
+    return f"# ROLE TOKEN: whoever shows the token has the role. docs/api.md, 'Who may do what'.\n{''.join(lines)}"
+
+
+def _quoted(program: Path) -> str:
+    """As systemd.service(5) reads a path."""
+    text = str(program).replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    return f'"{text}"' if " " in text else text
