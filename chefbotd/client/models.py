@@ -10,7 +10,15 @@ from chefbotd.features.lidars.methods import LidarData, LidarsData, ScanData
 from chefbotd.features.localization.methods import LocalizationData, LocalizationResult, PlaceCandidate
 from chefbotd.features.mapping.methods import MapData, MappingData, MappingResult, MapPoseData, MapSaved
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
-from chefbotd.features.navigation.methods import GoalResult, NavigationData, PathData, PlanResult
+from chefbotd.features.navigation.methods import (
+    CostmapData,
+    GoalResult,
+    MoverData,
+    NavigationData,
+    ObstaclesData,
+    PathData,
+    PlanResult,
+)
 from chefbotd.features.odometry.methods import OdometryData
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
 from chefbotd.features.simulation.methods import SimData
@@ -31,6 +39,7 @@ from chefbotd.rpc.models import (
 __all__ = [
     "DATA_BY_TOPIC",
     "BatteryData",
+    "CostmapData",
     "DepthCameraData",
     "DepthCamerasData",
     "Description",
@@ -53,7 +62,9 @@ __all__ = [
     "MapSummary",
     "MappingData",
     "MappingResult",
+    "MoverData",
     "NavigationData",
+    "ObstaclesData",
     "OdometryData",
     "PathData",
     "PlaceCandidate",
@@ -104,5 +115,7 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "map_pose": MapPoseData,
     "navigation": NavigationData,
     "path": PathData,
+    "costmap": CostmapData,
+    "obstacles": ObstaclesData,
 }
 """What a client reads each topic as."""

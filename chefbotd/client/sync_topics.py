@@ -26,6 +26,14 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.PathData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["costmap"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.CostmapData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["obstacles"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.ObstaclesData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[t.OdometryData]: ...
     @overload

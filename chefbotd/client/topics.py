@@ -25,6 +25,14 @@ class Topics(ABC):
     ) -> Subscription[t.PathData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["costmap"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.CostmapData]: ...
+    @overload
+    def subscribe(
+        self, topics: Literal["obstacles"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.ObstaclesData]: ...
+    @overload
+    def subscribe(
         self, topics: Literal["odometry"], **options: Unpack[SubscribeOptions]
     ) -> Subscription[t.OdometryData]: ...
     @overload

@@ -18,7 +18,7 @@ from chefbotd.navigation.live import (
     see_range,
     see_scan,
 )
-from chefbotd.navigation.movers import Mover, followed
+from chefbotd.navigation.movers import SLOWEST_M_S, Mover, followed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.zones import Zones
@@ -79,8 +79,23 @@ class Awareness:
 
     def costs(self, now_s: float, *, with_closed: bool = True) -> Costmap:
         """The costs with all that is seen now; the very ``ground`` where there is nothing but the map."""
-        seen = obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s)
+        seen = self.obstacles(now_s)
         return with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
+
+    def obstacles(self, now_s: float) -> Floats:
+        """Where something is now that the map does not explain: points (n, 2) of the grid's frame."""
+        return obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s)
+
+    def movers_in_map(self, now_s: float) -> Floats:
+        """Who moves: (n, 4), where in the map and how fast, along its axes; nobody who was not seen lately."""
+        moving = [
+            (mover.x_m, mover.y_m, mover.vx_m_s, mover.vy_m_s)
+            for mover in self._movers
+            if now_s - mover.stamp_s <= BRIDGED_S and math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S
+        ]
+        rows = np.array(moving).reshape(-1, 4)
+        turn = Pose2D(0.0, 0.0, self.frame.map_from_grid.heading_rad)
+        return np.hstack([self.frame.to_map(rows[:, :2]), placed(turn, rows[:, 2:])])
 
     def _with_closed(self, points_m: Floats, now_s: float) -> Floats:
         self._closed = [(until_s, place) for until_s, place in self._closed if until_s > now_s]

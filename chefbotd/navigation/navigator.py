@@ -78,6 +78,11 @@ class Navigator:
         return None if self._trip is None else self._trip.path
 
     @property
+    def known(self) -> Awareness | None:
+        """What is known of the surroundings; None without a map."""
+        return self._known
+
+    @property
     def costs(self) -> Costmap | None:
         """The costs that the last plan was made with."""
         return self._costs

@@ -153,6 +153,8 @@ class RpcServer:
             )
         else:
             self._taps.pop(topic.name)()
+        if topic.demanded is not None:
+            topic.demanded(wanted)
 
     def _greeting(self) -> bytes:
         hello = Hello(

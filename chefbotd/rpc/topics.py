@@ -14,8 +14,9 @@ from chefbotd.rpc.models import TopicData
 
 
 class Topic(Struct, frozen=True):
-    """Events of an ``on_demand`` topic are not even made unless someone subscribes.
+    """Events of an ``on_demand`` topic are not even made unless someone subscribes: ``demanded`` is called when it does.
 
+    It is called with False when the last subscriber has left.
     One that is ``always_known`` has data before its first event, ``data(None)``, and a key of its own in ``get_state``.
     """
 
@@ -26,6 +27,7 @@ class Topic(Struct, frozen=True):
     join: Callable[[Any, Any], Any] | None = None
     on_demand: bool = False
     always_known: bool = False
+    demanded: Callable[[bool], None] | None = None
 
 
 def same_fields(model: type[TopicData]) -> Callable[[object], TopicData]:

@@ -45,6 +45,9 @@ HEALTHY_S: Final = 30.0
 LEAVE_S: Final = 1.5
 """How long the worker may take to save and leave when the daemon ends."""
 
+NOBODY: Final = 0
+"""The number of a request whose answer nobody waits for."""
+
 OnProgress = Callable[[float, float, str], None]
 
 
@@ -127,6 +130,11 @@ class Worker:
         """Send what was measured, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
             self._channel.send(message)
+
+    def tell(self, skill: str, body: msgspec.Struct) -> None:
+        """Have a skill do something whose answer nobody needs, if the worker is there; never waits."""
+        if self._channel is not None and self.is_ready:
+            self._channel.send(messages.Request(NOBODY, skill, self._parameters.step_s, packed(body)))
 
     async def request(
         self,

@@ -26,7 +26,13 @@ from chefbotd.features.mapping.methods import MappingMethods, MappingResult, Map
 from chefbotd.features.maps.feature import maps
 from chefbotd.features.maps.service import MapsService
 from chefbotd.features.navigation.methods import TOPICS as NAVIGATION
-from chefbotd.features.navigation.methods import GoalResult, NavigationMethods, PlanResult, Waypoint
+from chefbotd.features.navigation.methods import (
+    GoalResult,
+    NavigationMethods,
+    PlanResult,
+    Waypoint,
+    shown_topics,
+)
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
 from chefbotd.features.odometry.methods import OdometryMethods
 from chefbotd.features.sensors.methods import TOPICS as SENSORS
@@ -257,7 +263,7 @@ class FakeRobot:
             Feature(
                 "navigation",
                 methods=methods_of(NavigationMethods(FakeNavigation(self))),
-                topics=NAVIGATION,
+                topics=(*NAVIGATION, *shown_topics()),
             ),
             Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),

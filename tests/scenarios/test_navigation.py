@@ -1,11 +1,14 @@
 """Driving to goals in the simulated flat: daemon, lidar and worker on one virtual clock, held against the truth."""
 
 import asyncio
+import base64
 import math
+import zlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from chefbotd.client import CallError, GoalCancelled, GoalFault, GoalUnreachable
@@ -214,6 +217,41 @@ def test_giving_up_the_request_stands_the_robot(tmp_path: Path) -> None:
         await asyncio.sleep(0.6)
         assert drive.speed_m_s < 0.01
         assert drive.told[-1].state == "cancelled"
+
+    in_flat(tmp_path, scenario)
+
+
+def test_whoever_looks_sees_the_costs_and_what_is_not_on_the_map(tmp_path: Path) -> None:
+    """A disc of 0.25 m that no map shows: among the obstacles, and blocked in the costs, while the robot stands."""
+
+    async def scenario(drive: Drive) -> None:
+        here = drive.truth.world_from_base
+        x, y = here.x_m, here.y_m + 0.9
+        drive.robot.board.crowd.put("somebody", x, y)
+        await asyncio.sleep(1.0)
+        async with drive.client.subscribe("obstacles") as events:
+            async for event in events:
+                near = [
+                    math.dist((x, y), point) for point in zip(event.data.x_m, event.data.y_m, strict=True)
+                ]
+                if any(abs(away_m - 0.25) < 0.06 for away_m in near):
+                    break
+        cells = np.full(FLAT.grid().percent.shape, -1, np.int8)
+        async with drive.client.subscribe("costmap", policy="ordered") as parts:
+            async for part in parts:
+                data = part.data
+                shape, packed = (data.part_rows, data.part_columns), base64.b64decode(data.cells)
+                content = np.frombuffer(zlib.decompress(packed), np.int8).reshape(shape)
+                cells[data.row : data.row + shape[0], data.column : data.column + shape[1]] = content
+                if (cells >= 0).all():
+                    break
+        origin = FLAT.grid().map_from_grid
+        row, column = (
+            int((y - 0.25 - origin.y_m) / data.resolution_m),
+            int((x - origin.x_m) / data.resolution_m),
+        )
+        assert cells[row, column] == 100
+        assert cells[int((here.y_m - origin.y_m) / data.resolution_m), column] < 100
 
     in_flat(tmp_path, scenario)
 

@@ -1,7 +1,7 @@
 """The feature: navigation."""
 
 from chefbotd.features.feature import Feature, Service
-from chefbotd.features.navigation.methods import TOPICS, NavigationMethods
+from chefbotd.features.navigation.methods import TOPICS, NavigationMethods, shown_topics
 from chefbotd.features.navigation.service import NavigationService
 from chefbotd.rpc.method import methods_of
 
@@ -12,5 +12,5 @@ def navigation(service: NavigationService) -> Feature:
         "navigation",
         services=(Service("navigation", service.run, in_steps=True),),
         methods=methods_of(NavigationMethods(service)),
-        topics=TOPICS,
+        topics=(*TOPICS, *shown_topics(service.show_costmap, service.show_obstacles)),
     )

@@ -1,11 +1,13 @@
-"""Navigation: the methods that send the robot somewhere, and the topics ``navigation`` and ``path``."""
+"""Navigation: the methods that send the robot somewhere, and its topics."""
 
 import math
-from typing import Annotated, Final, Protocol, Self
+from base64 import b64encode
+from collections.abc import Callable
+from typing import Annotated, Final, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
-from chefbotd.core.events.navigation import NavigationChanged, PathChanged
+from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import DONE, Done, NoParams, Params, Result, TopicData
@@ -101,6 +103,47 @@ class PathData(TopicData):
     y_m: tuple[float, ...] = ()
 
 
+class CostmapData(TopicData):
+    """A part of what it costs to drive through the cells of the map in use, at most 80 by 80 cells.
+
+    ``cells`` are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on, the lowest y first. With another
+    ``revision`` than before, all that was known is void.
+    """
+
+    map: str
+    revision: int
+    resolution_m: float
+    x_m: float = Field(description="of the outer corner of cell (0, 0), in map; as y_m and heading_rad")
+    y_m: float
+    heading_rad: float
+    columns: int
+    rows: int
+    column: int
+    row: int
+    part_columns: int
+    part_rows: int
+    encoding: Literal["base64 zlib int8"] = "base64 zlib int8"
+    cells: str = Field(description="a byte each: 0 free, 100 blocked, else 20 times the cost beyond 1")
+
+
+class MoverData(TopicData):
+    """Somebody who moves: where in the map, and how fast along its axes."""
+
+    x_m: float
+    y_m: float
+    vx_m_s: float
+    vy_m_s: float
+
+
+class ObstaclesData(TopicData):
+    """What is seen now and is not on the map: points in it, at most 1000 (``omitted`` are more), and who moves."""
+
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+    omitted: int = 0
+    movers: tuple[MoverData, ...] = ()
+
+
 class Navigation(Protocol):
     """What drives to goals. Each raises ``chefbotd.core.commands.Refused`` where it is not done."""
 
@@ -191,6 +234,40 @@ def _navigation(event: NavigationChanged | None) -> NavigationData:
 
 def _path(event: PathChanged | None) -> PathData:
     return PathData() if event is None else PathData(x_m=event.x_m, y_m=event.y_m)
+
+
+def _costmap(event: CostmapChanged) -> CostmapData:
+    origin = event.map_from_grid
+    return CostmapData(
+        map=event.map,
+        revision=event.revision,
+        resolution_m=event.resolution_m,
+        x_m=origin.x_m,
+        y_m=origin.y_m,
+        heading_rad=origin.heading_rad,
+        columns=event.columns,
+        rows=event.rows,
+        column=event.column,
+        row=event.row,
+        part_columns=event.part_columns,
+        part_rows=event.part_rows,
+        cells=b64encode(event.cells).decode(),
+    )
+
+
+def _obstacles(event: ObstaclesSeen) -> ObstaclesData:
+    movers = tuple(MoverData(x_m=x, y_m=y, vx_m_s=vx, vy_m_s=vy) for x, y, vx, vy in event.movers)
+    return ObstaclesData(x_m=event.x_m, y_m=event.y_m, omitted=event.omitted, movers=movers)
+
+
+def shown_topics(
+    costmap: Callable[[bool], None] | None = None, obstacles: Callable[[bool], None] | None = None
+) -> tuple[Topic, ...]:
+    """What is made only for whoever looks; each is called when somebody begins to, and when nobody does any more."""
+    return (
+        Topic("costmap", (CostmapChanged,), CostmapData, _costmap, on_demand=True, demanded=costmap),
+        Topic("obstacles", (ObstaclesSeen,), ObstaclesData, _obstacles, on_demand=True, demanded=obstacles),
+    )
 
 
 TOPICS = (

@@ -13,9 +13,9 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.localization import LocalizationChanged
-from chefbotd.core.events.navigation import NavigationChanged, PathChanged
+from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
 from chefbotd.core.events.worker import WorkerReported
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.maps.methods import PlaceList
 from chefbotd.features.navigation.goals import Goals
@@ -68,7 +68,9 @@ class NavigationService:
         self._is_muted = self._is_taken_over = self._is_paused = self._must_tell_goals = False
         self._told: NavigationChanged | None = None
         self._progress: list[Progress] = []
+        self._shows = messages.Show(costmap=False, obstacles=False)
         self._worker.add_listener(SKILL, self._take_told)
+        self._worker.add_on_ready(self._tell_shown)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
         bus.add_handler(self._take_localization, LocalizationChanged)
@@ -197,11 +199,35 @@ class NavigationService:
         self._is_muted = True
         self._driver.let_go()
 
+    # what people look at
+
+    def show_costmap(self, wanted: bool) -> None:
+        """Somebody looks at the costs, or nobody does any more."""
+        self._shows = messages.Show(wanted, self._shows.obstacles)
+        self._tell_shown()
+
+    def show_obstacles(self, wanted: bool) -> None:
+        """The same for the obstacles."""
+        self._shows = messages.Show(self._shows.costmap, wanted)
+        self._tell_shown()
+
+    def _tell_shown(self) -> None:
+        self._worker.tell(SKILL, self._shows)
+
     # what happens
 
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""
-        told = messages.STEPPED.decode(body)
+        told = messages.TOLD.decode(body)
+        match told:
+            case messages.Stepped():
+                self._take_stepped(told)
+            case messages.CostsShown():
+                self._bus.publish(_costmap_changed(told))
+            case messages.ObstaclesShown():
+                self._bus.publish(ObstaclesSeen(told.stamp_s, told.x_m, told.y_m, told.omitted, told.movers))
+
+    def _take_stepped(self, told: messages.Stepped) -> None:
         self._end_if_stopped()
         for ended in told.ended:
             self._end(ended)
@@ -295,3 +321,20 @@ class NavigationService:
         self._bus.publish(now)
         for progress in self._progress:
             progress.report(0.0, distance_m or 0.0, reason)
+
+
+def _costmap_changed(part: messages.CostsShown) -> CostmapChanged:
+    return CostmapChanged(
+        part.stamp_s,
+        part.map,
+        part.revision,
+        part.resolution_m,
+        Pose2D(*part.origin),
+        part.columns,
+        part.rows,
+        part.column,
+        part.row,
+        part.part_columns,
+        part.part_rows,
+        part.cells,
+    )

@@ -30,6 +30,7 @@ from chefbotd.worker.skills.navigation_messages import (
     Stepped,
     Taken,
 )
+from chefbotd.worker.skills.navigation_shown import Shown
 
 if TYPE_CHECKING:
     from chefbotd.clock import Clock
@@ -65,6 +66,7 @@ class NavigationSkill:
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
         self._told: Stepped | None = None
         self._path: Path | None = None
+        self._shown = Shown()
 
     def warm(self) -> None:
         """Load, or compile, all that navigation needs."""
@@ -109,6 +111,8 @@ class NavigationSkill:
                 navigator.resume()
             case messages.PlanTo() as request:
                 return self._planned(request.goal)
+            case messages.Show() as request:
+                self._shown.ask(request)
         return Taken()
 
     def _require_map(self) -> None:
@@ -145,6 +149,9 @@ class NavigationSkill:
         if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
             self._told = told
             yield told
+        known = self._navigator.known
+        if self._map is not None and known is not None:
+            yield from self._shown.due(now_s, self._map[0], known)
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""

@@ -67,7 +67,14 @@ class PlanTo(Message, frozen=True, tag="plan_to"):
     goal: GoalAsked
 
 
-NavigationRequest: TypeAlias = NavigateTo | CancelGoals | FailGoals | Pause | Resume | PlanTo
+class Show(Message, frozen=True, tag="show"):
+    """Tell what people look at, from now on or no more; all of the costs, where somebody begins to look."""
+
+    costmap: bool
+    obstacles: bool
+
+
+NavigationRequest: TypeAlias = NavigateTo | CancelGoals | FailGoals | Pause | Resume | PlanTo | Show
 
 # Told, and answered
 
@@ -113,6 +120,35 @@ class Stepped(Message, frozen=True, tag="stepped"):
     path: tuple[tuple[float, ...], tuple[float, ...]] | None
 
 
+class CostsShown(Message, frozen=True, tag="costs"):
+    """A patch of the costs, as ``chefbotd.core.events.navigation.CostmapChanged``; ``cells`` by zlib."""
+
+    stamp_s: float
+    map: str
+    revision: int
+    resolution_m: float
+    origin: tuple[float, float, float]
+    columns: int
+    rows: int
+    column: int
+    row: int
+    part_columns: int
+    part_rows: int
+    cells: bytes
+
+
+class ObstaclesShown(Message, frozen=True, tag="obstacles"):
+    """What is not on the map: points, and who moves (x, y, and the velocity along the map's axes)."""
+
+    stamp_s: float
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    omitted: int
+    movers: tuple[tuple[float, float, float, float], ...]
+
+
+NavigationTold: TypeAlias = Stepped | CostsShown | ObstaclesShown
+
 REQUEST: Final = msgspec.msgpack.Decoder(NavigationRequest)
-STEPPED: Final = msgspec.msgpack.Decoder(Stepped)
+TOLD: Final = msgspec.msgpack.Decoder(NavigationTold)
 PLANNED: Final = msgspec.msgpack.Decoder(Planned)

@@ -55,6 +55,8 @@ def test_topics_are_those_of_the_contract() -> None:
         "map_pose",
         "navigation",
         "path",
+        "costmap",
+        "obstacles",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
     assert set(TABLE) == {*contract, "sim", "scan", "lidars", "depth_cameras"}

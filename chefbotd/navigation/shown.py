@@ -1,0 +1,91 @@
+"""What is shown of navigation to people: the costs as small patches, and what is not on the map."""
+
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.grid_frame import Floats
+
+Cells: TypeAlias = NDArray[np.int8]
+
+BLOCKED_CELL, MOST_CELL = 100, 99
+STEPS_A_COST: Final = 20
+"""A cell is so many times what it costs beyond 1, the cost of a free one."""
+
+SIDE: Final = 80
+"""A patch has at most so many rows and columns: 6400 bytes before they are compressed."""
+
+MOST_PATCHES: Final = 8
+"""So many are shown at a time; what has changed besides waits for the next time."""
+
+MOST_POINTS: Final = 1000
+
+
+class CostPatch(NamedTuple):
+    """Cells from (``row``, ``column``) on."""
+
+    row: int
+    column: int
+    cells: Cells
+
+
+def cells_of(costs: Singles) -> Cells:
+    """Costs as bytes: 0 is free, 100 is blocked, in between ``STEPS_A_COST`` times what a cell costs more."""
+    steps = np.clip(np.rint(STEPS_A_COST * (np.minimum(costs, 1e3) - 1.0)), 0, MOST_CELL)
+    return np.where(np.isfinite(costs), steps, BLOCKED_CELL).astype(np.int8)
+
+
+class ShownCosts:
+    """What was shown last: only what is different now is shown again, and all of it once in a while.
+
+    ``revision`` is another one for each map: with a new one, whatever was shown before is void.
+    """
+
+    def __init__(self) -> None:
+        self.revision = 0
+        self._of: Awareness | None = None
+        self._shown: dict[tuple[int, int], Cells] = {}
+        self._again = 0
+
+    def show_all(self) -> None:
+        """Somebody looks who has seen nothing yet."""
+        self._of = None
+
+    def changes(self, known: Awareness, now_s: float) -> list[CostPatch]:
+        """The patches that are different now; where few are, one more that is not, in turn."""
+        if known is not self._of:
+            self._of, self._shown, self._again = known, {}, 0
+            self.revision += 1
+        cells = cells_of(known.costs(now_s).costs)
+        corners = [(r, c) for r in range(0, cells.shape[0], SIDE) for c in range(0, cells.shape[1], SIDE)]
+        now = {(r, c): cells[r : r + SIDE, c : c + SIDE] for r, c in corners}
+        shown = self._shown
+        is_new = [at not in shown or not np.array_equal(now[at], shown[at]) for at in corners]
+        chosen = [at for at, new in zip(corners, is_new, strict=True) if new][:MOST_PATCHES]
+        if len(chosen) < MOST_PATCHES:
+            again = corners[self._again % len(corners)]
+            self._again += 1
+            chosen += [again] if again not in chosen else []
+        self._shown |= {at: now[at] for at in chosen}
+        return [CostPatch(*at, now[at]) for at in chosen]
+
+
+class ShownObstacles(NamedTuple):
+    """Points (n, 2) in the map, how many more there are, and who moves: (m, 4), x, y and the velocity in the map."""
+
+    points_m: Floats
+    omitted: int
+    movers: Floats
+
+
+def shown_obstacles(known: Awareness, now_s: float) -> ShownObstacles:
+    """What is seen now that the map does not explain; of too many points evenly spread ones."""
+    points = known.frame.to_map(known.obstacles(now_s))
+    movers = known.movers_in_map(now_s)
+    if len(points) <= MOST_POINTS:
+        return ShownObstacles(points, 0, movers)
+    chosen = np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.int64)
+    return ShownObstacles(points[chosen], len(points) - MOST_POINTS, movers)
