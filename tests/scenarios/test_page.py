@@ -13,7 +13,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -22,6 +22,7 @@ from chefbotd.client.errors import CallError
 from chefbotd.settings import packaged
 from tests.fakes.api import free_port
 
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe comes with the extra 'dev'")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright comes with the extra 'dev'")
 pytest.importorskip("aiohttp", reason="the page needs the extra 'page'")
 CHROMIUM = shutil.which("chromium")
@@ -348,8 +349,15 @@ def test_a_gamepad_drives_while_its_enable_button_is_held(page: Any, robot: Runn
 class FakeDaemon:
     """The other end of the page's WebSocket: a robot that finds its way, and remembers what it was asked."""
 
-    METHODS = ("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation")
-    TOPICS = ("odometry", "safety", "map_pose", "map", "path", "navigation", "scan")
+    METHODS = (
+        *("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation"),
+        *("list_places", "save_place", "delete_place"),
+    )
+    TOPICS = ("odometry", "safety", "map_pose", "map", "path", "navigation", "scan", "localization")
+    RESULTS: ClassVar[dict[str, Any]] = {
+        "list_places": {"map": "flat", "places": [{"name": "kitchen"}, {"name": "table 3"}]},
+        "list_maps": {"in_use": None, "maps": []},
+    }
 
     def __init__(self, page: Any) -> None:
         self.asked: list[tuple[str, dict[str, Any]]] = []
@@ -366,8 +374,9 @@ class FakeDaemon:
     def _take(self, line: str) -> None:
         request = json.loads(line)
         self.asked.append((request["method"], request.get("params", {})))
+        result = self.RESULTS.get(request["method"], {})
         if "id" in request:
-            self._socket.send(json.dumps({"jsonrpc": "2.0", "id": request["id"], "result": {}}))
+            self._socket.send(json.dumps({"jsonrpc": "2.0", "id": request["id"], "result": result}))
 
     def _send(self, method: str, params: dict[str, Any]) -> None:
         self._socket.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))
@@ -453,3 +462,64 @@ def test_the_map_is_drawn_where_it_is(page: Any, robot: RunningRobot) -> None:
     part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False}
     daemon.say("map", revision=8, **grid, **part, encoding="zlib", cells=cells(0))
     assert until(lambda: pixel(page, *wall) == [255, 255, 255])
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1200, 390])
+def test_it_has_no_barrier_that_axe_can_find(page: Any, robot: RunningRobot, scheme: str, width: int) -> None:
+    """Names, roles, contrast and order, with every part shown, on a screen and on a phone, by day and by night."""
+    page.set_viewport_size({"width": width, "height": 800})
+    page.emulate_media(color_scheme=scheme)
+    daemon = FakeDaemon(page)
+    page.goto(robot.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    sync_api.expect(page.locator("#place-form")).to_be_visible()
+    found = axe.Axe().run(page).response["violations"]
+    assert [(each["id"], each["nodes"][0]["html"]) for each in found] == []
+
+
+def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, robot: RunningRobot) -> None:
+    """The list offers the places of the map in use; without a name nothing is asked."""
+    daemon = FakeDaemon(page)
+    page.goto(robot.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    sync_api.expect(page.locator("#place-form")).to_be_hidden()  # no map is in use
+    daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    sync_api.expect(page.locator("#places option")).to_have_count(2)
+    page.get_by_role("button", name="Go there").click()
+    page.locator("#place").fill("table 3")
+    page.get_by_role("button", name="Go there").click()
+    assert until(lambda: daemon.was_asked("navigate_to"))
+    assert daemon.last("navigate_to") == {"place": "table 3"}
+    page.get_by_role("button", name="Save where it stands").click()
+    assert until(lambda: daemon.was_asked("save_place"))
+    assert daemon.last("save_place") == {"name": "table 3"}
+    page.get_by_role("button", name="Delete").click()
+    assert until(lambda: daemon.was_asked("delete_place"))
+    assert daemon.last("delete_place") == {"name": "table 3"}
+
+
+def test_a_gain_is_set_for_a_wheel_and_taken_back(page: Any, robot: RunningRobot) -> None:
+    """The daemon has the new gain, the table shows it, and undo brings the packaged 200 back."""
+    open_page(page, robot)
+    shown = page.locator("tr[data-wheel=left_wheel] td").nth(3)
+    sync_api.expect(shown).to_have_text("200")
+    page.locator("#gain-wheel").select_option("left_wheel")
+    page.locator("#gain-value").fill("170.5")
+    page.get_by_role("button", name="Set").click()
+    sync_api.expect(shown).to_have_text("170.5")
+    with robot.client() as client:
+        gains = client.get_pid()
+    assert (gains["left_wheel"].kp, gains["right_wheel"].kp) == (170.5, 200.0)
+    page.get_by_role("button", name="Undo").click()
+    sync_api.expect(shown).to_have_text("200")
+
+
+def test_clients_are_counted(page: Any, robot: RunningRobot) -> None:
+    """The page is one, and a program beside it another."""
+    open_page(page, robot)
+    sync_api.expect(page.locator("#clients")).to_have_text("1")
+    with robot.client():
+        sync_api.expect(page.locator("#clients")).to_have_text("2")

@@ -2,13 +2,16 @@
 
 import { Connection } from "./connection.js";
 import { Driver, joystick } from "./drive.js";
+import { Gains } from "./gains.js";
 import { Maps } from "./maps.js";
+import { Places } from "./places.js";
 import { Plot } from "./plot.js";
 import { View, scanPoints } from "./view.js";
 
 const RATE_HZ = 10;
 const FAST = ["odometry", "wheels", "ranges", "scan", "map_pose"];
 const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map", "navigation", "path"];
+const COUNTED = ["stats"];
 const MODES = {
   armed: ["good", "Ready to drive"],
   disarmed: ["bad", "Stopped by a fault"],
@@ -25,7 +28,10 @@ const view = new View($("view"));
 const plot = new Plot($("plot"));
 const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };
 const driver = new Driver(connection, speeds);
+const ask = (method, params) => connection.request(method, params).then((answer) => (say(""), answer), (error) => say(error.message));
 const maps = new Maps(connection, view, say);
+const gains = new Gains(ask, row);
+const places = new Places(ask);
 const me = `page ${Math.random().toString(36).slice(2, 6)}`;
 const sensors = new Map();
 let can = new Set();
@@ -34,8 +40,6 @@ let token = sessionStorage.getItem(TOKEN_KEY);
 function say(words) {
   text("alert", words);
 }
-
-const ask = (method, params) => connection.request(method, params).then((answer) => (say(""), answer), (error) => say(error.message));
 
 // Coming in
 
@@ -48,11 +52,12 @@ connection.addEventListener("hello", async ({ detail: hello }) => {
   text("connection", "connected");
   show();
   await connection.request("set_client_name", { client: me }).catch(() => {});
-  for (const [topics, rate] of [[FAST, { max_rate_hz: RATE_HZ }], [SLOW, {}]]) {
+  for (const [topics, rate] of [[FAST, { max_rate_hz: RATE_HZ }], [SLOW, {}], [COUNTED, { max_rate_hz: 1 }]]) {
     const there = topics.filter((name) => can.has(`topic.${name}`));
     connection.request("subscribe", { topics: there, ...rate }).catch((error) => say(error.message));
   }
-  if (can.has("method.get_pid")) connection.request("get_pid").then(showGains, () => {});
+  gains.begin(can);
+  places.begin(can);
   if (can.has("method.get_description")) connection.request("get_description").then(readDescription, () => {});
   maps.begin(can);
 });
@@ -124,6 +129,8 @@ on("safety", (safety) => {
   $("arm").disabled = safety.armed;
 });
 on("link", (link) => text("link", link.state === "up" ? (link.healthy === false ? link.condition : "connected") : `not connected ${link.reason}`));
+on("stats", (stats) => text("clients", String(stats.clients)));
+on("localization", ({ map }) => places.show(map));
 on("battery", (battery) => {
   text("battery", `${battery.voltage_v.toFixed(1)} V, ${battery.percentage.toFixed(0)} %${battery.status === "ok" ? "" : `, ${battery.status}`}`);
 });
@@ -222,12 +229,6 @@ function row(name) {
   made.append(head, ...Array.from({ length: 6 }, () => document.createElement("td")));
   $("wheels").append(made);
   return made;
-}
-
-function showGains({ wheels }) {
-  for (const [name, { kp, ki, kd }] of Object.entries(wheels)) {
-    [kp, ki, kd].forEach((gain, index) => { row(name).children[4 + index].textContent = String(gain); });
-  }
 }
 
 // The outline and the sensors' places, from the robot's description.
