@@ -38,6 +38,7 @@ NOT_INJECTED = {
     "Gamepad's": "its tests have a pad",
     "Enable button": "its tests have a pad",
     "Terminal of": "its tests have a terminal",
+    "The page's": "its tests have a browser",
     "The program ends while the port is being opened": "its test has a port that takes its time",
     "The daemon starts again after it was killed": "its test starts two programs",
     "The daemon starts again after it ended": "its test starts two programs",
