@@ -63,6 +63,18 @@ class NavigationMethods(ABC):
         answer = await self._until_end("follow_waypoints", {"waypoints": waypoints}, on_progress)
         return _reached(parse(models.GoalResult, answer))
 
+    async def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place that is the robot's home, and wait for the end; raises as ``navigate_to`` does."""
+        from chefbotd.client import models
+
+        return _reached(parse(models.GoalResult, await self._until_end("go_home", {}, on_progress)))
+
+    async def dock(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place where the robot is charged, and wait for the end; raises as ``navigate_to`` does."""
+        from chefbotd.client import models
+
+        return _reached(parse(models.GoalResult, await self._until_end("dock", {}, on_progress)))
+
     async def plan_to(
         self,
         x_m: float | None = None,

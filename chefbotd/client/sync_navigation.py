@@ -44,6 +44,14 @@ class SyncNavigation(ABC):
         """Drive to places one after the other, and wait for the end."""
         return self._run(self._client.follow_waypoints(places, on_progress=on_progress))
 
+    def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place that is the robot's home, and wait for the end."""
+        return self._run(self._client.go_home(on_progress=on_progress))
+
+    def dock(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place where the robot is charged, and wait for the end."""
+        return self._run(self._client.dock(on_progress=on_progress))
+
     def plan_to(
         self,
         x_m: float | None = None,

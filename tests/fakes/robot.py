@@ -43,6 +43,7 @@ from chefbotd.features.worker.methods import TOPICS as WORKER
 from chefbotd.maps.store import MapStore
 from chefbotd.metrics import Metrics
 from chefbotd.motion.pid import PidParameters
+from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Progress
@@ -262,7 +263,7 @@ class FakeRobot:
             ),
             Feature(
                 "navigation",
-                methods=methods_of(NavigationMethods(FakeNavigation(self))),
+                methods=methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
                 topics=(*NAVIGATION, *shown_topics()),
             ),
             Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),

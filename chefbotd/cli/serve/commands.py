@@ -1,4 +1,4 @@
-"""The commands ``go``, ``patrol``, ``where``, ``localize`` and ``serve``."""
+"""The commands ``go``, ``home``, ``dock``, ``patrol``, ``where``, ``localize`` and ``serve``."""
 
 import asyncio
 import contextlib
@@ -39,6 +39,22 @@ def go(context: CommandContext, target: tuple[str, ...], tolerance_m: float | No
     if tolerance_m is not None:
         goal["tolerance_m"] = tolerance_m
     told = _navigate(context, lambda robot: robot.navigate_to(**goal), f"to {' '.join(target)}")
+    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+
+
+@click.command()
+@click.pass_obj
+def home(context: CommandContext) -> None:
+    """Send the robot home: to the place navigation.home_place of the map in use. Ctrl-C cancels."""
+    told = _navigate(context, lambda robot: robot.go_home(), "home")
+    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+
+
+@click.command()
+@click.pass_obj
+def dock(context: CommandContext) -> None:
+    """Send the robot to where it is charged: to the place navigation.dock_place of the map in use. Ctrl-C cancels."""
+    told = _navigate(context, lambda robot: robot.dock(), "to the dock")
     output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
 
 
@@ -190,4 +206,4 @@ def serve(context: CommandContext) -> None:
         raise ProgramError(Exit.NOT_DONE, "; ".join(served.failures))
 
 
-COMMANDS = (go, patrol, where, localize, serve)
+COMMANDS = (go, home, dock, patrol, where, localize, serve)

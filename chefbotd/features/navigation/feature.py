@@ -11,6 +11,6 @@ def navigation(service: NavigationService) -> Feature:
     return Feature(
         "navigation",
         services=(Service("navigation", service.run, in_steps=True),),
-        methods=methods_of(NavigationMethods(service)),
+        methods=methods_of(NavigationMethods(service, service.section)),
         topics=(*TOPICS, *shown_topics(service.show_costmap, service.show_obstacles)),
     )

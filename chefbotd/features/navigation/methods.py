@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal, Protocol, Self
 from pydantic import Field, model_validator
 
 from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
+from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import DONE, Done, NoParams, Params, Result, TopicData
@@ -54,6 +55,13 @@ class FollowWaypointsParams(Params):
     """Goals, to be reached one after the other. ``wait``: answer when the last has ended, or one was not reached."""
 
     waypoints: list[Waypoint] = Field(min_length=1, max_length=MOST_WAYPOINTS)
+    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    wait: bool = False
+
+
+class GoToPlaceParams(Params):
+    """When to drive to a place of the configuration, and when to answer: as for ``navigate_to``."""
+
     queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
     wait: bool = False
 
@@ -173,10 +181,10 @@ class Navigation(Protocol):
 
 
 class NavigationMethods:
-    """The methods of this feature."""
+    """The methods of this feature; ``section`` names the robot's own places."""
 
-    def __init__(self, navigation: Navigation) -> None:
-        self._navigation = navigation
+    def __init__(self, navigation: Navigation, section: NavigationSection) -> None:
+        self._navigation, self._section = navigation, section
 
     @method(role=Role.DRIVE, moves=True)
     async def navigate_to(self, caller: Caller, params: NavigateToParams, progress: Progress) -> GoalResult:
@@ -189,6 +197,20 @@ class NavigationMethods:
     ) -> GoalResult:
         """Drive to several goals one after the other; answers with the last one's number, or with how it ended."""
         return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def go_home(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        """Drive to the place navigation.home_place (home) of the map in use."""
+        return await self._to_place(self._section.home_place, params, progress)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def dock(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        """Drive to the place navigation.dock_place (dock) of the map in use."""
+        return await self._to_place(self._section.dock_place, params, progress)
+
+    async def _to_place(self, place: str, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        waypoint = Waypoint(place=place)
+        return await self._begun([waypoint], progress, queue=params.queue, wait=params.wait)
 
     async def _begun(
         self, waypoints: list[Waypoint], progress: Progress, *, queue: bool, wait: bool

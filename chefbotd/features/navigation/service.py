@@ -58,7 +58,7 @@ class NavigationService:
         section: NavigationSection,
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
-        self._places, self._section = places, section
+        self._places, self.section = places, section
         self._orders: asyncio.Queue[NavigationRequest] = asyncio.Queue()
         self._goals = Goals()
         self._stops = driver.stops  # that the goals know of
@@ -266,7 +266,7 @@ class NavigationService:
                 self._orders.put_nowait(messages.Pause())
         elif self._is_taken_over:
             self._is_taken_over = False
-            if self._section.resume_after_takeover and not self._is_paused:
+            if self.section.resume_after_takeover and not self._is_paused:
                 self._orders.put_nowait(messages.Resume())
 
     def _take_worker(self, event: WorkerReported) -> None:

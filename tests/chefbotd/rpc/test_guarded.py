@@ -80,6 +80,8 @@ DRIVING: dict[str, dict[str, Any]] = {
     "discard_mapping": {},
     "navigate_to": {"x_m": 1.0, "y_m": 2.0},
     "follow_waypoints": {"waypoints": [{"place": "table 3"}]},
+    "go_home": {},
+    "dock": {},
     "resume_navigation": {},
 }
 ADMINISTERING: dict[str, dict[str, Any]] = {

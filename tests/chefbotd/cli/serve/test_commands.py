@@ -28,6 +28,12 @@ class Robot:
             raise self.error
         return "reached (1.20, 3.40)"
 
+    async def go_home(self) -> str:
+        return await self.navigate_to(home=True)
+
+    async def dock(self) -> str:
+        return await self.navigate_to(dock=True)
+
     async def call(self, method: str, **params: Any) -> dict[str, Any]:
         assert method == "get_state"
         return {"topics": self.topics}
@@ -70,6 +76,17 @@ def test_go_takes_a_place_or_a_pose(robot: Robot, words: list[str], goal: dict[s
     assert result.exit_code == 0, result.output
     assert robot.goals == [pytest.approx(goal) if "x_m" in goal else goal]
     assert result.output.endswith("Reached (1.20, 3.40).\n")
+
+
+def test_home_and_dock_are_commands_of_their_own(robot: Robot) -> None:
+    """Each asks for its method, and ends as ``go`` does."""
+    for command in ("home", "dock"):
+        result = chefbotctl(command)
+        assert result.exit_code == 0, result.output
+        assert result.output.endswith("Reached (1.20, 3.40).\n")
+    assert robot.goals == [{"home": True}, {"dock": True}]
+    robot.error = GoalBlocked(4, "blocked for 60 s: something is in the way at (3.10, 4.02)")
+    assert chefbotctl("dock").exit_code == 6
 
 
 def test_a_goal_that_is_not_reached_ends_with_its_reason(robot: Robot) -> None:

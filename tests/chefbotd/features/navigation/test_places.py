@@ -1,0 +1,72 @@
+"""``go_home`` and ``dock``: the robot's own places, by the names that its configuration gives them."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from chefbotd.client import CallError, Client
+from chefbotd.clock import run_virtual
+from chefbotd.features.navigation.methods import GoToPlaceParams, NavigationMethods
+from chefbotd.maps.contents import save
+from chefbotd.maps.parameters import MapsParameters
+from chefbotd.maps.store import MapStore
+from chefbotd.navigation.section import NavigationSection
+from chefbotd.sensing.lidar import LidarParameters
+from chefbotd.settings import load
+from chefbotd.testing.daemon import running_daemon
+from chefbotd.testing.transport import FakeSerialDevice
+from tests.chefbotd.maps.test_store import grid
+from tests.fakes.api import serving
+from tests.fakes.robot import FakeNavigation, FakeRobot
+from tests.fakes.worker import Nursery, healthy
+
+
+def test_each_is_a_goal_at_its_place() -> None:
+    """Queued and waited for as ``navigate_to`` is."""
+    robot = FakeRobot()
+    section = NavigationSection(home_place="counter", dock_place="charger by the door")
+    methods = NavigationMethods(FakeNavigation(robot), section)
+
+    async def ask() -> None:
+        home = await methods.go_home(None, GoToPlaceParams(queue=True), None)  # type: ignore[arg-type]
+        assert (home.goal, home.end) == (1, None)
+        docked = await methods.dock(None, GoToPlaceParams(wait=True), None)  # type: ignore[arg-type]
+        assert (docked.goal, docked.end) == (2, "reached")
+
+    asyncio.run(ask())
+    assert robot.calls == [
+        ("navigate_to", [{"place": "counter"}], True),
+        ("navigate_to", [{"place": "charger by the door"}], False),
+    ]
+
+
+def test_the_client_waits_for_their_ends() -> None:
+    """Without other words the places are home and dock."""
+
+    async def ask() -> None:
+        async with serving() as served, Client.connect(served.host, served.port) as client:
+            assert "reached" in await client.go_home()
+            assert "reached" in await client.dock()
+            told = [call for call in served.robot.calls if call[0] == "navigate_to"]
+            assert [call[1] for call in told] == [[{"place": "home"}], [{"place": "dock"}]]
+
+    asyncio.run(ask())
+
+
+def test_without_such_a_place_it_is_said_which_there_are(tmp_path: Path) -> None:
+    """The map in use has a kitchen only: nothing moves, and the answer names both."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    lidar = LidarParameters(name="top", model="ld19", device="/dev/absent")  # type: ignore[arg-type]
+    settings = load().model_copy(update={"lidar": (lidar,), "maps": MapsParameters(folder=tmp_path)})
+
+    async def ask() -> None:
+        spawn = Nursery(healthy).spawn
+        async with running_daemon(FakeSerialDevice(), settings, spawn_worker=spawn) as client:
+            await client.load_map("flat")
+            await client.save_place("kitchen", 1.0, 2.0, 0.5)
+            with pytest.raises(CallError, match="has no place 'dock'; there are: kitchen") as refused:
+                await client.dock()
+            assert refused.value.kind == "unknown_place"
+
+    run_virtual(ask())
