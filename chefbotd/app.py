@@ -12,7 +12,7 @@ import structlog
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
-from chefbotd.entries import Entries
+from chefbotd.entries import entries_of
 from chefbotd.features.board.feature import board
 from chefbotd.features.description.feature import description
 from chefbotd.features.driving.feature import driving
@@ -109,7 +109,8 @@ class Daemon:
         depth_spawn: DepthSpawn | None = None,
     ) -> None:
         self.bus = Bus()
-        self.entries = self._clock = clock = Entries(clock, self.bus)
+        self.entries = self._clock = clock = entries_of(clock)
+        self.entries.bus = self.bus
         variant = VARIANTS[settings.robot.wire]
         self.session = BoardSession(
             self.bus,

@@ -7,12 +7,12 @@ computed again from a recording.
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Coroutine, Generator, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Iterator
 from typing import Any, Protocol, TypeVar
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events.inputs import EventObserved, TaskStepped, TimerFired
+from chefbotd.core.events.inputs import AnswerTaken, EventObserved, TaskStepped, TimerFired
 
 T = TypeVar("T")
 
@@ -32,7 +32,7 @@ class Entries:
     """
 
     def __init__(self, clock: Clock, bus: Bus | None = None) -> None:
-        self._read_clock, self._bus = clock.now_s, bus
+        self._read_clock, self.bus = clock.now_s, bus
         self._latched_s: float | None = None
         self._recorders = 0
         self.recording = False
@@ -55,8 +55,8 @@ class Entries:
 
     def publish(self, record: object) -> None:
         """Publish a record; to be called only while ``recording``."""
-        if self._bus is not None:
-            self._bus.publish(record)
+        if self.bus is not None:
+            self.bus.publish(record)
 
     @contextlib.contextmanager
     def entry(self, kind: Callable[..., object], *fields: object) -> Iterator[None]:
@@ -93,6 +93,17 @@ class Entries:
         """Run a coroutine; each time that it goes on is an entry."""
         result: T = await _Steps(self, name, run())
         return result
+
+    async def outside(self, ask: Callable[[], Awaitable[T]]) -> T:
+        """Wait for the disk or another process; a replay does not ask again."""
+        return await ask()
+
+    async def answer(self, asked: str, ask: Callable[[], Awaitable[str]]) -> str:
+        """Wait for an answer from outside that decides what the robot does: it is recorded."""
+        answer = await ask()
+        if self.recording:
+            self.publish(AnswerTaken(self.now_s(), asked, answer))
+        return answer
 
     def begin_recording(self) -> Callable[[], None]:
         """Publish the records from now on; returns what ends that. A replay needs them from the daemon's start."""

@@ -3,13 +3,15 @@
 import asyncio
 import os
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 
 import structlog
 
 from chefbotd.app import Daemon, Loop
+from chefbotd.core.events.inputs import GainsExchanged, LimitsExchanged
 from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
 from chefbotd.process import logs, systemd
 from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
 from chefbotd.process.reload import CANNOT_RELOAD, Reloader
@@ -29,8 +31,14 @@ class DaemonTarget:
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
-        self.gains, self.retune = daemon.driving.gains, daemon.driving.retune
+        self.gains = daemon.driving.gains
         self.exchange_tokens = daemon.rpc.exchange_tokens
+
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Without a bump."""
+        told = {name: each.model_dump(mode="json") for name, each in gains.items()}
+        with self._daemon.entries.entry(GainsExchanged, told):
+            self._daemon.driving.retune(gains)
 
     def relimit(self, limits: MotionLimits) -> bool:
         """As soon as the robot stands; what is told of a command changes at the same time."""
@@ -39,7 +47,8 @@ class DaemonTarget:
             self._daemon.limit_preview.relimit(limits)
             log.info("the limits have changed")
 
-        return self._daemon.driving.relimit(limits, tell)
+        with self._daemon.entries.entry(LimitsExchanged, limits.model_dump(mode="json")):
+            return self._daemon.driving.relimit(limits, tell)
 
     def set_level(self, level: Level) -> None:
         """For every part of the process, but for the worker's."""

@@ -155,7 +155,7 @@ class Dispatcher:
     def _record(self, method: Method, caller: Caller, params: Params, stamp_s: float) -> RequestHandled:
         session = caller.session
         self._handled += 1
-        told = None if method.params.confidential else params.model_dump(mode="json")
+        told = None if method.params.confidential else params.model_dump(mode="json", exclude_unset=True)
         return RequestHandled(
             stamp_s,
             self._handled,

@@ -160,7 +160,7 @@ def test_a_drive_is_recorded_with_all_that_came_in_and_went_out() -> None:
     taken = [inboxes[0].take() for _ in range(len(inboxes[0]))]
     assert isinstance(taken[0], DaemonStarted)
     drives = [each for each in taken if isinstance(each, RequestHandled) and each.method == "drive"]
-    assert [each.params for each in drives] == [{"linear_m_s": 0.2, "angular_rad_s": -0.3, "source": None}]
+    assert [each.params for each in drives] == [{"linear_m_s": 0.2, "angular_rad_s": -0.3}]
     assert drives[0].name == "pilot"
     written = [each for each in taken if isinstance(each, LinkBytesWritten)]
     driven_s = next(each.stamp_s for each in written if not each.data.startswith(b"s 0 0\r"))

@@ -119,6 +119,20 @@ class ServiceFailed(Record, frozen=True):
     reason: str
 
 
+class GainsExchanged(Record, frozen=True):
+    """An entry: the configuration was read again, and these are the gains by wheel."""
+
+    stamp_s: float
+    gains: dict[str, Any]
+
+
+class LimitsExchanged(Record, frozen=True):
+    """An entry: the configuration was read again, and these limits hold as soon as the robot stands."""
+
+    stamp_s: float
+    limits: dict[str, Any]
+
+
 class EventObserved(Record, frozen=True):
     """An entry: the event that follows came from outside: from the disk, from another process, from the computer."""
 
@@ -174,6 +188,8 @@ Entry: TypeAlias = (
     | ClientLeft
     | TaskStepped
     | ServiceFailed
+    | GainsExchanged
+    | LimitsExchanged
     | EventObserved
     | WorkerSaid
     | WorkerGone

@@ -229,8 +229,8 @@ class MapsService:
         return self.in_use
 
     async def _in_thread(self, function: Callable[..., Any], *arguments: object) -> Any:
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._threads, partial(function, *arguments))
+        run = asyncio.get_running_loop().run_in_executor
+        return await self._entries.outside(lambda: run(self._threads, partial(function, *arguments)))
 
     async def _changing(self, change: Callable[..., object], *arguments: object) -> None:
         """Change the store. It is not given up half-way: the next change waits, also where this one is cancelled."""

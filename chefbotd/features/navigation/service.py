@@ -4,6 +4,7 @@ A goal outlives the worker: the next one is told of it. What the robot is driven
 """
 
 import asyncio
+import json
 from typing import Final, Protocol
 
 import structlog
@@ -16,6 +17,7 @@ from chefbotd.core.events.localization import LocalizationChanged
 from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.entries import entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.maps.methods import PlaceList
 from chefbotd.features.navigation.goals import Goals
@@ -58,7 +60,7 @@ class NavigationService:
         section: NavigationSection,
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
-        self._places, self.section = places, section
+        self._places, self.section, self._entries = places, section, entries_of(clock)
         self._orders: asyncio.Queue[NavigationRequest] = asyncio.Queue()
         self._goals = Goals()
         self._stops = driver.stops  # that the goals know of
@@ -123,7 +125,7 @@ class NavigationService:
     async def _goal(self, waypoint: Waypoint) -> GoalAsked:
         x_m, y_m, heading_rad = waypoint.x_m, waypoint.y_m, waypoint.heading_rad
         if waypoint.place is not None:
-            known = await self._places.places(None)
+            known = await self._known_places()
             place = next((each for each in known.places if each.name == waypoint.place), None)
             if place is None:
                 names = ", ".join(each.name for each in known.places) or "none"
@@ -131,6 +133,21 @@ class NavigationService:
                 raise Refused(RefusalKind.UNKNOWN_PLACE, told)
             x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
         return GoalAsked(self._goals.next_number(), x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m)
+
+    async def _known_places(self) -> PlaceList:
+        """Those of the map in use; where the disk has no answer, why not."""
+
+        async def ask() -> str:
+            try:
+                return (await self._places.places(None)).model_dump_json()
+            except Refused as problem:
+                return json.dumps({"kind": problem.kind, "message": str(problem)})
+
+        answer = await self._entries.answer("places", ask)
+        refused = json.loads(answer)
+        if "kind" in refused:
+            raise Refused(RefusalKind(refused["kind"]), refused["message"])
+        return PlaceList.model_validate_json(answer)
 
     async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last."""
