@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from chefbotd.transport.web.server import PageServer
+    from chefbotd.worker.process import Worker
     from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
     from chefbotd.worker.spawn import Spawn
 
@@ -130,7 +131,8 @@ class Daemon:
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
         let_go_s = settings.safety.held_until_silent_s
-        self._leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
+        self.worker: Worker | None = None
+        self.leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
         built = [feature(self.bus, clock) for feature in features]
         built += _lidars(settings, self.bus, clock, opener, rng)
@@ -145,7 +147,7 @@ class Daemon:
             self.bus,
             clock,
             settings.api,
-            self._leases,
+            self.leases,
             robot_name=settings.robot.name,
             session=os.urandom(4).hex(),
             sources=tuple(settings.safety.sources),
@@ -169,7 +171,7 @@ class Daemon:
                 self.driving,
                 QuadratureService(bus, settings.quadrature, names),
                 self.limit_preview,
-                self._leases,
+                self.leases,
                 clock,
                 wheel_names=names,
                 sources=tuple(settings.safety.sources),
@@ -242,13 +244,14 @@ class Daemon:
             navigation_messages.SKILL: navigated.model_dump_json().encode(),
         }
         feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
+        self.worker = feed.worker
         finder = LocalizationService(self.bus, self._clock, feed)
         made = MappingService(self.bus, self._clock, feed, stored.use_saved)
         stored.growing = made.grid
         features = [maps(stored), worker(feed), mapping(made), localization(finder)]
         if NAVIGATION not in settings.safety.sources:
             return features
-        driver = InnerDriver(self.driving, self._leases, self._clock, NAVIGATION)
+        driver = InnerDriver(self.driving, self.leases, self._clock, NAVIGATION)
         goes = NavigationService(self.bus, self._clock, feed, driver, stored, settings.navigation)
         return [*features, navigation(goes)]
 

@@ -28,6 +28,7 @@ class Timer(Protocol):
 class Entries:
     """A clock that stands still while an entry is handled.
 
+    ``links`` are the sessions of the ports by the names of their links, as each of them has entered itself.
     ``recording`` says whether the records in ``core.events.inputs`` are to be published; read it before you make one.
     """
 
@@ -35,6 +36,7 @@ class Entries:
         self._read_clock, self.bus = clock.now_s, bus
         self._latched_s: float | None = None
         self._recorders = 0
+        self.links: dict[str, Any] = {}
         self.recording = False
 
     def now_s(self) -> float:

@@ -57,6 +57,11 @@ class BoardWriter:
         self.lines_out = self._queries = 0
         self._drained = False  # as it was last recorded
 
+    @property
+    def queries(self) -> int:
+        """How often ``has_drained`` was asked."""
+        return self._queries
+
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""
         port.set_write_buffer_limits(high=0)

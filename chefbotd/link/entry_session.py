@@ -37,6 +37,7 @@ class EntrySession(asyncio.Protocol):
 
     def __init__(self, link: str, session: PortSession, clock: Clock) -> None:
         self._link, self._session, self._entries = link, session, entries_of(clock)
+        self._entries.links[link] = session
 
     # What asyncio tells us
 

@@ -328,6 +328,11 @@ class BoardSession(asyncio.Protocol):
         return self._restarts.count
 
     @property
+    def drain_queries(self) -> int:
+        """How often the port was asked whether it has sent everything."""
+        return self._writer.queries
+
+    @property
     def lines_out(self) -> int:
         """Lines written so far."""
         return self._writer.lines_out

@@ -163,7 +163,7 @@ class Dispatcher:
             told,
             session.number,
             session.client,
-            str(session),
+            session.where,
             session.role,
         )
 

@@ -83,6 +83,11 @@ class RpcServer:
         self._taps: dict[str, Callable[[], None]] = {}
         self._failure = HandlerFailure()
 
+    @property
+    def methods(self) -> Mapping[str, Method]:
+        """Every method of the socket by name."""
+        return self._methods
+
     async def run(self) -> None:
         """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]

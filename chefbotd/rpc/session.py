@@ -31,8 +31,12 @@ class Session:
         self._errors = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
 
     def __str__(self) -> str:
-        where = f"[{self.host}]:{self._port}" if ":" in self.host else f"{self.host}:{self._port}"
-        return f"{self.client} ({where})" if self.client else where
+        return f"{self.client} ({self.where})" if self.client else self.where
+
+    @property
+    def where(self) -> str:
+        """Its address."""
+        return f"[{self.host}]:{self._port}" if ":" in self.host else f"{self.host}:{self._port}"
 
     def admit_request(self, now_s: float) -> bool:
         """Whether the client may send another request now."""

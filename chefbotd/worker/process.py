@@ -48,6 +48,7 @@ LEAVE_S: Final = 1.5
 NOBODY: Final = 0
 """The number of a request whose answer nobody waits for."""
 
+OfSkill = messages.Told | messages.Answer | messages.Failed | messages.Progress
 OnProgress = Callable[[float, float, str], None]
 
 
@@ -269,15 +270,24 @@ class Worker:
             self._channel.close()
             self._dropped += self._channel.dropped
         with self._clock.entry(WorkerGone):
-            self._forget_pending()
+            self.forget_pending()
 
-    def _forget_pending(self) -> None:
+    def forget_pending(self) -> None:
+        """The worker is gone: whoever waits for it hears so."""
         self._channel = None
         pending, self._pending = self._pending, {}
         for each in pending.values():
             if not each.future.done():
                 each.future.set_exception(WorkerLost("the worker ended before it was done"))
                 each.future.exception()  # whoever asked may be gone
+
+    def follow(self, status: WorkerStatus, channel: "Channel | None") -> None:
+        """Stand as a recorded worker stood; there is no process. What is sent to it goes to ``channel``."""
+        was_ready, self.status = self.is_ready, status
+        self._channel = self._channel or channel
+        if self.is_ready and not was_ready:
+            for handler in self._on_ready:
+                handler()
 
     def _end(self, reason: str) -> None:
         if self._ended is not None and not self._ended.done():
@@ -289,12 +299,9 @@ class Worker:
         match message:
             case messages.Alive():
                 self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
-            case messages.Told():
+            case messages.Told() | messages.Answer() | messages.Failed() | messages.Progress():
                 with self._clock.entry(partial(_said, message)):
-                    self._hand_on(message)
-            case messages.Answer() | messages.Failed() | messages.Progress():
-                with self._clock.entry(partial(_said, message)):
-                    self._take_of_request(message, now_s)
+                    self.take_of_skill(message)
             case messages.Warming():
                 self._set(Happened.WARMING, reason=f"loading {message.skill}")
             case messages.Ready():
@@ -308,6 +315,13 @@ class Worker:
                 log.warning("the worker cannot work here", reason=message.reason)
                 self._set(Happened.UNAVAILABLE, reason=message.reason)
                 self._end(message.reason)
+
+    def take_of_skill(self, message: OfSkill) -> None:
+        """What a skill tells or answers: hand it on to whom it concerns."""
+        if isinstance(message, messages.Told):
+            self._hand_on(message)
+        else:
+            self._take_of_request(message, self._clock.now_s())
 
     def _hand_on(self, message: messages.Told) -> None:
         listener = self._listeners.get(message.skill)

@@ -30,7 +30,7 @@ class Happened(StrEnum):
     STOPPED = "stopped"
 
 
-_LIVING: Final = (WorkerState.STARTING, WorkerState.WARMING, WorkerState.READY)
+LIVING: Final = (WorkerState.STARTING, WorkerState.WARMING, WorkerState.READY)
 
 NEXT: Final[Mapping[tuple[WorkerState, Happened], WorkerState]] = {
     (WorkerState.STOPPED, Happened.SPAWNED): WorkerState.STARTING,
@@ -43,7 +43,7 @@ NEXT: Final[Mapping[tuple[WorkerState, Happened], WorkerState]] = {
     (WorkerState.WARMING, Happened.UNAVAILABLE): WorkerState.UNAVAILABLE,
     (WorkerState.STOPPED, Happened.ENDED): WorkerState.RESTARTING,
     (WorkerState.RESTARTING, Happened.ENDED): WorkerState.RESTARTING,
-    **{(state, Happened.ENDED): WorkerState.RESTARTING for state in _LIVING},
+    **{(state, Happened.ENDED): WorkerState.RESTARTING for state in LIVING},
     **{(state, Happened.STOPPED): WorkerState.STOPPED for state in WorkerState},
 }
 """What is not here cannot happen with a worker of ours: one that says so is not believed, and is killed."""

@@ -83,8 +83,8 @@ class TimerFired(Record, frozen=True):
 class RequestHandled(Record, frozen=True):
     """An entry: a client's request is carried out. Params that hold a secret are None.
 
-    ``number`` counts the requests and ``client`` the connections. ``name`` is what the client calls itself, ``shown``
-    what it is called where others see it.
+    ``number`` counts the requests and ``client`` the connections. ``name`` is what the client calls itself, ``where``
+    its address.
     """
 
     stamp_s: float
@@ -93,7 +93,7 @@ class RequestHandled(Record, frozen=True):
     params: dict[str, Any] | None
     client: int
     name: str
-    shown: str
+    where: str
     role: str | None
 
 

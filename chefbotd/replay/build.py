@@ -1,0 +1,94 @@
+"""A daemon that is fed from a recording: no port, no worker, no file of its own."""
+
+import asyncio
+from collections import Counter
+from typing import Any, NoReturn
+
+from chefbotd.app import Daemon, Loop
+from chefbotd.core.events.inputs import DaemonStarted
+from chefbotd.link.port import LinkParameters
+from chefbotd.replay.entries import ReplayEntries
+from chefbotd.safety.faults import FaultKind
+from chefbotd.safety.gate import GateState, Mode
+from chefbotd.settings import Settings
+
+
+class RecordedLatch:
+    """The gate begins as it began then, and leaves nothing behind."""
+
+    def __init__(self, state: GateState) -> None:
+        self._state = state
+
+    def recall(self) -> GateState:
+        """The state to begin in."""
+        return self._state
+
+    def keep(self, state: GateState) -> None:
+        """It is in the recording."""
+
+    def end(self) -> None:
+        """There is nothing to forget."""
+
+
+class NoSupervisor:
+    """Services are run by the recording."""
+
+    failures: Counter[str] = Counter()
+
+    async def run_restarting(self, name: str, loop: Loop, on_failure: Any) -> None:
+        """Run as it is."""
+        await loop()
+
+    async def run_critical(self, name: str, loop: Loop) -> None:
+        """Run as it is."""
+        await loop()
+
+
+async def never_open(parameters: LinkParameters, protocol: asyncio.BaseProtocol) -> NoReturn:
+    """A replay opens no port."""
+    raise OSError("a replay has no ports")
+
+
+async def never_spawn(*arguments: object) -> NoReturn:
+    """A replay starts no process."""
+    raise OSError("a replay has no processes")
+
+
+def gate_of(started: DaemonStarted | None) -> GateState:
+    """The gate as it began; armed where that is not known."""
+    if started is None:
+        return GateState()
+    fault = None if started.fault is None else FaultKind(started.fault)
+    return GateState(Mode(started.mode), started.reason, fault=fault)
+
+
+def replayed_daemon(
+    settings: Settings, started: DaemonStarted | None, entries: ReplayEntries, *, port: int | None = None
+) -> Daemon:
+    """The robot of this configuration, to be fed with ``entries``; its socket listens on ``port`` of the loopback."""
+    return Daemon(
+        _without_files(settings, port),
+        clock=entries,
+        latch=RecordedLatch(gate_of(started)),
+        supervisor=NoSupervisor(),
+        opener=never_open,
+        spawn_worker=never_spawn,
+        depth_spawn=never_spawn,
+    )
+
+
+def _without_files(settings: Settings, port: int | None) -> Settings:
+    """No token, no certificate, no description of one's own: these were the robot's."""
+    api = settings.api.model_copy(
+        update={
+            "host": "127.0.0.1",
+            "port": port or 0,
+            "token_file": None,
+            "token_credential": None,
+            "tls_certificate": None,
+            "tls_key": None,
+        }
+    )
+    page = settings.page.model_copy(update={"enabled": False})
+    robot = settings.robot.model_copy(update={"description": None})
+    return settings.model_copy(update={"api": api, "page": page, "robot": robot})

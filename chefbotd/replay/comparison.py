@@ -1,0 +1,175 @@
+"""Recorded and replayed events held against each other."""
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from chefbotd.core.record import Record
+from chefbotd.replay.recorded import NOT_COMPARED, Recorded
+
+Told = tuple[str, bytes]
+"""The class of an event, and the event as JSON."""
+
+ABSENT = "nothing"
+
+
+class Difference(Record, frozen=True):
+    """Where a replay first differs. ``field`` is the first one that does (empty: the whole event)."""
+
+    stamp_s: float
+    after: str
+    kind: str
+    field: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        where = f"{self.kind} {self.field}" if self.field else self.kind
+        return (
+            f"at {self.stamp_s:.6f} s, after {self.after}: {where}: "
+            f"recorded {self.recorded}, replayed {self.replayed}"
+        )
+
+
+class Row:
+    """How the events of a class differ."""
+
+    def __init__(self) -> None:
+        self.recorded = self.replayed = self.differing = 0
+        self.largest, self.field = 0.0, ""
+        self._waiting: tuple[deque[Any], deque[Any]] = (deque(), deque())
+
+    def add_equal(self) -> None:
+        """One of each, and they are the same."""
+        self.recorded += 1
+        self.replayed += 1
+
+    def add(self, recorded: Any, replayed: Any) -> None:
+        """Events as plain values (None: none). They are paired by their stamps, across entries."""
+        if recorded is not None:
+            self.recorded += 1
+            self._waiting[0].append(recorded)
+        if replayed is not None:
+            self.replayed += 1
+            self._waiting[1].append(replayed)
+        ours, theirs = self._waiting
+        while ours and theirs:
+            early = _stamp(ours[0]) - _stamp(theirs[0])
+            if early != 0.0 and abs(early) > _NEAR_S:
+                (ours if early < 0 else theirs).popleft()
+                self.differing += 1
+                continue
+            self._compare(ours.popleft(), theirs.popleft())
+
+    def finish(self) -> None:
+        """Nothing more comes: what has no partner differs."""
+        for waiting in self._waiting:
+            self.differing += len(waiting)
+            waiting.clear()
+
+    def _compare(self, recorded: Any, replayed: Any) -> None:
+        if recorded == replayed:
+            return
+        self.differing += 1
+        for field, one, other in differences(recorded, replayed):
+            if _is_number(one) and _is_number(other) and abs(one - other) > self.largest:
+                self.largest, self.field = abs(one - other), field
+
+
+_NEAR_S = 0.002
+
+
+class Comparison:
+    """Counts by class; ``first`` is the first difference. Classes in ``left_out`` are not in the recording."""
+
+    def __init__(self, left_out: Iterable[str] = ()) -> None:
+        self._left_out = NOT_COMPARED | set(left_out)
+        self.rows: dict[str, Row] = {}
+        self.first: Difference | None = None
+        self.equal = self.different = 0
+
+    def takes(self, kind: str) -> bool:
+        """Whether events of this class are compared."""
+        return kind not in self._left_out
+
+    def add(self, stamp_s: float, after: str, recorded: list[Recorded], replayed: list[Told]) -> None:
+        """What followed one entry, then and now."""
+        was = [(each.kind, each.payload) for each in recorded if self.takes(each.kind)]
+        if was == replayed:
+            self.equal += len(was)
+            for kind, _ in was:
+                self._row(kind).add_equal()
+            return
+        if self.first is None:
+            self.first = _first_difference(stamp_s, after, was, replayed)
+        self.different += 1
+        for kind, payload in was:
+            self._row(kind).add(msgspec.json.decode(payload), None)
+        for kind, payload in replayed:
+            self._row(kind).add(None, msgspec.json.decode(payload))
+
+    def _row(self, kind: str) -> Row:
+        row = self.rows.get(kind)
+        if row is None:
+            row = self.rows[kind] = Row()
+        return row
+
+    def finish(self) -> None:
+        """The recording is over."""
+        for row in self.rows.values():
+            row.finish()
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Recorded events by class."""
+        return Counter({kind: row.recorded for kind, row in self.rows.items()})
+
+
+def _first_difference(stamp_s: float, after: str, was: list[Told], now: list[Told]) -> Difference:
+    for one, other in zip(was, now, strict=False):
+        if one == other:
+            continue
+        if one[0] != other[0]:
+            return Difference(stamp_s, after, one[0], "", _short(one), _short(other))
+        for field, before, after_it in differences(
+            msgspec.json.decode(one[1]), msgspec.json.decode(other[1])
+        ):
+            return Difference(stamp_s, after, one[0], field, _text(before), _text(after_it))
+    longer = was if len(was) > len(now) else now
+    extra = longer[min(len(was), len(now))]
+    sides = (_short(extra), ABSENT) if longer is was else (ABSENT, _short(extra))
+    return Difference(stamp_s, after, extra[0], "", *sides)
+
+
+def differences(one: Any, other: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """The fields in which two plain values differ, with both values."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for name in {**one, **other}:
+            inner = f"{where}.{name}" if where else str(name)
+            yield from differences(one.get(name), other.get(name), inner)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for index, pair in enumerate(zip(one, other, strict=True)):
+            yield from differences(*pair, f"{where}[{index}]")
+    elif one != other:
+        yield where, one, other
+
+
+def _stamp(told: Any) -> float:
+    stamp = told.get("stamp_s", math.nan)
+    return float(stamp)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _text(value: object) -> str:
+    return ABSENT if value is None else repr(value)
+
+
+def _short(told: Told, most: int = 160) -> str:
+    text = f"{told[0]} {told[1].decode(errors='replace')}"
+    return text if len(text) <= most else text[: most - 3] + "..."

@@ -1,0 +1,84 @@
+"""The clock of a replay: it stands where the entry stands, and its timers wait to be fired."""
+
+import asyncio
+from collections import deque
+from collections.abc import Awaitable, Callable, Generator
+from typing import Any, TypeVar
+
+from chefbotd.clock import ManualClock
+from chefbotd.entries import Entries, Timer
+
+T = TypeVar("T")
+
+
+class ReplayTimer:
+    """A timer that waits; ``due_s`` is when it would fire by itself."""
+
+    def __init__(
+        self, timers: "dict[str, ReplayTimer]", name: str, due_s: float, callback: Callable[[], None]
+    ) -> None:
+        self._timers, self.name, self.due_s, self.callback = timers, name, due_s, callback
+
+    def cancel(self) -> None:
+        """Do not fire."""
+        if self._timers.get(self.name) is self:
+            del self._timers[self.name]
+
+
+class ReplayEntries(Entries):
+    """``now`` is set to each entry's time; ``timers`` are those that wait, by name."""
+
+    def __init__(self) -> None:
+        super().__init__(ManualClock())
+        self._at_s = 0.0
+        self.timers: dict[str, ReplayTimer] = {}
+        self.answers: dict[str, deque[str]] = {}
+        self.recording = True  # so that what is written to the links is told
+
+    def now_s(self) -> float:
+        """The time of the entry."""
+        return self._at_s
+
+    def begin(self) -> bool:
+        """Time passes by ``set_time`` alone."""
+        return False
+
+    def set_time(self, now_s: float) -> None:
+        """An entry begins."""
+        self._at_s = now_s
+
+    def call_later(self, delay_s: float, callback: Callable[[], None], name: str) -> Timer:
+        """Wait to be fired."""
+        timer = ReplayTimer(self.timers, name, self._at_s + delay_s, callback)
+        self.timers[name] = timer
+        return timer
+
+    def fire(self, name: str) -> bool:
+        """Fire a timer; whether there is one of this name."""
+        timer = self.timers.pop(name, None)
+        if timer is None:
+            return False
+        timer.callback()
+        return True
+
+    def add_answer(self, asked: str, answer: str) -> None:
+        """What the outside answers in the step that comes now."""
+        self.answers.setdefault(asked, deque()).append(answer)
+
+    async def outside(self, ask: Callable[[], Awaitable[T]]) -> T:
+        """Nothing outside is asked, so nothing comes: what it led to is in the recording."""
+        waits: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+        return await waits
+
+    async def answer(self, asked: str, ask: Callable[[], Awaitable[str]]) -> str:
+        """What was answered, in the step in which it came."""
+        while not self.answers.get(asked):
+            await _Pause()
+        return self.answers[asked].popleft()
+
+
+class _Pause:
+    """Waits for the next step."""
+
+    def __await__(self) -> Generator[Any, None, None]:
+        yield

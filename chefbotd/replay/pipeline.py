@@ -1,0 +1,309 @@
+"""The parts of a daemon in a replay, and how each entry comes into them."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from pydantic import ValidationError
+
+from chefbotd.app import Daemon
+from chefbotd.core.events import inputs
+from chefbotd.core.events.inputs import BOARD_LINK
+from chefbotd.core.events.worker import WorkerReported
+from chefbotd.link.entry_session import health_timer
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
+from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.recorded import Group, decoded
+from chefbotd.replay.tasks import Tasks
+from chefbotd.rpc.connection_manager import LEASES_TIMER
+from chefbotd.rpc.dispatch import job_name
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.session import Session
+from chefbotd.safety.faults import Fault, FaultKind
+
+NOT_HANDLED = frozenset(
+    {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel", "get_stats"}
+)
+"""Requests that do nothing to the robot. The end of one that is cancelled is a step of its task."""
+
+
+class ReplayedSession(Session):
+    """A client of the recording."""
+
+    address = ""
+
+    @property
+    def where(self) -> str:
+        """Its address then."""
+        return self.address
+
+
+class ReplayedCaller:
+    """Who asked, and hears nothing."""
+
+    def __init__(self, session: ReplayedSession) -> None:
+        self.session = session
+
+    def reply(self, message: bytes, *, keep: bool = False) -> None:
+        """Nobody is there."""
+
+    def send_progress(self, message: bytes) -> None:
+        """Nobody is there."""
+
+    def send_event(self, payload: object, latest: bool) -> None:
+        """Nobody is there."""
+
+    def end(self, failure: object) -> None:
+        """Nobody is there."""
+
+    def report(self, done: float, total: float, text: str = "") -> None:
+        """How far a request is: nobody is there."""
+
+
+class ReplayedPort(asyncio.Transport):
+    """Takes what is written. ``queries`` says how often it was asked before whether all is sent."""
+
+    def __init__(self, queries: Callable[[], int]) -> None:
+        super().__init__()
+        self._queries = queries
+        self._changes: dict[int, bool] = {}
+        self._drained = True
+
+    def expect(self, changes: Mapping[int, bool]) -> None:
+        """The answers of the recording, by the number of the query from which on each holds."""
+        self._changes.update(changes)
+
+    def get_write_buffer_size(self) -> int:
+        """As it was in the recording."""
+        self._drained = self._changes.pop(self._queries() + 1, self._drained)
+        return 0 if self._drained else 1
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
+        """There is no buffer."""
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        """It goes nowhere."""
+
+    def overtake(self, words: bytes) -> None:
+        """It goes nowhere."""
+
+    def close_saying(self, words: bytes) -> None:
+        """It goes nowhere."""
+
+    def write_from_thread(self, words: bytes) -> bool:
+        """There is no other thread."""
+        return False
+
+    def set_dtr(self, state: bool) -> None:
+        """There is no such line."""
+
+    def is_closing(self) -> bool:
+        """Its end is in the recording."""
+        return False
+
+    def close(self) -> None:
+        """Its end is in the recording."""
+
+    def abort(self) -> None:
+        """Its end is in the recording."""
+
+
+class _Silent:
+    """The way to a worker that is not there."""
+
+    dropped = 0
+
+    def send(self, message: object) -> None:
+        """It goes nowhere."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class Pipeline:
+    """``daemon`` was built with ``entries`` as its clock, and is not run."""
+
+    def __init__(self, daemon: Daemon, entries: ReplayEntries) -> None:
+        self._daemon, self._entries = daemon, entries
+        self._ports: dict[str, ReplayedPort] = {}
+        self._callers: dict[int, ReplayedCaller] = {}
+        services = [each for feature in daemon.features for each in feature.services if each.in_steps]
+        self._tasks = Tasks({each.name: each.run for each in services})
+        self._regular = {health_timer(name): each.judge_health for name, each in entries.links.items()}
+        self._regular[LEASES_TIMER] = lambda: daemon.leases.expire(entries.now_s())
+        self._handlers: dict[type[Any], Callable[[Any], None]] = {
+            inputs.DaemonStarted: lambda entry: None,
+            inputs.PortOpened: lambda entry: self._open(entry.link),
+            inputs.PortLost: self._lose,
+            inputs.PortNotOpened: lambda entry: self._session(entry.link).report_not_opened(entry.reason),
+            inputs.PortDrained: lambda entry: self._session(entry.link).resume_writing(),
+            inputs.LinkBytesRead: self._read,
+            inputs.RequestHandled: self._request,
+            inputs.ClientLeft: self._leave,
+            inputs.ServiceFailed: self._fail,
+            inputs.GainsExchanged: self._retune,
+            inputs.LimitsExchanged: self._relimit,
+            inputs.WorkerSaid: self._say,
+            inputs.WorkerGone: lambda entry: self._forget_worker(),
+        }
+
+    async def handle(self, group: Group) -> str:
+        """Let an entry in; what is wrong with it, empty: nothing."""
+        entry = group.entry
+        self._expect(group)
+        if isinstance(entry, inputs.TaskStepped):
+            await self._tasks.step(entry.task, cancelled=entry.cancelled)
+            return ""
+        if isinstance(entry, inputs.TimerFired):
+            return self._fire(entry.timer)
+        if isinstance(entry, inputs.EventObserved):
+            return self._observe(group)
+        try:
+            self._handlers[type(entry)](entry)
+        except UnknownLink as problem:
+            return str(problem)
+        return ""
+
+    def close(self) -> None:
+        """The replay is over."""
+        self._tasks.close()
+
+    def is_regular(self, timer: str) -> bool:
+        """Whether a timer comes round by itself, whatever the robot does."""
+        return timer in self._regular
+
+    # what is known before
+
+    def _expect(self, group: Group) -> None:
+        drained: dict[int, bool] = {}
+        for answer in group.answers():
+            if isinstance(answer, inputs.DrainAnswered):
+                drained[answer.query] = answer.drained
+            elif isinstance(answer, inputs.FaultTaken):
+                fault = Fault(FaultKind(answer.kind), answer.reason)
+                self._daemon.driving.report_from_thread(fault)
+            elif isinstance(answer, inputs.AnswerTaken):
+                self._entries.add_answer(answer.asked, answer.answer)
+        if drained and BOARD_LINK in self._ports:
+            self._ports[BOARD_LINK].expect(drained)
+
+    # links
+
+    def _session(self, link: str) -> Any:
+        session = self._entries.links.get(link)
+        if session is None:
+            known = ", ".join(self._entries.links)
+            raise UnknownLink(f"the configuration has no link {link!r}; there are {known}")
+        return session
+
+    def _open(self, link: str) -> None:
+        session = self._session(link)
+        session.expect_connection()
+        self._ports[link] = ReplayedPort(lambda: self._daemon.session.drain_queries)
+        session.connection_made(self._ports[link])
+
+    def _lose(self, entry: inputs.PortLost) -> None:
+        error = None if entry.reason is None else OSError(entry.reason)
+        self._ports.pop(entry.link, None)
+        self._session(entry.link).connection_lost(error)
+
+    def _read(self, entry: inputs.LinkBytesRead) -> None:
+        if entry.link not in self._ports:  # the recording began after the port was opened
+            self._open(entry.link)
+        self._session(entry.link).data_received(entry.data)
+
+    # timers and what came from outside
+
+    def _fire(self, timer: str) -> str:
+        regular = self._regular.get(timer)
+        if regular is not None:
+            regular()
+            return ""
+        return "" if self._entries.fire(timer) else f"the timer '{timer}' does not run here"
+
+    def _observe(self, group: Group) -> str:
+        if not group.followers:
+            return "the event that was observed is not in the recording"
+        event = decoded(group.followers[0])
+        if isinstance(event, WorkerReported):
+            self._follow_worker(event)
+        self._daemon.bus.publish(event)
+        return ""
+
+    def _follow_worker(self, event: WorkerReported) -> None:
+        worker = self._daemon.worker
+        if worker is None:
+            return
+        from chefbotd.worker.process import WorkerStatus
+        from chefbotd.worker.watch import LIVING, WorkerState
+
+        state = WorkerState(event.state)
+        status = WorkerStatus(state, event.pid, event.restarts, event.rss_mb, event.cpu, event.reason)
+        worker.follow(status, _Silent() if state in LIVING else None)  # type: ignore[arg-type]
+
+    def _forget_worker(self) -> None:
+        if self._daemon.worker is not None:
+            self._daemon.worker.forget_pending()
+
+    def _say(self, entry: inputs.WorkerSaid) -> None:
+        if self._daemon.worker is not None:
+            from chefbotd.worker.messages import FROM_WORKER
+
+            message = FROM_WORKER.decode(entry.message)
+            self._daemon.worker.take_of_skill(message)
+
+    # clients
+
+    def _request(self, entry: inputs.RequestHandled) -> None:
+        method = self._daemon.rpc.methods.get(entry.method)
+        if method is None or entry.method in NOT_HANDLED or entry.params is None:
+            return
+        caller = self._caller(entry)
+        try:
+            params = method.params.model_validate(entry.params)
+        except ValidationError:
+            return
+        if asyncio.iscoroutinefunction(method.handle):
+            self._tasks.add_request(job_name(entry.number), partial(method.handle, caller, params, caller))
+            return
+        try:
+            method.handle(caller, params)
+        except Exception:  # noqa: BLE001 - the client was refused, or heard of a fault
+            return
+
+    def _caller(self, entry: inputs.RequestHandled) -> ReplayedCaller:
+        role = None if entry.role is None else Role(entry.role)
+        caller = self._callers.get(entry.client)
+        if caller is None:
+            session = ReplayedSession(ApiParameters(), "", 0, role, entry.stamp_s)
+            caller = self._callers[entry.client] = ReplayedCaller(session)
+        session = caller.session
+        session.number, session.client, session.role = entry.client, entry.name, role
+        session.address = entry.where
+        return caller
+
+    def _leave(self, entry: inputs.ClientLeft) -> None:
+        caller = self._callers.pop(entry.client, None)
+        if caller is not None:
+            self._daemon.leases.release(caller.session, self._entries.now_s())
+
+    # the process
+
+    def _fail(self, entry: inputs.ServiceFailed) -> None:
+        self._daemon.driving.fail(Fault(FaultKind.SERVICE_FAILED, entry.reason))
+
+    def _retune(self, entry: inputs.GainsExchanged) -> None:
+        self._daemon.driving.retune(
+            {name: PidParameters.model_validate(gains) for name, gains in entry.gains.items()}
+        )
+
+    def _relimit(self, entry: inputs.LimitsExchanged) -> None:
+        limits = MotionLimits.model_validate(entry.limits)
+        self._daemon.driving.relimit(limits, lambda: self._daemon.limit_preview.relimit(limits))
+
+
+class UnknownLink(Exception):
+    """Bytes of a link that the configuration does not have."""

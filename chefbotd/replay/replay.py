@@ -1,0 +1,177 @@
+"""The replay: every entry of a recording comes in again, and what follows is held against what followed then."""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import msgspec
+
+from chefbotd.app import Daemon
+from chefbotd.bus import Inbox
+from chefbotd.core.events.inputs import (
+    DaemonStarted,
+    EventObserved,
+    LinkBytesRead,
+    LinkBytesWritten,
+    RequestHandled,
+    TaskStepped,
+    TimerFired,
+)
+from chefbotd.replay.comparison import Comparison, Difference, Told
+from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.pipeline import Pipeline
+from chefbotd.replay.recorded import Group, encoded
+from chefbotd.replay.speed_error import SpeedError
+
+MOST_EVENTS = 100_000
+"""That follow one entry."""
+
+FIRST_PROBLEMS = 5
+
+
+class Outcome:
+    """What a replay has found. ``exact`` says that every event is the same, bit for bit."""
+
+    def __init__(self, comparison: Comparison) -> None:
+        self.comparison = comparison
+        self.entries = self.lost = 0
+        self.began_s: float | None = None
+        self.ended_s = 0.0
+        self.from_start = False
+        self.problems: list[str] = []
+        self.problem_count = 0
+        self.recorded_error, self.replayed_error = SpeedError(), SpeedError()
+
+    @property
+    def first(self) -> Difference | None:
+        """The first difference."""
+        return self.comparison.first
+
+    @property
+    def exact(self) -> bool:
+        """Whether all of it is the same."""
+        return self.first is None and not self.problem_count
+
+    @property
+    def seconds(self) -> float:
+        """How long the recording is."""
+        return 0.0 if self.began_s is None else self.ended_s - self.began_s
+
+    def note(self, problem: str) -> None:
+        """Something could not be replayed."""
+        self.problem_count += 1
+        if len(self.problems) < FIRST_PROBLEMS:
+            self.problems.append(problem)
+
+
+class Replay:
+    """``own_timers``: timers fire at their own times, as another configuration needs; else when they did then."""
+
+    def __init__(
+        self,
+        daemon: Daemon,
+        entries: ReplayEntries,
+        *,
+        own_timers: bool = False,
+        left_out: Iterable[str] = (),
+    ) -> None:
+        self._pipeline, self._entries = Pipeline(daemon, entries), entries
+        self._own_timers = own_timers
+        self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS)
+        self.outcome = Outcome(Comparison(left_out))
+
+    async def run(self, groups: Iterable[Group], pace: "Pace | None" = None) -> Outcome:
+        """Replay all of it; ``pace`` holds it back."""
+        outcome = self.outcome
+        try:
+            for group in groups:
+                if pace is not None:
+                    await pace.wait(group.entry.stamp_s)
+                await self._take(group)
+        finally:
+            self._pipeline.close()
+            self._inbox.close()
+        outcome.comparison.finish()
+        return outcome
+
+    async def _take(self, group: Group) -> None:
+        entry, outcome = group.entry, self.outcome
+        stamp_s = entry.stamp_s
+        if outcome.began_s is None:
+            outcome.began_s, outcome.from_start = stamp_s, isinstance(entry, DaemonStarted)
+        outcome.ended_s = stamp_s
+        outcome.entries += 1
+        outcome.lost += group.lost
+        replayed: list[Told] = []
+        if self._own_timers:
+            self._fire_due(stamp_s)
+            replayed = self._told()
+        self._entries.set_time(stamp_s)
+        if not (self._own_timers and self._is_own(entry)):
+            problem = await self._pipeline.handle(group)
+            if problem and not self._own_timers:
+                outcome.note(f"at {stamp_s:.6f} s: {problem}")
+        replayed += self._told()
+        outcome.comparison.add(stamp_s, described(entry), group.followers, replayed)
+        for each in group.followers:
+            if each.kind == "WheelsDriven":
+                outcome.recorded_error.add(msgspec.json.decode(each.payload))
+        for kind, payload in replayed:
+            if kind == "WheelsDriven":
+                outcome.replayed_error.add(msgspec.json.decode(payload))
+
+    def _is_own(self, entry: Any) -> bool:
+        return isinstance(entry, TimerFired) and not self._pipeline.is_regular(entry.timer)
+
+    def _fire_due(self, until_s: float) -> None:
+        """Fire the timers whose time comes before the next entry, in order."""
+        timers = self._entries.timers
+        while timers:
+            first = min(timers.values(), key=lambda timer: timer.due_s)
+            if first.due_s > until_s:
+                return
+            self._entries.set_time(first.due_s)
+            self._entries.fire(first.name)
+
+    def _told(self) -> list[Told]:
+        inbox, takes = self._inbox, self.outcome.comparison.takes
+        told = []
+        while len(inbox):
+            event = inbox.take()
+            kind = type(event).__name__
+            if takes(kind):
+                told.append((kind, encoded(event)))
+        return told
+
+
+class Pace:
+    """Holds a replay back to ``rate`` times the recorded speed."""
+
+    def __init__(self, rate: float, now_s: Callable[[], float]) -> None:
+        self._rate, self._now_s = rate, now_s
+        self._first: tuple[float, float] | None = None
+
+    async def wait(self, stamp_s: float) -> None:
+        """Until it is time for what happened then."""
+        if self._first is None:
+            self._first = self._now_s(), stamp_s
+        began_s, first_s = self._first
+        wait_s = began_s + (stamp_s - first_s) / self._rate - self._now_s()
+        if wait_s > 0:
+            await asyncio.sleep(wait_s)
+
+
+def described(entry: Any) -> str:
+    """An entry in a few words."""
+    match entry:
+        case LinkBytesRead() | LinkBytesWritten():
+            return f"{len(entry.data)} bytes from {entry.link}"
+        case TimerFired():
+            return f"the timer '{entry.timer}'"
+        case RequestHandled():
+            return f"the request {entry.method} of {entry.name or entry.where}"
+        case TaskStepped():
+            return f"a step of '{entry.task}'"
+        case EventObserved():
+            return "what was observed outside"
+    return type(entry).__name__

@@ -1,0 +1,63 @@
+"""Drives of the simulated robot, recorded off the bus."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from chefbotd.app import FeatureBuilder
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock, run_virtual
+from chefbotd.core.events.inputs import DaemonStarted
+from chefbotd.entries import entries_of
+from chefbotd.features.feature import Feature
+from chefbotd.replay.build import replayed_daemon
+from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.recorded import groups_of, recorded_of
+from chefbotd.replay.replay import Outcome, Replay
+from chefbotd.settings import Settings
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.worker import no_worker
+from chefbotd.worker.spawn import Spawn
+
+Script = Callable[[SimulatedRobot], Awaitable[None]]
+
+
+class BusRecorder:
+    """A feature that keeps every event in memory."""
+
+    def __init__(self) -> None:
+        self.inbox: Any = None
+
+    def feature(self, bus: Bus, clock: Clock) -> Feature:
+        """What the daemon is built with."""
+        self.inbox = bus.subscribe_all(10_000_000)
+        entries_of(clock).begin_recording()
+        return Feature("recorder")
+
+    def events(self) -> list[Any]:
+        """All that was recorded."""
+        return [self.inbox.take() for _ in range(len(self.inbox))]
+
+
+async def driven(
+    script: Script, settings: Settings, recorder: FeatureBuilder, spawn_worker: Spawn = no_worker
+) -> None:
+    """Run a script against the simulated robot."""
+    async with simulated_robot(settings, features=[recorder], spawn_worker=spawn_worker) as robot:
+        await script(robot)
+
+
+def recorded(script: Script, settings: Settings, spawn_worker: Spawn = no_worker) -> list[Any]:
+    """What a recorder takes off the bus while the script drives, on the virtual clock."""
+    recorder = BusRecorder()
+    run_virtual(driven(script, settings, recorder.feature, spawn_worker))
+    return recorder.events()
+
+
+def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False) -> Outcome:
+    """A replay of these events."""
+    entries = ReplayEntries()
+    started = next((each for each in events if isinstance(each, DaemonStarted)), None)
+    daemon = replayed_daemon(settings, started, entries)
+    replay = Replay(daemon, entries, own_timers=own_timers)
+    return asyncio.run(replay.run(groups_of(recorded_of(events))))

@@ -1,0 +1,64 @@
+"""A recorded drive, replayed: the same events, bit for bit."""
+
+import asyncio
+
+from chefbotd.settings import load
+from chefbotd.testing.daemon import SimulatedRobot
+from tests.chefbotd.replay.recordings import recorded, replayed
+
+KINDS = {
+    "EncodersCounted",
+    "WheelsDriven",
+    "OdometryUpdated",
+    "SafetyChanged",
+    "LinkBytesWritten",
+    "ControlChanged",
+}
+
+
+async def eventful(robot: SimulatedRobot) -> None:
+    """An arc, a dead-man's timeout, an e-stop, new gains, a restart of the board, a pulled cable."""
+    client = robot.client
+    await client.set_client_name("pilot")
+    await asyncio.sleep(1.0)
+    await drive(robot, 0.21, 0.37, 1.1)
+    await asyncio.sleep(1.2)
+    await client.set_pid("left_wheel", kp=31.7)
+    await drive(robot, -0.13, 0.55, 0.9)
+    await client.estop("a test")
+    await asyncio.sleep(0.5)
+    await client.arm()
+    await client.reset_odometry(1.1, -0.3, 0.7)
+    await drive(robot, 0.17, 0.0, 0.4)
+    await client.reset_board()
+    await asyncio.sleep(4.0)
+    await client.arm()
+    await drive(robot, 0.1, -0.8, 0.6)
+    robot.device.unplug()
+    await asyncio.sleep(1.3)
+    robot.device.plug()
+    await asyncio.sleep(3.0)
+    await client.arm()
+    await drive(robot, 0.3, 0.1, 0.7)
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Drive at odd moments, as a person does."""
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + seconds
+    while loop.time() < until_s:
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.0731)
+
+
+def test_a_drive_is_replayed_bit_for_bit() -> None:
+    """With a dead-man's timeout, an e-stop, gains, a restarted board and a pulled cable in it."""
+    settings = load()
+    events = recorded(eventful, settings)
+    outcome = replayed(events, settings)
+    assert outcome.problems == []
+    assert outcome.first is None, str(outcome.first)
+    assert outcome.exact
+    assert outcome.from_start
+    assert set(outcome.comparison.rows) >= KINDS
+    assert outcome.comparison.rows["WheelsDriven"].recorded > 200
