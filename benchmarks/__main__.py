@@ -46,6 +46,13 @@ def _worker(**options: Any) -> Outcome:
     return worker.run(**options)
 
 
+def _page(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``page``."""
+    from benchmarks import page
+
+    return page.run(**options)
+
+
 def _planner(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``navigation``."""
     from benchmarks import planner
@@ -93,6 +100,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "planner": _planner,
     "navigation": _navigation,
     "calls": calls.run,
+    "page": _page,
 }
 
 

@@ -34,6 +34,7 @@ class Daemon:
     process: "subprocess.Popen[bytes]"
     port: int
     started_ns: int
+    page_port: int = 0
 
     def cpu_s(self) -> float:
         """Processor seconds used so far, in user mode and in the kernel."""
@@ -51,26 +52,23 @@ def daemon(
 ) -> Iterator[Daemon]:
     """``chefbotd run`` on a device; ``changes`` replace keys of the packaged configuration, section by section."""
     with tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as folder:
-        config, log = Path(folder, "robot.toml"), Path(folder, "log")
+        config, port = Path(folder, "robot.toml"), free_port()
         config.write_text(to_toml(_changed(changes or {})))
-        port = _free_port()
-        command = [
-            *program,
-            "run",
-            "--config",
-            str(config),
-            "--port",
-            device,
-            "--listen",
-            f"127.0.0.1:{port}",
-        ]
-        with log.open("wb") as stderr:
-            started_ns = time.monotonic_ns()
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=stderr)
+        options = ["run", "--config", str(config), "--port", device, "--listen", f"127.0.0.1:{port}"]
+        with running([*program, *options], port) as process:
+            yield process
+
+
+@contextmanager
+def running(command: Sequence[str], port: int, page_port: int = 0) -> Iterator[Daemon]:
+    """A daemon that serves these ports; the log of one that fails is in the error's note."""
+    with tempfile.NamedTemporaryFile(prefix="chefbotd-bench-", suffix=".log") as log:
+        started_ns = time.monotonic_ns()
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log)
         try:
-            yield Daemon(process, port, started_ns)
+            yield Daemon(process, port, started_ns, page_port)
         except Exception as error:
-            error.add_note(f"the daemon's log: {log.read_text()}")
+            error.add_note(f"the daemon's log: {Path(log.name).read_text()}")
             raise
         finally:
             _end(process)
@@ -130,7 +128,8 @@ def _listens(running: Daemon) -> bool:
     return True
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port of the loopback interface that nobody uses now."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port: int = listener.getsockname()[1]
         return port

@@ -6,6 +6,8 @@ import socket
 import time
 from typing import Any, Self
 
+from websockets.sync.client import connect
+
 ANSWER_WITHIN_S = 10.0
 
 
@@ -37,7 +39,7 @@ class Caller:
         number = next(self._ids)
         request = json.dumps({"jsonrpc": "2.0", "id": number, "method": method, "params": params}).encode()
         sent_ns = time.monotonic_ns()
-        self._socket.sendall(request + b"\n")
+        self._send(request)
         while (answer := json.loads(self._line())).get("id") != number:
             pass
         if "error" in answer:
@@ -69,6 +71,9 @@ class Caller:
             lines += self.discard(period_s)
         return lines
 
+    def _send(self, request: bytes) -> None:
+        self._socket.sendall(request + b"\n")
+
     def _line(self) -> bytes:
         while b"\n" not in self._unread:
             self._unread += self._receive()
@@ -80,3 +85,31 @@ class Caller:
         if not data:
             raise CallFailed("the daemon hung up")
         return data
+
+
+class WebCaller(Caller):
+    """The same over the page's WebSocket."""
+
+    def __init__(self, port: int) -> None:
+        self._web = connect(f"ws://127.0.0.1:{port}/socket", compression=None, max_size=None)
+        self._ids = itertools.count(1)
+
+    def __exit__(self, *_: object) -> None:
+        self._web.close()
+
+    def read_for(self, seconds: float) -> int:
+        """Read what comes for so long; returns the number of messages."""
+        end_s, messages = time.monotonic() + seconds, 0
+        while (left_s := end_s - time.monotonic()) > 0:
+            try:
+                self._web.recv(timeout=left_s)
+            except TimeoutError:
+                break
+            messages += 1
+        return messages
+
+    def _send(self, request: bytes) -> None:
+        self._web.send(request.decode())
+
+    def _line(self) -> bytes:
+        return str(self._web.recv(timeout=ANSWER_WITHIN_S)).encode()
