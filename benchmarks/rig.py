@@ -1,6 +1,7 @@
 """The daemon under test: the real program in a process of its own, on a device, with a configuration in a file."""
 
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -62,9 +63,15 @@ def daemon(
 @contextmanager
 def running(command: Sequence[str], port: int, page_port: int = 0) -> Iterator[Daemon]:
     """A daemon that serves these ports; the log of one that fails is in the error's note."""
-    with tempfile.NamedTemporaryFile(prefix="chefbotd-bench-", suffix=".log") as log:
+    with (
+        tempfile.NamedTemporaryFile(prefix="chefbotd-bench-", suffix=".log") as log,
+        tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as state,
+    ):
+        environment = {**os.environ, "XDG_STATE_HOME": state}
         started_ns = time.monotonic_ns()
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, env=environment
+        )
         try:
             yield Daemon(process, port, started_ns, page_port)
         except Exception as error:

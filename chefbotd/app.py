@@ -53,6 +53,8 @@ from firmware_protocol.codec import VARIANTS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from chefbotd.recording.recorder import Recorder
+    from chefbotd.recording.writer import Writer
     from chefbotd.transport.web.server import PageServer
     from chefbotd.worker.process import Worker
     from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
@@ -68,6 +70,9 @@ NAVIGATION = "navigation"
 
 DepthSpawn = Callable[[Any], Awaitable[Any]]
 """``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
+
+StartWriter = Callable[["Callable[[], Recorder]", int], "Writer"]
+"""Starts what writes recordings: ``recording.writer.WriterThread``, or something else in tests."""
 
 
 class Supervisor(Protocol):
@@ -92,7 +97,8 @@ class Daemon:
 
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
     ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
-    with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one.
+    with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one. ``start_writer`` starts the
+    thread that records; without it nothing is recorded.
     """
 
     def __init__(
@@ -108,6 +114,7 @@ class Daemon:
         features: Sequence[FeatureBuilder] = (),
         spawn_worker: "Spawn | None" = None,
         depth_spawn: DepthSpawn | None = None,
+        start_writer: StartWriter | None = None,
     ) -> None:
         self.bus = Bus()
         self.entries = self._clock = clock = entries_of(clock)
@@ -130,11 +137,13 @@ class Daemon:
         self._latch, self._supervisor = latch, supervisor
         self.driving = _drive_service(settings, self.bus, clock, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
+        session = os.urandom(4).hex()
         let_go_s = settings.safety.held_until_silent_s
         self.worker: Worker | None = None
         self.leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
-        built = [feature(self.bus, clock) for feature in features]
+        built = _recording(settings, self.bus, clock, start_writer, session, simulated=simulated)
+        built += [feature(self.bus, clock) for feature in features]
         built += _lidars(settings, self.bus, clock, opener, rng)
         built += self._map_features(settings, spawn_worker, simulated=simulated)
         built += _depth_cameras(settings, self.bus, clock, rng, depth_spawn)
@@ -149,7 +158,7 @@ class Daemon:
             settings.api,
             self.leases,
             robot_name=settings.robot.name,
-            session=os.urandom(4).hex(),
+            session=session,
             sources=tuple(settings.safety.sources),
             default_source=settings.safety.default_source,
             command_timeout_s=settings.safety.command_timeout_s,
@@ -332,6 +341,38 @@ def _page(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) ->
     from chefbotd.transport.web.server import PageServer
 
     return PageServer(rpc, settings.page, guard, metrics)
+
+
+def _recording(
+    settings: Settings,
+    bus: Bus,
+    clock: Clock,
+    start_writer: StartWriter | None,
+    session: str,
+    *,
+    simulated: bool,
+) -> list[Feature]:
+    """Loaded only where it is recorded; the libraries that write files, in the thread that writes."""
+    if start_writer is None or not settings.recording.enabled:
+        return []
+    from chefbotd.features.recording.feature import recording
+    from chefbotd.features.recording.making import Made, recorder_maker
+    from chefbotd.features.recording.service import RecordingService
+    from chefbotd.recording.parameters import folder_of
+
+    parameters = settings.recording
+    folder = folder_of(parameters, os.environ, simulated=simulated)
+    scanners = [lidar.name for lidar in settings.lidar] + [each.name for each in settings.depth_camera]
+    made = Made(
+        settings.robot.name,
+        session,
+        lambda: settings.model_dump_json(by_alias=True),
+        lambda: _description(settings),
+        scanners[0] if scanners else None,
+    )
+    make = recorder_maker(parameters, folder, made, clock.now_s())
+    writer = start_writer(make, round(parameters.queue_mb * 1e6))
+    return [recording(RecordingService(bus, clock, parameters, folder, writer))]
 
 
 def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: random.Random) -> list[Feature]:

@@ -30,12 +30,13 @@ class Inbox(Generic[E]):
         topics: tuple[type[E], ...],
         size: int,
         kept: tuple[type[E], ...],
+        excluded: frozenset[str] = frozenset(),
     ) -> None:
         if size < 1:
             raise ValueError(f"an inbox needs room for at least one event, got size {size}")
         if unknown := [topic.__name__ for topic in kept if topic not in topics]:
             raise ValueError(f"kept classes that are not subscribed to: {', '.join(unknown)}")
-        self._bus, self._size, self._kept = bus, size, kept
+        self._bus, self._size, self._kept, self.excluded = bus, size, kept, excluded
         self._events: deque[E] = deque()
         self._waiter: asyncio.Future[None] | None = None
         self.dropped: Counter[type[Any]] = Counter()
@@ -64,6 +65,20 @@ class Inbox(Generic[E]):
         self.dropped[type(events[spare])] += 1
         del events[spare]
         return True
+
+    def take_all(self) -> list[E]:
+        """Every event that is there, from the oldest to the newest."""
+        events = list(self._events)
+        self._events.clear()
+        return events
+
+    async def next_put(self) -> None:
+        """Wait until one more event is put in, whatever is inside already."""
+        self._waiter = asyncio.get_running_loop().create_future()
+        try:
+            await self._waiter
+        finally:
+            self._waiter = None
 
     def take(self) -> E:
         """The oldest event, which must be there: raises ``IndexError`` on an empty inbox."""
@@ -141,15 +156,18 @@ class Bus:
             raise ValueError("subscribe needs at least one event class")
         inbox = Inbox(self, topics, size, kept)
         for topic in topics:
-            self._inboxes[topic] = (*self._inboxes.get(topic, self._of_all), inbox)
+            self._inboxes[topic] = (*self._inboxes_of(topic), inbox)
         self._routes.clear()
         return inbox
 
-    def subscribe_all(self, size: int) -> Inbox[Any]:
-        """An inbox for every event, of whatever class; ``close`` it to unsubscribe."""
-        inbox: Inbox[Any] = Inbox(self, (), size, ())
+    def subscribe_all(self, size: int, excluded: frozenset[str] = frozenset()) -> Inbox[Any]:
+        """An inbox for every event but those of classes with ``excluded`` names; ``close`` it to unsubscribe."""
+        inbox: Inbox[Any] = Inbox(self, (), size, (), excluded)
         self._of_all = (*self._of_all, inbox)
-        self._inboxes = {topic: (*inboxes, inbox) for topic, inboxes in self._inboxes.items()}
+        self._inboxes = {
+            topic: inboxes if topic.__name__ in excluded else (*inboxes, inbox)
+            for topic, inboxes in self._inboxes.items()
+        }
         self._routes.clear()
         return inbox
 
@@ -233,7 +251,13 @@ class Bus:
 
     def _find_route(self, topic: type[Any]) -> None:
         """Note who takes a class, until somebody comes or goes: events are published far more often."""
-        self._routes[topic] = self._inboxes.get(topic, self._of_all), self._handlers.get(topic, ())
+        self._routes[topic] = self._inboxes_of(topic), self._handlers.get(topic, ())
+
+    def _inboxes_of(self, topic: type[Any]) -> tuple[Inbox[Any], ...]:
+        known = self._inboxes.get(topic)
+        if known is not None:
+            return known
+        return tuple(inbox for inbox in self._of_all if topic.__name__ not in inbox.excluded)
 
     def drops(self) -> dict[str, int]:
         """Events given up so far, by class name, over all present inboxes."""

@@ -7,6 +7,7 @@
 import os
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import settings
@@ -31,6 +32,11 @@ NEED_NAVIGATION = (
 """Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
 
 collect_ignore_glob = [] if find_spec("numba") and find_spec("scipy") else list(NEED_NAVIGATION)
+
+_STATE = TemporaryDirectory(prefix="chefbotd-state-")
+os.environ["XDG_STATE_HOME"] = (
+    _STATE.name
+)  # a real program that is tested leaves nothing in the developer's own
 
 CONTROLLER = "PYTEST_XDIST_WORKER" not in os.environ
 

@@ -20,6 +20,14 @@ from chefbotd.features.navigation.methods import (
     PlanResult,
 )
 from chefbotd.features.odometry.methods import OdometryData
+from chefbotd.features.recording.methods import (
+    RecordedFile,
+    RecordingData,
+    RecordingEnded,
+    RecordingList,
+    RecordingStarted,
+    RingSaved,
+)
 from chefbotd.features.sensors.methods import BatteryData, ImuData, RangesData
 from chefbotd.features.simulation.methods import SimData
 from chefbotd.features.statistics.methods import StatsData
@@ -74,9 +82,15 @@ __all__ = [
     "Pong",
     "RangesData",
     "RawData",
+    "RecordedFile",
+    "RecordingData",
+    "RecordingEnded",
+    "RecordingList",
+    "RecordingStarted",
     "Released",
     "ResetData",
     "Result",
+    "RingSaved",
     "RobotDescription",
     "SafetyData",
     "ScanData",
@@ -117,5 +131,6 @@ DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
     "path": PathData,
     "costmap": CostmapData,
     "obstacles": ObstaclesData,
+    "recording": RecordingData,
 }
 """What a client reads each topic as."""

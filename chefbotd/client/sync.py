@@ -24,6 +24,7 @@ from chefbotd.client.methods import Gains
 from chefbotd.client.subscription import SubscribeOptions, Subscription
 from chefbotd.client.sync_maps import SyncMaps
 from chefbotd.client.sync_navigation import SyncNavigation
+from chefbotd.client.sync_recording import SyncRecording
 from chefbotd.client.sync_subscription import SyncSubscription
 from chefbotd.client.sync_topics import SyncTopics
 from chefbotd.client.wire import ProgressListener
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class SyncClient(SyncMaps, SyncNavigation, SyncTopics):
+class SyncClient(SyncMaps, SyncNavigation, SyncRecording, SyncTopics):
     """A connected daemon; made by ``connect``. Every method is ``Client``'s of the same name, and raises the same.
 
     It may be used from several threads. Close it, or use it as ``with SyncClient.connect() as robot``.

@@ -114,6 +114,10 @@ class SyncTopics(ABC):
     ) -> SyncSubscription[t.MapPoseData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["recording"], **options: Unpack[SubscribeOptions]
+    ) -> SyncSubscription[t.RecordingData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[Any]: ...
 

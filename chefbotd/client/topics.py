@@ -113,6 +113,10 @@ class Topics(ABC):
     ) -> Subscription[t.MapPoseData]: ...
     @overload
     def subscribe(
+        self, topics: Literal["recording"], **options: Unpack[SubscribeOptions]
+    ) -> Subscription[t.RecordingData]: ...
+    @overload
+    def subscribe(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> Subscription[Any]: ...
 

@@ -38,6 +38,8 @@ class RefusalKind(StrEnum):
     UNKNOWN_PLACE = "unknown_place"
     POSE_UNKNOWN = "pose_unknown"
     STORAGE_FAILED = "storage_failed"
+    ALREADY_RECORDING = "already_recording"
+    NOT_RECORDING = "not_recording"
 
 
 class Refused(Exception):

@@ -4,7 +4,7 @@ import random
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from chefbotd.app import Daemon, DepthSpawn, FeatureBuilder
+from chefbotd.app import Daemon, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.clock import Clock
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
@@ -26,6 +26,7 @@ def build(
     features: Sequence[FeatureBuilder] = (),
     spawn_worker: "Spawn | None" = None,
     depth_spawn: DepthSpawn | None = None,
+    start_writer: StartWriter | None = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     return Daemon(
@@ -39,4 +40,5 @@ def build(
         features=features,
         spawn_worker=spawn_worker,
         depth_spawn=depth_spawn,
+        start_writer=start_writer,
     )

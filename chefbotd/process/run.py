@@ -5,11 +5,12 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.util import find_spec
 
 import structlog
 import uvloop
 
-from chefbotd.app import Daemon, Loop
+from chefbotd.app import Daemon, Loop, StartWriter
 from chefbotd.clock import SystemClock
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
@@ -23,6 +24,8 @@ from chefbotd.transport.listening import CannotListen
 log = structlog.get_logger(component="app")
 
 AsService = Callable[[Daemon], Service | None]
+LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
+"""What each compression of recordings needs."""
 
 
 def run(settings: Settings, *, simulated: bool, load: Load | None = None) -> int:
@@ -116,7 +119,7 @@ async def _serve_real(settings: Settings, as_service: AsService) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or systemd.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    daemon = build(settings, clock=SystemClock())
+    daemon = build(settings, clock=SystemClock(), start_writer=_start_writer(settings))
     if folder is None:
         log.info(
             "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
@@ -144,10 +147,28 @@ async def _serve_simulated(settings: Settings, as_service: AsService) -> None:
             from chefbotd.process.simulated_depth import spawn_with
 
             depth_spawn = spawn_with(board.share_truth(), settings.sim)
-        daemon = build(plugged, clock=SystemClock(), simulated=True, depth_spawn=depth_spawn)
+        daemon = build(
+            plugged,
+            clock=SystemClock(),
+            simulated=True,
+            depth_spawn=depth_spawn,
+            start_writer=_start_writer(settings),
+        )
         await _serve(
             daemon, settings, as_service, lambda: board.run(partial(daemon.entries.observe, daemon.bus))
         )
+
+
+def _start_writer(settings: Settings) -> StartWriter | None:
+    """The thread that records; None where the extra ``recording`` is not installed."""
+    if not settings.recording.enabled:
+        return None
+    if not (find_spec("mcap") and find_spec(LIBRARIES[settings.recording.compression])):
+        log.info("nothing is recorded: pip install 'chefbotd[recording]'")
+        return None
+    from chefbotd.recording.writer import WriterThread
+
+    return WriterThread
 
 
 def freeze_gc() -> None:

@@ -127,6 +127,10 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
     RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "it is not known where in the map the robot is"),
     RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk refused; what was stored before is as it was"),
+    RefusalKind.ALREADY_RECORDING: ErrorClass(
+        -32053, "something is being recorded; send stop_recording first"
+    ),
+    RefusalKind.NOT_RECORDING: ErrorClass(-32054, "nothing is being recorded; send start_recording"),
 }
 
 

@@ -21,6 +21,9 @@ from firmware_protocol.messages import (
     UltrasonicDistance,
 )
 
+EVENTS = "chefbotd/core/events"
+"""Where a user finds the names of events."""
+
 
 def check(settings: Settings) -> Iterator[str]:
     """Everything that does not go together, each with the values."""
@@ -36,6 +39,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _turning(settings)
     yield from _nearest(settings)
     yield from _page(settings)
+    yield from _recording(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:
@@ -262,3 +266,11 @@ def _page(settings: Settings) -> Iterator[str]:
         )
     if page.enabled and page.port and page.port == settings.api.port:
         yield f"page.port and api.port are both {page.port}: each needs its own"
+
+
+def _recording(settings: Settings) -> Iterator[str]:
+    if settings.recording.without:
+        from chefbotd.recording.classes import event_names  # every class of events
+
+        for name in sorted(settings.recording.without - event_names()):
+            yield f"recording.without: there is no class of events {name!r}; they are in {EVENTS}"

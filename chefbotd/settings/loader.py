@@ -75,6 +75,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     _name_world(values)
     _locate(values, path.parent, "robot", "description")
     _locate(values, path.parent, "maps", "folder")
+    _locate(values, path.parent, "recording", "folder")
     try:
         settings = _validate(values, texts)
     except ValidationError as error:

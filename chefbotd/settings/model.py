@@ -26,6 +26,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
@@ -99,6 +100,7 @@ class Settings(Parameters):
     localization: LocalizationSection = section()
     navigation: NavigationSection = section()
     worker: WorkerParameters = section()
+    recording: RecordingParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
     log: LogParameters = section()

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from chefbotd.app import Daemon, FeatureBuilder
+from chefbotd.app import Daemon, FeatureBuilder, StartWriter
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.link.port import LinkParameters
@@ -35,12 +35,14 @@ async def running_daemon(
     features: Sequence[FeatureBuilder] = (),
     lidars: Mapping[str, FakeSerialDevice] = NO_LIDARS,
     spawn_worker: Spawn = no_worker,
+    start_writer: StartWriter | None = None,
 ) -> AsyncIterator[Client]:
     """Run the daemon (default: the packaged ChefBot) on ``device``; yields a client connected to its socket.
 
     ``features`` are further ones, beside those that every robot has. ``lidars`` are what the configured lidars are
     plugged in with, by their names; one that is left out is not plugged in. ``spawn_worker`` starts the worker of a
-    robot with a lidar: ``testing.worker.worker_in_process`` runs it on the same clock.
+    robot with a lidar: ``testing.worker.worker_in_process`` runs it on the same clock. ``start_writer`` is what records:
+    ``testing.recording.write_inline`` does so on the same clock.
 
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
@@ -54,6 +56,7 @@ async def running_daemon(
         rng=rng,
         features=features,
         spawn_worker=spawn_worker,
+        start_writer=start_writer,
     )
     async with _running(daemon) as client:
         yield client
@@ -99,6 +102,7 @@ async def simulated_robot(
     token: str | None = None,
     tls: ssl.SSLContext | None = None,
     spawn_worker: Spawn = no_worker,
+    start_writer: StartWriter | None = None,
     features: Sequence[FeatureBuilder] = (),
 ) -> AsyncIterator[SimulatedRobot]:
     """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between.
@@ -123,6 +127,7 @@ async def simulated_robot(
         simulated=True,
         rng=random.Random(settings.sim.seed),
         spawn_worker=spawn_worker,
+        start_writer=start_writer,
         features=features,
         depth_spawn=depth_spawn(board, settings.sim),
     )

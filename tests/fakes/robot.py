@@ -35,6 +35,15 @@ from chefbotd.features.navigation.methods import (
 )
 from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
 from chefbotd.features.odometry.methods import OdometryMethods
+from chefbotd.features.recording.methods import TOPICS as RECORDING
+from chefbotd.features.recording.methods import (
+    RecordedFile,
+    RecordingEnded,
+    RecordingList,
+    RecordingMethods,
+    RecordingStarted,
+    RingSaved,
+)
 from chefbotd.features.sensors.methods import TOPICS as SENSORS
 from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.features.statistics.feature import statistics_without_service
@@ -117,6 +126,37 @@ class FakeNavigation:
     def resume(self) -> None:
         """Remember it."""
         self._robot.calls.append(("resume_navigation",))
+
+
+class FakeRecorder:
+    """Remembers with the robot's other calls what it was told."""
+
+    def __init__(self, robot: "FakeRobot") -> None:
+        self._robot = robot
+
+    async def start(self, name: str | None) -> RecordingStarted:
+        """Remember it."""
+        self._robot.calls.append(("start_recording", name))
+        return RecordingStarted(name=f"{name}_1", file=f"/recordings/{name}_1.mcap")
+
+    async def stop(self) -> RecordingEnded:
+        """Remember it."""
+        self._robot.calls.append(("stop_recording",))
+        return RecordingEnded(
+            name="a_1", file="/recordings/a_1.mcap", seconds=12.5, size_bytes=4_000, messages=321, dropped=0
+        )
+
+    async def list_recordings(self) -> RecordingList:
+        """One file, which was cut."""
+        row = RecordedFile(
+            file="a_1.mcap", size_bytes=4_000, changed_at_s=1.7e9, complete=False, recording=False
+        )
+        return RecordingList(folder="/recordings", files=(row,))
+
+    async def save_ring(self, reason: str) -> RingSaved:
+        """Remember it."""
+        self._robot.calls.append(("save_ring", reason))
+        return RingSaved(file=f"/recordings/fault_{reason}_1.mcap", seconds=118.0)
 
 
 class FakeRobot:
@@ -266,6 +306,7 @@ class FakeRobot:
                 methods=methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
                 topics=(*NAVIGATION, *shown_topics()),
             ),
+            Feature("recording", methods=methods_of(RecordingMethods(FakeRecorder(self))), topics=RECORDING),
             Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
             Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
         ]

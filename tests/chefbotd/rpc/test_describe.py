@@ -13,7 +13,7 @@ from chefbotd.rpc import describe
 from chefbotd.rpc.server import SCHEMA_PERIOD_S
 from tests.fakes.api import line_client, new_server, serving
 
-SCHEMAS = 150
+SCHEMAS = 170
 """More than methods, with parameters and a result each, topics and notifications have together."""
 
 

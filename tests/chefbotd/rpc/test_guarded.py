@@ -58,6 +58,7 @@ OBSERVING: dict[str, dict[str, Any]] = {
     "list_maps": {},
     "get_map": {},
     "list_places": {},
+    "list_recordings": {},
     "plan_to": {"place": "table 3"},
     "cancel_navigation": {},
     "pause_navigation": {},
@@ -83,6 +84,9 @@ DRIVING: dict[str, dict[str, Any]] = {
     "go_home": {},
     "dock": {},
     "resume_navigation": {},
+    "start_recording": {"name": "evening"},
+    "stop_recording": {},
+    "save_ring": {"reason": "odd noise"},
 }
 ADMINISTERING: dict[str, dict[str, Any]] = {
     "set_pid": {"wheel": "all", "kp": 1.0},

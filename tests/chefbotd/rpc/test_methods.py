@@ -379,7 +379,8 @@ def test_describe_covers_the_whole_interface() -> None:
         "drive set_wheel_velocities take_control release_control stop estop arm get_pid set_pid "
         "undo_pid reset_odometry reset_board list_maps load_map get_map import_map rename_map delete_map save_place "
         "list_places delete_place set_pose localize start_mapping pause_mapping finish_mapping discard_mapping "
-        "navigate_to follow_waypoints go_home dock plan_to cancel_navigation pause_navigation resume_navigation"
+        "navigate_to follow_waypoints go_home dock plan_to cancel_navigation pause_navigation resume_navigation "
+        "start_recording stop_recording list_recordings save_ring"
     )
     assert set(described["methods"]) == set(contract.split())
     assert set(described["topics"]) == set(desk.fanout.topics)

@@ -57,6 +57,7 @@ def test_topics_are_those_of_the_contract() -> None:
         "path",
         "costmap",
         "obstacles",
+        "recording",
     ]
     assert set(topics_of(simulated=False)) == set(contract)
     assert set(TABLE) == {*contract, "sim", "scan", "lidars", "depth_cameras"}

@@ -1,0 +1,63 @@
+"""Makes the recorder, in the thread that writes: its libraries are loaded there."""
+
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from chefbotd.core.commands import Refused
+from chefbotd.core.events.maps import MapLoaded
+from chefbotd.core.geometry import Pose2D
+from chefbotd.recording.parameters import RecordingParameters
+
+if TYPE_CHECKING:
+    from chefbotd.recording.encoder import Cells
+    from chefbotd.recording.recorder import Recorder
+
+
+class Made(Struct, frozen=True):
+    """What a recording says of the robot. ``first_scanner`` is whose scans are on ``/scan``."""
+
+    robot: str
+    session: str
+    configuration: Callable[[], str]
+    urdf: Callable[[], str | None]
+    first_scanner: str | None
+
+
+def recorder_maker(
+    parameters: RecordingParameters, folder: Path, made: Made, started_s: float
+) -> "Callable[[], Recorder]":
+    """What makes the recorder; ``started_s`` is the daemon's time now."""
+
+    def make() -> "Recorder":
+        from chefbotd.recording.about import about_robot
+        from chefbotd.recording.recorder import Recorder
+
+        return Recorder(
+            parameters,
+            folder,
+            about=lambda: about_robot(made.robot, made.session, made.configuration, made.urdf()),
+            started_s=started_s,
+            first_scanner=made.first_scanner,
+            read_map=read_map,
+        )
+
+    return make
+
+
+def read_map(event: MapLoaded) -> "Cells | None":
+    """The cells of the map that is in use from now on; None where they cannot be read."""
+    from chefbotd.maps.manifest import CELLS
+    from chefbotd.maps.store import MapStore
+
+    try:
+        manifest, data = MapStore(Path(event.folder), 1).read_file(event.name, CELLS)
+        cells = zlib.decompress(data)
+    except (Refused, OSError, zlib.error):
+        return None
+    extent = manifest.extent
+    origin = Pose2D(extent.x_m, extent.y_m, extent.heading_rad)
+    return extent.resolution_m, origin, extent.columns, cells

@@ -1,0 +1,156 @@
+"""Recording: the methods that begin and end a file, and the topic ``recording``."""
+
+from typing import Protocol
+
+from pydantic import Field
+
+from chefbotd.core.events.recording import RecordingChanged
+from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method
+from chefbotd.rpc.models import NoParams, Params, Result, TopicData
+from chefbotd.rpc.roles import Role
+from chefbotd.rpc.topics import Topic
+
+
+class StartRecordingParams(Params):
+    """How the file's name begins."""
+
+    name: str | None = Field(None, min_length=1, max_length=64, description="'recording' if none is given")
+
+
+class SaveRingParams(Params):
+    """Why: a part of the file's name."""
+
+    reason: str | None = Field(None, min_length=1, max_length=64, description="'asked' if none is given")
+
+
+class RecordingStarted(Result):
+    """The file that is being written, on the robot's computer."""
+
+    name: str
+    file: str
+
+
+class RecordingEnded(Result):
+    """The last file of the recording, and what is in all of them; ``dropped`` counts what is missing."""
+
+    name: str
+    file: str
+    seconds: float
+    size_bytes: int
+    messages: int
+    dropped: int
+
+
+class RingSaved(Result):
+    """The file of the last minutes."""
+
+    file: str
+    seconds: float
+
+
+class RecordedFile(Result):
+    """A file in the folder. One that is not ``complete`` can be read up to where its writer ended."""
+
+    file: str
+    size_bytes: int
+    changed_at_s: float = Field(description="seconds since 1970, UTC")
+    complete: bool
+    recording: bool
+
+
+class RecordingList(Result):
+    """Every recording, the newest first."""
+
+    folder: str
+    files: tuple[RecordedFile, ...]
+
+
+class RecordingData(TopicData):
+    """How the recorder stands; ``reason`` says why recording has ended, or cannot be."""
+
+    state: str = Field(default="idle", description="idle, recording or failed")
+    name: str | None = None
+    file: str | None = Field(default=None, description="the one being written, or the last one")
+    seconds: float = 0.0
+    bytes_written: int = 0
+    messages: int = 0
+    dropped: int = Field(default=0, description="events that found no room since the daemon started")
+    waiting: int = 0
+    ring_s: float = 0.0
+    ring_bytes: int = 0
+    free_bytes: int | None = None
+    saved: str | None = Field(default=None, description="the file of the ring that was written last")
+    reason: str = ""
+
+
+class Recordings(Protocol):
+    """What records. Each raises ``chefbotd.core.commands.Refused`` where it is not done."""
+
+    async def start(self, name: str | None) -> RecordingStarted:
+        """Begin a file."""
+        ...
+
+    async def stop(self) -> RecordingEnded:
+        """End it."""
+        ...
+
+    async def list_recordings(self) -> RecordingList:
+        """Every file."""
+        ...
+
+    async def save_ring(self, reason: str) -> RingSaved:
+        """Write the last minutes into a file."""
+        ...
+
+
+class RecordingMethods:
+    """The methods of this feature; each runs as a job, because the disk may take its time."""
+
+    def __init__(self, recordings: Recordings) -> None:
+        self._recordings = recordings
+
+    @method(role=Role.DRIVE)
+    async def start_recording(
+        self, caller: Caller, params: StartRecordingParams, progress: Progress
+    ) -> RecordingStarted:
+        """Record everything into a file on the robot's computer, until stop_recording."""
+        return await self._recordings.start(params.name)
+
+    @method(role=Role.DRIVE)
+    async def stop_recording(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingEnded:
+        """End the recording."""
+        return await self._recordings.stop()
+
+    @method(role=Role.OBSERVE)
+    async def list_recordings(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingList:
+        """Every recording in the robot's folder."""
+        return await self._recordings.list_recordings()
+
+    @method(role=Role.DRIVE)
+    async def save_ring(self, caller: Caller, params: SaveRingParams, progress: Progress) -> RingSaved:
+        """Write the last minutes, which are kept in memory, into a file."""
+        return await self._recordings.save_ring(params.reason or "asked")
+
+
+def _data(event: RecordingChanged | None) -> RecordingData:
+    if event is None:
+        return RecordingData()
+    return RecordingData(
+        state=event.state,
+        name=event.name,
+        file=event.file,
+        seconds=event.seconds,
+        bytes_written=event.bytes_written,
+        messages=event.messages,
+        dropped=event.dropped,
+        waiting=event.waiting,
+        ring_s=event.ring_s,
+        ring_bytes=event.ring_bytes,
+        free_bytes=event.free_bytes,
+        saved=event.saved,
+        reason=event.reason,
+    )
+
+
+TOPICS = (Topic("recording", (RecordingChanged,), RecordingData, _data, always_known=True),)

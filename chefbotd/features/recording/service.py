@@ -1,0 +1,269 @@
+"""Takes every event off the bus and leaves it with the writer; a fault has the ring written."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from chefbotd.bus import Bus, Inbox
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events.recording import RecordingChanged
+from chefbotd.entries import entries_of
+from chefbotd.features.recording.methods import (
+    RecordedFile,
+    RecordingEnded,
+    RecordingList,
+    RecordingStarted,
+    RingSaved,
+)
+from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.parameters import RecordingParameters
+from chefbotd.recording.status import AUTOMATIC, Status
+from chefbotd.recording.writer import Writer
+
+if TYPE_CHECKING:
+    from chefbotd.recording.recorder import Recorder
+
+T = TypeVar("T")
+
+log = structlog.get_logger(component="recording")
+
+HAND_OVER_S = 0.04
+"""Events are left with the writer about so often, and just after a cycle of the board: control has its turn then."""
+
+INBOX_EVENTS = 8192
+TELL_S = 1.0
+DISK_PATIENCE_S = 5.0
+LAST_WORDS_S = 1.0
+"""How long the daemon's end waits for the end of the file."""
+
+DISK_HANGS = "the disk does not answer: what happens now is not recorded once too much of it waits"
+FAULTS_APART_S = 10.0
+REPEATED_ELSEWHERE = frozenset({"LineSeen"})
+"""The bytes of the links have every line."""
+
+
+class RecordingService:
+    """Records everything that is on the bus. ``dropped`` counts the events that found no room."""
+
+    def __init__(
+        self, bus: Bus, clock: Clock, parameters: RecordingParameters, folder: Path, writer: Writer
+    ) -> None:
+        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._folder, self._writer = folder, writer
+        self._entries = entries_of(clock)
+        self._inbox: Inbox[Any] | None = None
+        self._listening = asyncio.Event()
+        self._end_inputs: Callable[[], None] = _nothing
+        self._faults = bus.subscribe(SafetyChanged)
+        self._keeps_ring = parameters.ring_s > 0.0
+        if self._keeps_ring or parameters.auto_start:
+            self._listen()
+        self._lost = self._done = 0
+        self._stuck = False
+        self.faults_saved = 0
+
+    @property
+    def status(self) -> Status:
+        """How the recorder stands."""
+        return self._writer.status
+
+    @property
+    def dropped(self) -> int:
+        """Events that found no room."""
+        return self._writer.dropped
+
+    @property
+    def waiting(self) -> int:
+        """Events on their way to the disk."""
+        return self._writer.waiting + (0 if self._inbox is None else len(self._inbox))
+
+    async def run(self) -> None:
+        """Record until cancelled."""
+        try:
+            if self._parameters.auto_start:
+                await self._begin_by_itself()
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._collect())
+                group.create_task(self._tell())
+                if self._keeps_ring:
+                    group.create_task(self._watch_faults())
+        finally:
+            await self._end()
+
+    async def _begin_by_itself(self) -> None:
+        try:
+            await self._ask(lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True))
+        except RecordingError as problem:
+            log.warning("recording cannot begin by itself", error=str(problem))
+
+    async def _end(self) -> None:
+        try:
+            await self._ask(lambda recorder, now_s: recorder.close(now_s), LAST_WORDS_S)
+        except RecordingError as problem:
+            log.warning("the recording has no proper end", error=str(problem))
+
+    def _listen(self) -> None:
+        """Take everything off the bus, and have what comes into the process published there."""
+        if self._inbox is None:
+            excluded = REPEATED_ELSEWHERE | self._parameters.without
+            self._inbox, self._lost = self._bus.subscribe_all(INBOX_EVENTS, excluded), 0
+            self._end_inputs = self._entries.begin_recording()
+            self._listening.set()
+
+    def _listen_no_more(self) -> None:
+        """Without a ring nothing is taken, and nothing paid, while nothing is recorded."""
+        if self._inbox is not None and not self._keeps_ring:
+            self._end_inputs()
+            self._inbox.close()
+            self._inbox = None
+            self._listening.clear()
+
+    async def _collect(self) -> None:
+        while True:
+            await self._listening.wait()
+            if self._inbox is not None:
+                await self._inbox.next_put()
+            self._hand_over()
+            await asyncio.sleep(HAND_OVER_S)
+
+    def _hand_over(self) -> None:
+        if self._inbox is None:
+            return
+        lost = sum(self._inbox.dropped.values())
+        if lost > self._lost:
+            self._writer.note_dropped(lost - self._lost)
+            self._lost = lost
+        if events := self._inbox.take_all():
+            self._writer.give(events, self._clock.now_s())
+
+    async def _tell(self) -> None:
+        told = 0
+        while True:
+            self._look_at_thread()
+            if self.dropped > told:
+                log.warning("events are missing in the recording", events=self.dropped - told)
+                told = self.dropped
+            self._publish()
+            await asyncio.sleep(TELL_S)
+
+    def _look_at_thread(self) -> None:
+        """Whether the thread goes on, or waits for the disk."""
+        done, self._done = self._done, self._writer.done
+        self._stuck = done == self._done and self._writer.waiting > 0
+
+    def _publish(self) -> None:
+        self._entries.observe(self._bus, self._changed())
+
+    def _changed(self) -> RecordingChanged:
+        status = self._writer.status
+        return RecordingChanged(
+            stamp_s=self._clock.now_s(),
+            state=status.state,
+            name=status.name,
+            file=status.file,
+            seconds=status.seconds,
+            bytes_written=status.bytes_written,
+            messages=status.messages,
+            dropped=self.dropped,
+            waiting=self.waiting,
+            ring_s=status.ring_s,
+            ring_bytes=status.ring_bytes,
+            free_bytes=status.free_bytes,
+            saved=status.saved,
+            reason=DISK_HANGS if self._stuck else status.reason,
+        )
+
+    async def _watch_faults(self) -> None:
+        """Of faults within ``FAULTS_APART_S`` only the first is written."""
+        before, saved_s = None, float("-inf")
+        async for event in self._faults:
+            fault, before = before, event.fault
+            if event.fault not in (None, fault) and event.stamp_s - saved_s >= FAULTS_APART_S:
+                saved_s = event.stamp_s
+                await asyncio.sleep(self._parameters.after_fault_s)
+                await self._save_fault(event.fault)
+
+    async def _save_fault(self, fault: str) -> None:
+        try:
+            saved = await self.save_ring(fault)
+        except RecordingError as problem:
+            log.warning("the minutes before a fault cannot be written", fault=fault, error=str(problem))
+            return
+        self.faults_saved += 1
+        log.info("the minutes before a fault are written", fault=fault, file=saved.file)
+
+    # what clients ask
+
+    async def start(self, name: str | None) -> RecordingStarted:
+        """Begin a file."""
+        self._listen()
+        try:
+            status = await self._ask(lambda recorder, now_s: recorder.start(name, now_s))
+        except RecordingError:
+            if self.status.state != "recording":
+                self._listen_no_more()
+            raise
+        self._publish()
+        return RecordingStarted(name=str(status.name), file=str(status.file))
+
+    async def stop(self) -> RecordingEnded:
+        """End it."""
+        status = await self._ask(lambda recorder, now_s: recorder.stop(now_s))
+        self._listen_no_more()
+        self._publish()
+        return RecordingEnded(
+            name=str(status.name),
+            file=str(status.file),
+            seconds=status.seconds,
+            size_bytes=status.bytes_written,
+            messages=status.messages,
+            dropped=self.dropped,
+        )
+
+    async def list_recordings(self) -> RecordingList:
+        """Every file."""
+        rows = await self._ask(lambda recorder, now_s: recorder.list_files())
+        files = tuple(
+            RecordedFile(
+                file=row.file,
+                size_bytes=row.size_bytes,
+                changed_at_s=row.changed_at_s,
+                complete=row.complete,
+                recording=row.recording,
+            )
+            for row in rows
+        )
+        return RecordingList(folder=str(self._folder), files=files)
+
+    async def save_ring(self, reason: str) -> RingSaved:
+        """Write the last minutes into a file."""
+        status = await self._ask(lambda recorder, now_s: recorder.save_ring(reason, now_s))
+        self._publish()
+        return RingSaved(file=str(status.saved), seconds=status.ring_s)
+
+    async def _ask(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
+        self._hand_over()
+        now_s = self._clock.now_s()
+        asked: Any = self._writer.ask(lambda recorder: work(recorder, now_s))
+        try:
+            answer: T = await asyncio.wait_for(asyncio.wrap_future(asked), patience_s)
+        except TimeoutError:
+            raise RecordingError(
+                RefusalKind.STORAGE_FAILED,
+                f"the disk with {self._folder} has not answered for {patience_s:g} s",
+            ) from None
+        except Refused:
+            raise
+        except Exception as error:
+            log.error("the recorder has failed", error=repr(error), exc_info=error)
+            raise RecordingError(RefusalKind.STORAGE_FAILED, f"the recorder has failed: {error!r}") from error
+        return answer
+
+
+def _nothing() -> None:
+    """Nothing to end."""

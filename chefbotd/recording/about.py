@@ -1,0 +1,47 @@
+"""What is written into every recording about the robot: versions of the software, and the configuration."""
+
+import platform
+from collections.abc import Callable
+from functools import cache
+from importlib import metadata
+
+from chefbotd import __version__
+from chefbotd.recording.status import About
+
+PACKAGES = (
+    "chefbotd",
+    "mcap",
+    "msgspec",
+    "numba",
+    "numpy",
+    "pydantic",
+    "pyserial",
+    "scipy",
+    "uvloop",
+    "zstandard",
+)
+
+
+def about_robot(name: str, session: str, configuration: Callable[[], str], urdf: str | None) -> About:
+    """``configuration`` gives the configuration as JSON. It has paths of tokens and keys, and never what is in them."""
+    computer = {
+        "chefbotd": __version__,
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()}",
+        "machine": platform.machine(),
+        "robot": name,
+        "session": session,
+    }
+    told = {"chefbotd": computer, "packages": _versions(), "configuration": {"json": configuration()}}
+    return About(told, urdf)
+
+
+@cache
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

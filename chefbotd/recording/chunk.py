@@ -1,0 +1,112 @@
+"""A chunk of a recording: messages, compressed, with an index, as the MCAP format has them.
+
+Source of the layout: https://mcap.dev/spec (version 0). A message is packed here and not by the library, whose
+``add_message`` takes 15 us where this takes 1.5: everything else is written with the library's records. A chunk is
+complete in itself: the ring keeps it, and any number of files take it as it is.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable
+from typing import Literal
+
+from msgspec import Struct
+
+MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+MESSAGE_HEAD_BYTES = MESSAGE.size - 9
+CHUNK_HEAD = struct.Struct("<BQQQQI")
+INDEX_HEAD = struct.Struct("<BQHI")
+MESSAGE_OPCODE, CHUNK_OPCODE, INDEX_OPCODE = 0x05, 0x06, 0x07
+
+Compress = Callable[[bytes], bytes]
+
+
+class Chunk(Struct, frozen=True):
+    """Bytes that can be written into any file with the same channels: ``head``, ``data`` and ``indexes`` in this order.
+
+    ``index_offsets`` is where each channel's index begins in ``indexes``, ``counts`` how many messages each has.
+    """
+
+    start_ns: int
+    end_ns: int
+    compression: str
+    size: int
+    head: bytes
+    data: bytes
+    indexes: bytes
+    index_offsets: dict[int, int]
+    counts: dict[int, int]
+
+    @property
+    def messages(self) -> int:
+        """How many messages are in it."""
+        return sum(self.counts.values())
+
+    @property
+    def bytes_in_file(self) -> int:
+        """What it takes on the disk."""
+        return len(self.head) + len(self.data) + len(self.indexes)
+
+
+class ChunkBuilder:
+    """Takes messages until ``finish``; ``size`` is how many bytes they are before compression."""
+
+    def __init__(self) -> None:
+        self._records = bytearray()
+        self._index: dict[int, list[int]] = {}
+        self._start_ns = self._end_ns = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes so far."""
+        return len(self._records)
+
+    def add(self, channel: int, sequence: int, log_ns: int, payload: bytes) -> None:
+        """Add a message."""
+        records = self._records
+        entries = self._index.get(channel)
+        if entries is None:
+            if not self._index:
+                self._start_ns = self._end_ns = log_ns
+            entries = self._index[channel] = []
+        entries += (log_ns, len(records))
+        if log_ns > self._end_ns:
+            self._end_ns = log_ns
+        elif log_ns < self._start_ns:
+            self._start_ns = log_ns
+        length = MESSAGE_HEAD_BYTES + len(payload)
+        records += MESSAGE.pack(MESSAGE_OPCODE, length, channel, sequence, log_ns, log_ns)
+        records += payload
+
+    def finish(self, compression: Literal["zstd", "lz4"], compress: Compress) -> Chunk | None:
+        """All messages as a chunk, and begin anew; None where there are none."""
+        if not self._index:
+            return None
+        raw, index = bytes(self._records), self._index
+        start_ns, end_ns = self._start_ns, self._end_ns
+        self._records, self._index = bytearray(), {}
+        data, name = compress(raw), compression.encode()
+        tail = struct.pack("<I", len(name)) + name + struct.pack("<Q", len(data))
+        length = CHUNK_HEAD.size - 9 + len(tail) + len(data)
+        head = CHUNK_HEAD.pack(CHUNK_OPCODE, length, start_ns, end_ns, len(raw), zlib.crc32(raw)) + tail
+        offsets: dict[int, int] = {}
+        indexes = bytearray()
+        for channel, entries in index.items():
+            offsets[channel] = len(indexes)
+            packed = struct.pack(f"<{len(entries)}Q", *entries)
+            indexes += INDEX_HEAD.pack(INDEX_OPCODE, 6 + len(packed), channel, len(packed)) + packed
+        counts = {channel: len(entries) // 2 for channel, entries in index.items()}
+        return Chunk(start_ns, end_ns, compression, len(raw), head, data, bytes(indexes), offsets, counts)
+
+
+def compressor(compression: Literal["zstd", "lz4"]) -> Compress:
+    """What compresses; both let go of the interpreter meanwhile, so that control runs on."""
+    if compression == "lz4":
+        import lz4.frame
+
+        pack: Compress = lz4.frame.compress
+        return pack
+    import zstandard
+
+    fast: Compress = zstandard.ZstdCompressor(level=1).compress
+    return fast

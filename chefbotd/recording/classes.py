@@ -1,0 +1,79 @@
+"""The classes of events by their names, for whoever reads a recording."""
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+import msgspec
+
+from chefbotd.core import events as events_package
+from chefbotd.core.geometry import Pose2D
+
+NEEDS_NUMPY = {"scans": ("ScanMeasured",)}
+"""Modules that are loaded only where one of their events is read."""
+
+
+@cache
+def event_names() -> frozenset[str]:
+    """The name of every class of events."""
+    names = set[str]().union(*NEEDS_NUMPY.values())
+    for module in iter_modules(events_package.__path__):
+        if module.name not in NEEDS_NUMPY:
+            names |= _classes_in(module.name).keys()
+    return frozenset(names)
+
+
+@cache
+def class_of(name: str) -> type[Any] | None:
+    """The class with this name; None where this version has none."""
+    for module in iter_modules(events_package.__path__):
+        if module.name in NEEDS_NUMPY and name not in NEEDS_NUMPY[module.name]:
+            continue
+        found = _classes_in(module.name).get(name)
+        if found is not None:
+            return found
+    return None
+
+
+def _classes_in(module_name: str) -> dict[str, type[Any]]:
+    module = import_module(f"{events_package.__name__}.{module_name}")
+    return {
+        name: each
+        for name, each in vars(module).items()
+        if isinstance(each, type)
+        and each.__module__ == module.__name__
+        and "stamp_s" in getattr(each, "__annotations__", {})
+    }
+
+
+def decode(event_class: type[Any], data: bytes) -> Any:
+    """An event from its JSON; raises ``msgspec.DecodeError`` for what is none."""
+    if event_class.__name__ == "ScanMeasured":
+        return _decode_scan(event_class, data)
+    return msgspec.json.decode(data, type=event_class)
+
+
+class _ScanData(msgspec.Struct):
+    stamp_s: float
+    bearing_rad: list[float | None]
+    range_m: list[float | None]
+    after_s: list[float | None]
+
+
+class _ScanEvent(msgspec.Struct):
+    stamp_s: float
+    lidar: str
+    base_from_lidar: Pose2D
+    scan: _ScanData
+
+
+def _decode_scan(event_class: type[Any], data: bytes) -> Any:
+    import numpy as np
+
+    from chefbotd.core.scan import LaserScan
+
+    told = msgspec.json.decode(data, type=_ScanEvent)
+    scan = told.scan
+    arrays = [np.array(each, dtype=np.float64) for each in (scan.bearing_rad, scan.range_m, scan.after_s)]
+    return event_class(told.stamp_s, told.lidar, told.base_from_lidar, LaserScan(scan.stamp_s, *arrays))

@@ -1,0 +1,163 @@
+"""One MCAP file: header, what describes the robot, chunks, and at its end the summary that lets readers seek.
+
+Up to its last whole chunk it can be read at any moment, also after a kill: only the summary is missing then.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+from chefbotd.recording.channels import Channels
+from chefbotd.recording.chunk import Chunk
+from chefbotd.recording.disk import Disk, OpenFile
+
+PROFILE = ""
+LIBRARY = "chefbotd"
+
+
+class RecordingFile:
+    """A file that chunks are appended to. Its methods raise ``OSError``; after that, ``abandon`` it."""
+
+    def __init__(self, disk: Disk, path: Path, channels: Channels) -> None:
+        self.path, self._channels = path, channels
+        self._file: OpenFile = disk.create(path)
+        self.size = self.messages = 0
+        self._known_channels = 0
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: Counter[int] = Counter()
+        self._put(MCAP0_MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add facts by name."""
+        data = _bytes_of(Metadata(name=name, metadata=dict(values)))
+        self._metadata.append(MetadataIndex(offset=self.size, length=len(data), name=name))
+        self._put(data)
+
+    def add_attachment(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
+        """Add a file within the file."""
+        record = _bytes_of(
+            Attachment(create_time=stamp_ns, log_time=stamp_ns, name=name, media_type=media_type, data=data)
+        )
+        self._attachments.append(
+            AttachmentIndex(
+                offset=self.size,
+                length=len(record),
+                create_time=stamp_ns,
+                log_time=stamp_ns,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
+        self._put(record)
+
+    def add_chunk(self, chunk: Chunk) -> None:
+        """Append a chunk, and before it the channels that are new in it."""
+        news = self._channels.records(after=self._known_channels)
+        self._known_channels = len(self._channels)
+        start = self.size + len(news)
+        indexes = start + len(chunk.head) + len(chunk.data)
+        self._put(news + chunk.head + chunk.data + chunk.indexes)
+        self._counts.update(chunk.counts)
+        self.messages += chunk.messages
+        self._chunks.append(
+            ChunkIndex(
+                message_start_time=chunk.start_ns,
+                message_end_time=chunk.end_ns,
+                chunk_start_offset=start,
+                chunk_length=indexes - start,
+                message_index_offsets={
+                    channel: indexes + offset for channel, offset in chunk.index_offsets.items()
+                },
+                message_index_length=len(chunk.indexes),
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
+                uncompressed_size=chunk.size,
+            )
+        )
+
+    def sync(self) -> None:
+        """Wait until all of it is on the disk."""
+        self._file.sync()
+
+    def finish(self) -> None:
+        """Write the summary, wait until all is on the disk, and close."""
+        self._put(_bytes_of(DataEnd(0)))
+        summary, start = RecordBuilder(), self.size
+        offsets: list[SummaryOffset] = []
+        schemas, channels = self._channels.between(0, self._known_channels)
+        groups: list[tuple[Opcode, list[McapRecord]]] = [
+            (Opcode.SCHEMA, [*schemas]),
+            (Opcode.CHANNEL, [*channels]),
+            (Opcode.STATISTICS, [self._statistics(len(schemas))]),
+            (Opcode.CHUNK_INDEX, [*self._chunks]),
+            (Opcode.ATTACHMENT_INDEX, [*self._attachments]),
+            (Opcode.METADATA_INDEX, [*self._metadata]),
+        ]
+        for opcode, records in groups:
+            began = summary.count
+            for record in records:
+                record.write(summary)
+            length = summary.count - began
+            if length:
+                offsets.append(
+                    SummaryOffset(group_opcode=opcode, group_start=start + began, group_length=length)
+                )
+        offset_start = start + summary.count
+        for offset in offsets:
+            offset.write(summary)
+        Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0).write(summary)
+        data: bytes = summary.end()  # type: ignore[no-untyped-call]
+        self._put(data + MCAP0_MAGIC)
+        self._file.sync()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """After an error: cut what was written of a chunk, so that the file ends with a whole one, and close."""
+        try:
+            self._file.truncate(self.size)
+        finally:
+            self._file.close()
+
+    def _put(self, data: bytes) -> None:
+        self._file.write(data)
+        self.size += len(data)
+
+    def _statistics(self, schemas: int) -> Statistics:
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=self._known_channels,
+            channel_message_counts=dict(self._counts),
+            chunk_count=len(self._chunks),
+            message_count=self.messages,
+            metadata_count=len(self._metadata),
+            message_start_time=min((each.message_start_time for each in self._chunks), default=0),
+            message_end_time=max((each.message_end_time for each in self._chunks), default=0),
+            schema_count=schemas,
+        )
+
+
+def _bytes_of(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data

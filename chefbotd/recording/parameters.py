@@ -1,0 +1,62 @@
+"""What is recorded, where to, and how much of it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+
+
+class RecordingParameters(Parameters):
+    """Without a ``folder``, files are in ``recordings`` of the folder that systemd gives the service, or the user's."""
+
+    enabled: bool = Field(True, description="where the extra 'recording' is installed; false: no ring either")
+    folder: Path | None = Field(
+        None, description="where files are written; a relative path begins at the configuration's folder"
+    )
+    auto_start: bool = Field(
+        False, description="record from the daemon's start on; only such a file can be replayed"
+    )
+    rotate_mb: float = Field(256.0, ge=0.1, le=1e6, description="then another file goes on")
+    rotate_minutes: float = Field(30.0, gt=0.0, le=1e5, description="then another file goes on")
+    min_free_mb: float = Field(
+        500.0, ge=0.0, le=1e7, description="recording ends before less of the disk is free"
+    )
+    automatic_mb: float = Field(
+        2000.0,
+        ge=1.0,
+        le=1e7,
+        description="of files that began by themselves; the oldest of them are removed",
+    )
+    ring_s: float = Field(120.0, ge=0.0, le=3600.0, description="the last seconds, kept in memory; 0: none")
+    ring_mb: float = Field(16.0, ge=0.1, le=4096.0, description="compressed, and no more than this")
+    after_fault_s: float = Field(3.0, ge=0.0, le=60.0, description="what follows a fault belongs to its file")
+    without: frozenset[str] = Field(frozenset(), description="classes of events that are left out")
+    compression: Literal["zstd", "lz4"] = "zstd"
+    chunk_s: float = Field(
+        1.0, ge=0.05, le=60.0, description="a kill or a power cut loses this much at most,"
+    )
+    sync_s: float = Field(5.0, ge=0.0, le=600.0, description="and a power cut this much more")
+    queue_mb: float = Field(
+        16.0, ge=0.1, le=4096.0, description="what may wait for a disk that is slow or hangs"
+    )
+
+
+def folder_of(
+    parameters: RecordingParameters, environment: Mapping[str, str], *, simulated: bool = False
+) -> Path:
+    """The configured folder; else ``StateDirectory=`` of the unit (systemd.exec(5)); else XDG's folder for state.
+
+    Where none is configured, those of a simulated robot are in ``simulated_recordings``.
+    """
+    if parameters.folder is not None:
+        return parameters.folder
+    name = "simulated_recordings" if simulated else "recordings"
+    unit, _, _ = environment.get("STATE_DIRECTORY", "").partition(":")
+    if unit:
+        return Path(unit) / name
+    own = environment.get("XDG_STATE_HOME", "")
+    state = Path(own) if own.startswith("/") else Path.home() / ".local" / "state"
+    return state / "chefbotd" / name

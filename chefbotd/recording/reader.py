@@ -1,0 +1,132 @@
+"""Reads recordings back, also those that were cut by a kill or a power cut: up to their last whole chunk."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from msgspec import Struct
+
+from chefbotd.recording.classes import class_of, decode
+from chefbotd.recording.encoder import REPEATED
+from chefbotd.recording.errors import UnreadableRecording, explain
+
+MAGIC = b"\x89MCAP0\r\n"
+OWN = "chefbotd."
+"""How the names of the schemas of our own events begin."""
+
+
+class Message(Struct, frozen=True):
+    """A message: its topic, its schema's name, when it was recorded (since 1970), its number and its JSON."""
+
+    topic: str
+    schema: str
+    log_ns: int
+    sequence: int
+    data: bytes
+
+
+class RecordingReader:
+    """A recording. What stands in it is known once ``messages`` or ``events`` has come to its end.
+
+    ``problem`` says what is wrong with the end of the file; it is None where the file is complete.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = _check(path)
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, bytes] = {}
+        self.problem: str | None = None
+        self._topics: dict[int, tuple[str, str]] = {}
+        self._schemas: dict[int, str] = {}
+
+    def messages(self) -> Iterator[Message]:
+        """Every message, in the order in which they were recorded.
+
+        Raises:
+            UnreadableRecording: nothing at all can be read.
+        """
+        with self.path.open("rb") as file:
+            for record in self._records(file):
+                if isinstance(record, McapMessage):
+                    topic, schema = self._topics[record.channel_id]
+                    yield Message(topic, schema, record.log_time, record.sequence, record.data)
+
+    def events(self) -> Iterator[Any]:
+        """Every event of the daemon as it was published, in its order; those of unknown classes are left out.
+
+        Raises:
+            UnreadableRecording: nothing can be read, or an event is none.
+        """
+        for message in self.messages():
+            if not message.schema.startswith(OWN) or message.sequence == REPEATED:
+                continue
+            event_class = class_of(message.schema.removeprefix(OWN))
+            if event_class is None:
+                continue
+            try:
+                yield decode(event_class, message.data)
+            except msgspec.DecodeError as error:
+                raise UnreadableRecording(
+                    f"{self.path}: event {message.sequence} on {message.topic} is none: {error}"
+                ) from error
+
+    def read_about(self) -> None:
+        """Read what is told at the beginning: ``metadata`` and ``attachments``."""
+        for _ in self.messages():
+            return
+
+    def _records(self, file: BinaryIO) -> Iterator[McapRecord]:
+        reader, ended = StreamReader(file, emit_chunks=True, record_size_limit=self.size), False
+        try:
+            for record in reader.records:
+                ended = isinstance(record, Footer)
+                for each in (
+                    breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+                ):
+                    self._note(each)
+                    yield each
+        except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
+            self.problem = f"it is damaged or was cut: {error or type(error).__name__}"
+        except Exception as error:
+            if type(error).__module__.partition(".")[0] not in ("zstandard", "zstd", "lz4"):
+                raise
+            self.problem = f"it is damaged or was cut: {error}"
+        if self.problem is None and not ended:
+            self.problem = "it was not finished: its writer was ended before"
+
+    def _note(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            self._topics[record.id] = record.topic, self._schemas.get(record.schema_id, "")
+        elif isinstance(record, Metadata):
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, Attachment):
+            self.attachments[record.name] = record.data
+
+
+def _check(path: Path) -> int:
+    """The size of what may be a recording."""
+    try:
+        if path.is_dir():
+            raise UnreadableRecording(f"{path} is a folder, expected a recording (.mcap)")
+        with path.open("rb") as file:
+            start = file.read(len(MAGIC))
+        size = path.stat().st_size
+    except OSError as error:
+        raise UnreadableRecording(f"{path} cannot be read: {explain(error)}") from error
+    if not size:
+        raise UnreadableRecording(f"{path} is empty, expected a recording (.mcap)")
+    if start != MAGIC:
+        short = start != MAGIC[: len(start)]
+        what = "is no MCAP file" if short else f"ends after {size} bytes: nothing was recorded"
+        raise UnreadableRecording(f"{path} {what}, expected a recording (.mcap)")
+    return size

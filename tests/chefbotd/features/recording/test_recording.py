@@ -1,0 +1,270 @@
+"""Recording over the socket: the whole daemon with the simulated robot, on a virtual clock and with real files."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
+from chefbotd.recording.parameters import RecordingParameters, folder_of
+from chefbotd.recording.reader import RecordingReader
+from chefbotd.settings import Settings, SettingsError, load, packaged
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.recording import write_inline
+
+TOKEN = "5a1d" * 12
+
+
+def settings(folder: Path, **changed: Any) -> Settings:
+    """The packaged ChefBot, whose recordings are in this folder."""
+    parameters = RecordingParameters(folder=folder, min_free_mb=0.0, **changed)
+    return load().model_copy(update={"recording": parameters})
+
+
+def read(path: str | Path) -> list[Any]:
+    """Every event of a file, which must be whole."""
+    reader = RecordingReader(Path(path))
+    events = list(reader.events())
+    assert reader.problem is None
+    return events
+
+
+def names(events: list[Any]) -> set[str]:
+    """The classes of these events."""
+    return {type(event).__name__ for event in events}
+
+
+def files(folder: Path) -> list[Path]:
+    """Every recording."""
+    return sorted(folder.glob("*.mcap"))
+
+
+def size(path: str) -> int:
+    """Bytes of a file."""
+    return Path(path).stat().st_size
+
+
+async def drive(robot: SimulatedRobot, seconds: float) -> None:
+    """Go on an arc."""
+    for _ in range(round(seconds / 0.1)):
+        await robot.client.drive(0.13, 0.4)
+        await asyncio.sleep(0.1)
+
+
+def test_a_drive_is_recorded_with_what_came_in_and_went_out(tmp_path: Path) -> None:
+    """The bytes of the board, both ways, requests with their client, and every event stand in the file, in one order."""
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            started = await robot.client.start_recording("arc")
+            assert Path(started.file).parent == tmp_path
+            await drive(robot, 2.0)
+            ended = await robot.client.stop_recording()
+            assert ended.dropped == 0
+            assert ended.size_bytes == size(ended.file)
+            assert ended.seconds == pytest.approx(2.0, abs=0.2)
+            events = read(ended.file)
+            assert names(events) >= {
+                "LinkBytesRead", "LinkBytesWritten", "RequestHandled", "EncodersCounted", "WheelsDriven",
+                "OdometryUpdated", "DutyWritten", "StatsSampled", "RecordingChanged",
+            }  # fmt: skip
+            assert "LineSeen" not in names(events)
+            came = b"".join(event.data for event in events if type(event).__name__ == "LinkBytesRead")
+            went = b"".join(event.data for event in events if type(event).__name__ == "LinkBytesWritten")
+            assert came.count(b"e\t") >= 38
+            assert went.startswith(b"s ")
+            drives = [event for event in events if getattr(event, "method", "") == "drive"]
+            assert len(drives) == 20
+            assert {"linear_m_s": 0.13, "angular_rad_s": 0.4}.items() <= drives[0].params.items()
+            order = [type(event).__name__ for event in events]
+            first = next(k for k, event in enumerate(events) if b"e\t" in getattr(event, "data", b""))
+            assert "EncodersCounted" not in order[:first]
+            assert order[first + 1] == "EncodersCounted"
+
+    run_virtual(main())
+
+
+def test_a_fault_writes_the_minutes_before_it_and_seconds_after_it(tmp_path: Path) -> None:
+    """The file is named after the fault, reaches from long before it to three seconds after, and the socket tells it."""
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 5.0)
+            robot.device.unplug()
+            await asyncio.sleep(4.0)
+            (path,) = files(tmp_path)
+            assert path.name.startswith("fault_link_lost_")
+            events = read(path)
+            (fault,) = [event for event in events if getattr(event, "fault", None) == "link_lost"][:1]
+            assert fault.stamp_s - events[0].stamp_s > 5.0
+            assert 2.9 < events[-1].stamp_s - fault.stamp_s < 3.3
+            state = await robot.client.call("get_state")
+            assert state["topics"]["recording"]["data"]["saved"] == str(path)
+            stats = await robot.client.call("get_stats")
+            assert stats["recording_faults_saved"] == 1
+            assert stats["recording_dropped"] == 0
+            assert stats["recording_ring_bytes"] > 1000
+
+    run_virtual(main())
+
+
+def test_a_stop_by_somebody_is_no_fault(tmp_path: Path) -> None:
+    """An e-stop writes nothing; whoever wants the last minutes asks for them."""
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 1.0)
+            await robot.client.estop("a child")
+            await asyncio.sleep(6.0)
+            assert files(tmp_path) == []
+            saved = await robot.client.save_ring("odd noise")
+            assert Path(saved.file).name.startswith("fault_odd noise_")
+            assert any(getattr(event, "method", "") == "estop" for event in read(saved.file))
+
+    run_virtual(main())
+
+
+def test_a_recording_that_begins_by_itself_has_the_start(tmp_path: Path) -> None:
+    """With ``auto_start`` the first event is the daemon's own start, before the board was touched."""
+
+    async def main() -> None:
+        made = settings(tmp_path, auto_start=True, ring_s=0.0)
+        async with simulated_robot(made, start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 1.0)
+            rows = (await robot.client.list_recordings()).files
+            assert [row.recording for row in rows] == [True]
+
+    run_virtual(main())
+    (path,) = tmp_path.glob("auto_*.mcap")
+    events = read(path)
+    assert type(events[0]).__name__ == "DaemonStarted"
+    order = [type(event).__name__ for event in events]
+    assert order.index("PortOpened") < order.index("LinkBytesRead")
+    assert "DaemonStopping" in order
+
+
+def test_a_robot_that_keeps_no_ring_pays_for_nothing(tmp_path: Path) -> None:
+    """Without a ring nothing that comes in is published until somebody records, nor after the end of the recording."""
+
+    async def main() -> None:
+        made = settings(tmp_path, ring_s=0.0)
+        async with simulated_robot(made, start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            assert not robot.daemon.entries.recording
+            with pytest.raises(CallError, match="ring_s is 0") as refused:
+                await robot.client.save_ring()
+            assert refused.value.kind == "storage_failed"
+            with pytest.raises(CallError) as refused:
+                await robot.client.stop_recording()
+            assert refused.value.kind == "not_recording"
+            with pytest.raises(CallError) as refused:
+                await robot.client.start_recording("no/name")
+            assert refused.value.kind == "bad_name"
+            assert not robot.daemon.entries.recording
+            await robot.client.start_recording()
+            assert robot.daemon.entries.recording
+            with pytest.raises(CallError) as refused:
+                await robot.client.start_recording()
+            assert refused.value.kind == "already_recording"
+            assert robot.daemon.entries.recording
+            await asyncio.sleep(0.5)
+            ended = await robot.client.stop_recording()
+            assert not robot.daemon.entries.recording
+            assert len(read(ended.file)) > 50
+
+    run_virtual(main())
+
+
+def test_classes_that_are_left_out_are_not_recorded(tmp_path: Path) -> None:
+    """What the configuration names is not in the file, and nothing else is missing."""
+
+    async def main() -> None:
+        made = settings(tmp_path, without=frozenset({"WheelsDriven", "LinkBytesRead"}))
+        async with simulated_robot(made, start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            ended_names = names(read((await robot.client.save_ring()).file))
+            assert "WheelsMeasured" in ended_names
+            assert not ended_names & {"WheelsDriven", "LinkBytesRead"}
+
+    run_virtual(main())
+
+
+def test_no_secret_is_in_a_recording(tmp_path: Path) -> None:
+    """The token with which a client came in stands nowhere in the file: not in it as it is, nor in what is unpacked."""
+    tokens = tmp_path / "tokens"
+    tokens.write_text(f"admin {TOKEN}\n")
+    tokens.chmod(0o600)
+
+    async def main() -> str:
+        made = settings(tmp_path / "recordings", auto_start=True)
+        made = made.model_copy(update={"api": made.api.model_copy(update={"token_file": tokens})})
+        async with simulated_robot(made, token=TOKEN, start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 0.5)
+            return (await robot.client.stop_recording()).file
+
+    path = Path(run_virtual(main()))
+    reader = RecordingReader(path)
+    unpacked = b"".join(message.data for message in reader.messages())
+    assert b'"drive"' in unpacked
+    assert b"authenticate" in unpacked
+    about = repr(reader.metadata) + repr(reader.attachments)
+    assert "token_file" in about
+    for part in (path.read_bytes(), unpacked, about.encode()):
+        assert TOKEN.encode() not in part
+
+
+def test_the_configuration_and_the_description_are_in_the_file(tmp_path: Path) -> None:
+    """The configuration can be used again as it is, and the URDF is the one that the socket gives."""
+
+    async def main() -> tuple[str, str]:
+        async with simulated_robot(settings(tmp_path), start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            urdf = (await robot.client.call("get_description"))["urdf"]
+            return (await robot.client.save_ring()).file, urdf
+
+    path, urdf = run_virtual(main())
+    reader = RecordingReader(Path(path))
+    reader.read_about()
+    again = Settings.model_validate_json(reader.metadata["configuration"]["json"])
+    assert again.chassis == load().chassis
+    assert again.recording.folder == tmp_path
+    assert reader.attachments["robot.urdf"].decode() == urdf
+    assert reader.metadata["chefbotd"]["robot"] == "chefbot"
+    assert "mcap" in reader.metadata["packages"]
+
+
+@pytest.mark.parametrize(
+    ("environment", "folder"),
+    [
+        (
+            {"STATE_DIRECTORY": "/var/lib/chefbotd:/var/lib/more", "XDG_STATE_HOME": "/x"},
+            "/var/lib/chefbotd/recordings",
+        ),
+        ({"XDG_STATE_HOME": "/home/ann/state"}, "/home/ann/state/chefbotd/recordings"),
+        ({"XDG_STATE_HOME": "relative"}, "/home/ann/.local/state/chefbotd/recordings"),
+    ],
+)
+def test_where_recordings_are_when_nothing_says_so(
+    environment: dict[str, str], folder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Systemd's folder first, then XDG's, which counts only where it is absolute; a simulated robot's are apart."""
+    monkeypatch.setenv("HOME", "/home/ann")
+    assert folder_of(RecordingParameters(), environment) == Path(folder)
+    simulated = folder_of(RecordingParameters(), environment, simulated=True)
+    assert simulated == Path(folder).with_name("simulated_recordings")
+    assert folder_of(RecordingParameters(folder=Path("/mnt/ssd")), environment) == Path("/mnt/ssd")
+
+
+def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    """A misspelt name in ``without`` would record what somebody wanted left out."""
+    path = tmp_path / "robot.toml"
+    path.write_text(packaged().read_text() + '\n[recording]\nwithout = ["ScanMeasured", "ScansMeasured"]\n')
+    with pytest.raises(SettingsError, match="there is no class of events 'ScansMeasured'"):
+        load(path)

@@ -1,0 +1,167 @@
+"""A disk that is full, slow, hangs or vanishes costs what is recorded, and nothing else."""
+
+import errno
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.reader import RecordingReader
+from chefbotd.recording.recorder import Recorder
+from chefbotd.recording.writer import WriterThread
+from tests.chefbotd.recording.disks import FailingDisk
+from tests.chefbotd.recording.events import START_S, cycle, fault, recorder
+
+MEGABYTE = 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(errno.ENOSPC, "the disk is full"), (errno.EIO, "the disk cannot be read or written")]
+)
+def test_a_disk_that_fails_ends_the_recording_with_whole_chunks(
+    tmp_path: Path, error: int, told: str
+) -> None:
+    """Recording ends and says why. The file has what was whole, the ring goes on, and a new recording can begin."""
+    disk = FailingDisk()
+    made = recorder(tmp_path, disk, chunk_s=0.5)
+    made.start("doomed", START_S)
+    for k in range(200):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    disk.error = error
+    for k in range(200, 400):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    assert made.status.state == "failed"
+    assert told in made.status.reason
+    disk.error = None
+    with pytest.raises(RecordingError, match=told):
+        made.stop(START_S + 4.0)
+    reader = RecordingReader(next(tmp_path.glob("doomed*")))
+    stamps = [event.stamp_s for event in reader.events() if type(event).__name__ == "WheelsDriven"]
+    assert len(stamps) >= 150
+    assert stamps == [START_S + k / 100 for k in range(len(stamps))]
+    made.start("again", START_S + 5.0)
+    assert made.status.state == "recording"
+    assert made.stop(START_S + 6.0).state == "idle"
+    assert made.save_ring("late", START_S + 6.0).ring_s > 3.5
+
+
+def test_a_minimum_of_the_disk_stays_free(tmp_path: Path) -> None:
+    """Recording ends in order before less is free, and none begins then; the message has both numbers."""
+    disk = FailingDisk()
+    made = recorder(tmp_path, disk, min_free_mb=500.0, chunk_s=0.5)
+    disk.free = 501 * MEGABYTE
+    made.start("tight", START_S)
+    for k in range(200):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    disk.free = 499 * MEGABYTE
+    for k in range(200, 400):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    assert made.status.state == "failed"
+    assert made.status.reason.startswith("only 499 MB of the disk are free, and 500 MB are to stay so")
+    reader = RecordingReader(next(tmp_path.glob("tight*")))
+    assert len(list(reader.events())) >= 400
+    assert reader.problem is None
+    for begin in (lambda: made.start("more", START_S), lambda: made.save_ring("more", START_S)):
+        with pytest.raises(RecordingError) as refused:
+            begin()
+        assert refused.value.kind is RefusalKind.STORAGE_FAILED
+
+
+def test_the_oldest_files_that_nobody_asked_for_give_way(tmp_path: Path) -> None:
+    """Together they stay below their bound; what somebody asked for stays, and so does the newest."""
+    made = recorder(tmp_path, automatic_mb=1.0)
+    for age, name in enumerate(["auto_a", "fault_b", "auto_c", "kept_d"]):
+        path = tmp_path / f"{name}.mcap"
+        path.write_bytes(bytes(400_000))
+        past_s = time.time() - 100 + age
+        __import__("os").utime(path, (past_s, past_s))
+    made.take(cycle(START_S), START_S)
+    made.save_ring("newest", START_S + 1.0)
+    left = {path.name.split("_")[1].partition(".")[0] for path in tmp_path.glob("*.mcap")}
+    assert left == {"b", "c", "d", "newest"}
+
+
+@pytest.mark.parametrize("where", ["no_permission", "file_in_the_way"])
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, where: str) -> None:
+    """The reason and the folder are in the message."""
+    (tmp_path / "file").write_text("in the way")
+    disk = FailingDisk()
+    disk.error = errno.EACCES if where == "no_permission" else None
+    made = recorder(tmp_path / ("inner" if disk.error else "file/inner"), disk)
+    with pytest.raises(RecordingError, match=str(made.folder)):
+        made.start("x", START_S)
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+def in_thread(
+    folder: Path, disk: FailingDisk, most_bytes: int
+) -> tuple[WriterThread, Callable[[float], Recorder]]:
+    """A recorder in its thread."""
+    writer = WriterThread(lambda: recorder(folder, disk, chunk_s=0.05), most_bytes)
+
+    def settled(now_s: float) -> Recorder:
+        return writer.ask(lambda made: made).result(5.0)
+
+    return writer, settled
+
+
+def test_nobody_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
+    """While a write hangs, leaving events takes microseconds; what finds no room is counted, and the file says where."""
+    disk = FailingDisk()
+    writer, settled = in_thread(tmp_path, disk, most_bytes=100_000)
+    writer.ask(lambda made: made.start("hung", START_S)).result(5.0)
+    writer.give(cycle(START_S), START_S)
+    settled(START_S)
+    disk.goes_on.clear()
+    writer.give(cycle(START_S + 0.1), START_S + 0.1)
+    assert disk.entered.wait(5.0)
+    slowest_s = 0.0
+    for k in range(1000):
+        began_s = time.perf_counter()
+        writer.give(cycle(START_S + 0.2 + k / 100), START_S + 0.2 + k / 100)
+        slowest_s = max(slowest_s, time.perf_counter() - began_s)
+    assert slowest_s < 0.1
+    waiting, dropped = writer.waiting, writer.dropped
+    assert waiting + dropped == 2002
+    assert 100 < waiting <= 100_000 / 400 + 2
+    disk.goes_on.set()
+    settled(START_S)
+    assert writer.waiting == 0
+    writer.give(cycle(START_S + 20.0), START_S + 20.0)
+    writer.ask(lambda made: made.stop(START_S + 21.0)).result(5.0)
+    reader = RecordingReader(next(tmp_path.glob("hung*")))
+    gaps = [event.count for event in reader.events() if type(event).__name__ == "EventsDropped"]
+    assert gaps == [dropped]
+    assert reader.problem is None
+
+
+def test_a_question_to_a_hung_disk_can_be_given_up(tmp_path: Path) -> None:
+    """Whoever asked may cancel: what had not begun is never done, also when the disk is back."""
+    disk = FailingDisk()
+    writer, settled = in_thread(tmp_path, disk, most_bytes=100_000)
+    settled(START_S)
+    disk.goes_on.clear()
+    hanging = writer.ask(lambda made: made.start("first", START_S))
+    assert disk.entered.wait(5.0)
+    given_up = writer.ask(lambda made: made.save_ring("second", START_S))
+    assert given_up.cancel()
+    disk.goes_on.set()
+    assert hanging.result(5.0).state == "recording"
+    settled(START_S)
+    assert not list(tmp_path.glob("fault*"))
+
+
+def test_a_recorder_that_fails_inside_goes_on(tmp_path: Path) -> None:
+    """An event that cannot be written takes nothing with it."""
+    writer, _ = in_thread(tmp_path, FailingDisk(), most_bytes=100_000)
+    writer.ask(lambda made: made.start("odd", START_S)).result(5.0)
+    writer.give([object()], START_S)
+    writer.give([fault(START_S)], START_S)
+    writer.ask(lambda made: made.stop(START_S + 1.0)).result(5.0)
+    events = list(RecordingReader(next(tmp_path.glob("odd*"))).events())
+    assert events == [fault(START_S)]
+    assert threading.active_count() >= 1

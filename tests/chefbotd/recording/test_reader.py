@@ -1,0 +1,54 @@
+"""Files that are no recordings are told apart, each with its name and what is wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from chefbotd.recording.errors import UnreadableRecording
+from chefbotd.recording.reader import MAGIC, RecordingReader
+from tests.chefbotd.recording.events import START_S, cycle, recorder
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "is empty"),
+        (b"hello", "is no MCAP file"),
+        (MAGIC[:5], "ends after 5 bytes"),
+        (b"\x1f\x8b" + bytes(500), "is no MCAP file"),
+    ],
+)
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, told: str) -> None:
+    """Before anything is read of it."""
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(content)
+    with pytest.raises(UnreadableRecording, match=told) as refused:
+        RecordingReader(path)
+    assert str(path) in str(refused.value)
+
+
+def test_a_folder_and_a_missing_file_are_told(tmp_path: Path) -> None:
+    """With what was expected."""
+    with pytest.raises(UnreadableRecording, match="is a folder, expected a recording"):
+        RecordingReader(tmp_path)
+    with pytest.raises(UnreadableRecording, match="No such file"):
+        RecordingReader(tmp_path / "absent.mcap")
+
+
+def test_damage_in_the_middle_ends_the_reading_and_is_told(tmp_path: Path) -> None:
+    """What stands before the damaged chunk comes back; the checksum of the chunk is held against its content."""
+    made = recorder(tmp_path, chunk_s=0.1)
+    made.start("damaged", START_S)
+    for k in range(300):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    made.stop(START_S + 3.0)
+    (path,) = tmp_path.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    reader = RecordingReader(path)
+    found = [event for event in reader.events() if type(event).__name__ == "WheelsDriven"]
+    assert reader.problem is not None
+    assert "damaged" in reader.problem
+    assert 20 < len(found) < 300
+    assert [event.stamp_s for event in found] == [START_S + k / 100 for k in range(len(found))]
