@@ -353,7 +353,17 @@ class FakeDaemon:
         *("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation"),
         *("list_places", "save_place", "delete_place"),
     )
-    TOPICS = ("odometry", "safety", "map_pose", "map", "path", "navigation", "scan", "localization")
+    TOPICS = (
+        "odometry",
+        "safety",
+        "map_pose",
+        "map",
+        "path",
+        "navigation",
+        "scan",
+        "localization",
+        "costmap",
+    )
     RESULTS: ClassVar[dict[str, Any]] = {
         "list_places": {"map": "flat", "places": [{"name": "kitchen"}, {"name": "table 3"}]},
         "list_maps": {"in_use": None, "maps": []},
@@ -462,6 +472,29 @@ def test_the_map_is_drawn_where_it_is(page: Any, robot: RunningRobot) -> None:
     part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False}
     daemon.say("map", revision=8, **grid, **part, encoding="zlib", cells=cells(0))
     assert until(lambda: pixel(page, *wall) == [255, 255, 255])
+
+
+def test_costs_are_asked_for_while_they_are_shown(page: Any, robot: RunningRobot) -> None:
+    """One cell of 1 m that is blocked, under the robot at its middle, is tinted until the box is unticked."""
+    daemon = FakeDaemon(page)
+    page.goto(robot.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    page.emulate_media(color_scheme="light")
+    daemon.say("map_pose", x_m=0.25, y_m=0.75, heading_rad=0.0, state="localized")
+    page.get_by_label("Costs and obstacles").check()
+    asked = {"topics": ["costmap"], "policy": "ordered"}
+    assert until(lambda: daemon.was_asked("subscribe") and daemon.last("subscribe") == asked)
+    cell = base64.b64encode(zlib.compress(struct.pack("b", 100))).decode()
+    size = {"columns": 1, "rows": 1, "part_columns": 1, "part_rows": 1, "column": 0, "row": 0}
+    place = {"resolution_m": 1.0, "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "revision": 1, "map": "flat"}
+    daemon.say("costmap", **place, **size, encoding="zlib", cells=cell)
+    box = page.locator("#view").bounding_box()
+    beside = (box["x"] + box["width"] / 2 + 45, box["y"] + box["height"] / 2 + 45)  # (0.75, 0.25)
+    plain = [0xF6, 0xF7, 0xF9]
+    assert until(lambda: pixel(page, *beside) != plain)
+    page.get_by_label("Costs and obstacles").uncheck()
+    assert until(lambda: pixel(page, *beside) == plain)
+    assert daemon.last("unsubscribe") == {"topics": ["costmap"]}
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -1,4 +1,4 @@
-// The map: cells from the topic "map" as it grows, or from get_map, drawn into an image.
+// A map, or what it costs to drive over it: cells from 0 to 100, or below 0 for none, drawn into an image.
 
 export async function inflate(base64) {
   const packed = Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
@@ -27,7 +27,7 @@ export class Grid {
   }
 
   // Row 0 of the image is the lowest y: the view turns it.
-  #paint(row, column, rows, columns, { wall, free }) {
+  #paint(row, column, rows, columns, { wall, free, opacity = () => 255 }) {
     const context = this.image.getContext("2d");
     const pixels = context.createImageData(columns, rows);
     for (let r = 0; r < rows; r += 1) {
@@ -36,7 +36,7 @@ export class Grid {
         if (percent < 0) continue;
         const at = 4 * (r * columns + c);
         for (let i = 0; i < 3; i += 1) pixels.data[at + i] = free[i] + ((wall[i] - free[i]) * percent) / 100;
-        pixels.data[at + 3] = 255;
+        pixels.data[at + 3] = opacity(percent);
       }
     }
     context.putImageData(pixels, column, row);

@@ -2,6 +2,7 @@
 
 import { Connection } from "./connection.js";
 import { Driver, joystick } from "./drive.js";
+import { Costs } from "./costs.js";
 import { Gains } from "./gains.js";
 import { Maps } from "./maps.js";
 import { Places } from "./places.js";
@@ -30,6 +31,7 @@ const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };
 const driver = new Driver(connection, speeds);
 const ask = (method, params) => connection.request(method, params).then((answer) => (say(""), answer), (error) => say(error.message));
 const maps = new Maps(connection, view, say);
+const costs = new Costs(connection, ask, view);
 const gains = new Gains(ask, row);
 const places = new Places(ask);
 const me = `page ${Math.random().toString(36).slice(2, 6)}`;
@@ -58,6 +60,7 @@ connection.addEventListener("hello", async ({ detail: hello }) => {
   }
   gains.begin(can);
   places.begin(can);
+  costs.begin(can);
   if (can.has("method.get_description")) connection.request("get_description").then(readDescription, () => {});
   maps.begin(can);
 });

@@ -15,7 +15,7 @@ export class View {
     this.onPose = () => {};
     this.mounts = new Map();
     this.body = { radius: 0.18 };
-    this.pose = this.mapPose = this.grid = this.aim = null;
+    this.pose = this.mapPose = this.grid = this.costs = this.obstacles = this.aim = null;
     this.scans = new Map();
     this.ranges = [];
     this.trail = [];
@@ -24,6 +24,7 @@ export class View {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#readColours();
       this.grid?.repaint(this.rgb);
+      this.costs?.repaint(this.rgbOfCosts);
       this.draw();
     });
     new ResizeObserver(() => this.draw()).observe(canvas);
@@ -36,6 +37,8 @@ export class View {
     this.colours = Object.fromEntries(["paper", "grid", "wall", "free", "scan", "robot", "trail", "range", "soft"].map((n) => [n, read(n)]));
     const rgb = (hex) => (hex.length === 4 ? [...hex.slice(1)].map((c) => c + c) : hex.slice(1).match(/../g)).map((c) => parseInt(c, 16));
     this.rgb = { wall: rgb(this.colours.wall), free: rgb(this.colours.free) };
+    const cost = rgb(this.colours.range);
+    this.rgbOfCosts = { wall: cost, free: cost, opacity: (percent) => 1.4 * percent };
   }
 
   // Where the robot is in what is drawn: in the map if that is known, else in odom.
@@ -92,6 +95,8 @@ export class View {
     c.translate(-this.centre[0], -this.centre[1]);
     this.#paintGrid(width, height);
     if (this.grid) this.#paintMap(this.grid);
+    if (this.costs) this.#paintMap(this.costs);
+    if (this.obstacles) this.#paintObstacles(this.obstacles);
     this.#line(this.trail, colours.trail, 2);
     if (this.path) this.#line(this.path, colours.robot, 3);
     if (this.robot) this.#paintRobot(this.robot);
@@ -120,6 +125,15 @@ export class View {
     c.imageSmoothingEnabled = false;
     c.drawImage(grid.image, 0, 0, grid.columns * grid.resolution_m, grid.rows * grid.resolution_m);
     c.restore();
+  }
+
+  // What is seen and not on the map; who moves has an arrow as long as the way of the next second.
+  #paintObstacles({ x_m, y_m, movers }) {
+    const { context: c, colours } = this;
+    c.fillStyle = colours.range;
+    const dot = Math.max(0.04, 3 / this.scale);
+    x_m.forEach((x, index) => c.fillRect(x - dot / 2, y_m[index] - dot / 2, dot, dot));
+    for (const { x_m: x, y_m: y, vx_m_s, vy_m_s } of movers) this.#line([[x, y], [x + vx_m_s, y + vy_m_s]], colours.range, 3);
   }
 
   #line(points, colour, width) {
