@@ -7,6 +7,7 @@ VENV ?= .venv
 ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
+EXTRAS := teleop,tune,joystick,navigation,page,recording
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 JOBS_OF_FAULTS ?= 2
@@ -73,7 +74,7 @@ wheel: $(VENV)/ready  ## Build the wheel into dist
 wheel-test: wheel  ## Run the tests against the installed wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[teleop,tune,joystick,navigation,page,testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[$(EXTRAS),testing]" hypothesis psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
 	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
@@ -124,5 +125,5 @@ $(VENV)/ready: pyproject.toml
 	@echo "Setting up $(VENV) with $(PYTHON), once: it downloads some 100 MB and takes a minute or two."
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=/path/to/it")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[dev,teleop,tune,joystick,navigation,page]'
+	$(BIN)/pip install --quiet --editable '.[dev,$(EXTRAS)]'
 	touch $@
