@@ -16,7 +16,7 @@ def advice(device: str, error: OSError, by_id: Path = BY_ID) -> str:
     if error.errno == errno.ENOENT:
         return f"there is no such device; {ports_there(by_id)}"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"permission denied; {_permission(device)}"
+        return f"permission denied; {permission_advice(device)}"
     return str(error)
 
 
@@ -33,7 +33,8 @@ def ports_there(by_id: Path = BY_ID) -> str:
     return f"serial ports there: {', '.join(told)}"
 
 
-def _permission(device: str) -> str:
+def permission_advice(device: str) -> str:
+    """Which group may open a device, and how to get into it."""
     try:
         status = Path(device).stat()
         group = grp.getgrgid(status.st_gid).gr_name

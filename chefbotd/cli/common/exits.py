@@ -14,6 +14,8 @@ class Exit(IntEnum):
     CONNECTION_LOST = 5
     NOT_DONE = 6
     NOT_INSTALLED = 7
+    WARNINGS = 8
+    PROBLEMS = 9
     BAD_CONFIGURATION = 78
     INTERRUPTED = 130
     OUTPUT_CLOSED = 141
@@ -28,6 +30,8 @@ MEANING = {
     Exit.CONNECTION_LOST: "the connection broke, or an answer did not come in time",
     Exit.NOT_DONE: "the motion did not end as commanded",
     Exit.NOT_INSTALLED: "an optional part of the program is not installed",
+    Exit.WARNINGS: "the doctor found nothing worse than warnings",
+    Exit.PROBLEMS: "the doctor found problems",
     Exit.BAD_CONFIGURATION: "the configuration is not valid",
     Exit.INTERRUPTED: "interrupted by a signal",
     Exit.OUTPUT_CLOSED: "whoever read the output closed it (a shell's code for SIGPIPE)",

@@ -9,6 +9,8 @@ from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, Credentials, Runner, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
+from chefbotd.cli.doctor.doctor_command import doctor
+from chefbotd.cli.doctor.ports_command import ports
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
 from chefbotd.cli.drive.wheel_commands import wheels
@@ -99,6 +101,8 @@ COMMANDS: tuple[click.Command, ...] = (
     looking.watch,
     scan,
     looking.describe,
+    doctor,
+    ports,
     driving.drive,
     driving.teleop,
     driving.joystick,

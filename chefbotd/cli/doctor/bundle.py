@@ -1,0 +1,137 @@
+"""A support bundle: what somebody who helps needs to see, without secrets.
+
+Paths of token files stay in the configuration, their contents never enter: each of their words of eight characters or
+more, and the program's own token, is replaced in every file, and so is what looks like a credential.
+"""
+
+import io
+import json
+import platform
+import re
+import sys
+import tarfile
+import time
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from chefbotd import __version__
+from chefbotd.cli.common.exits import Exit, ProgramError
+
+REMOVED = "[removed]"
+SECRET_KEY = re.compile(r"(?i)(token|password|passwd|secret|api_key|private_key|credential)s?$")
+SECRET_TEXT = (
+    re.compile(r"(?i)(\"?(?:token|password|passwd|secret|api_key)\"?\s*[=:]\s*\"?)([^\s\"',}]{4,})"),
+    re.compile(r"(?i)(bearer\s+|token\.)([A-Za-z0-9._~+/=-]{8,})"),
+    re.compile(r"(\w+://[^\s/:@]+:)([^\s/@]+)(?=@)"),
+    re.compile(r"()(-----BEGIN [A-Z ]*PRIVATE KEY-----.*?-----END [A-Z ]*PRIVATE KEY-----)", re.DOTALL),
+)
+SHORTEST_SECRET = 8
+ROLES = frozenset({"observe", "drive", "admin"})
+LOG_LINES = "3000"
+FAULT_LINE = re.compile(r"lines around a fault|disarmed|estop|fault", re.IGNORECASE)
+MOST_SECRET_FILE_BYTES = 65_536
+
+
+class Redactor:
+    """Takes known secrets, and what looks like one, out of text."""
+
+    def __init__(self, secrets: Iterable[str]) -> None:
+        self._secrets = sorted(
+            {each for each in secrets if len(each) >= SHORTEST_SECRET}, key=len, reverse=True
+        )
+
+    def clean(self, text: str) -> str:
+        """The text without secrets."""
+        for secret in self._secrets:
+            text = text.replace(secret, REMOVED)
+        for pattern in SECRET_TEXT:
+            text = pattern.sub(rf"\g<1>{REMOVED}", text)
+        return text
+
+
+def secrets_in(*files: Path | None) -> list[str]:
+    """Every word of token files that we may read, but for comments and the roles."""
+    words: list[str] = []
+    for file in files:
+        try:
+            text = "" if file is None else file.read_bytes()[:MOST_SECRET_FILE_BYTES].decode(errors="replace")
+        except OSError:
+            continue
+        words += [word for word in text.split() if word not in ROLES]
+    return words
+
+
+def without_secrets(values: Any) -> Any:
+    """Configuration values with those removed whose key names a secret itself; a path to one stays."""
+    if isinstance(values, Mapping):
+        return {
+            key: REMOVED if SECRET_KEY.search(str(key)) and value else without_secrets(value)
+            for key, value in values.items()
+        }
+    if isinstance(values, list | tuple):
+        return [without_secrets(value) for value in values]
+    return values
+
+
+def versions() -> str:
+    """Versions of the program, of Python, of the computer, and of the packages that it needs."""
+    lines = [
+        f"chefbotd {__version__}",
+        f"python {sys.version.split()[0]} ({platform.python_implementation()})",
+        f"kernel {platform.platform()}",
+        f"machine {platform.machine()}",
+    ]
+    for required in sorted(metadata.requires("chefbotd") or []):
+        name = re.split(r"[^\w.-]", required, maxsplit=1)[0]
+        try:
+            lines.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            lines.append(f"{name} is not installed")
+    return "\n".join(dict.fromkeys(lines)) + "\n"
+
+
+def fault_lines(log: str) -> str:
+    """The log's lines about faults and stops."""
+    return "".join(line for line in log.splitlines(keepends=True) if FAULT_LINE.search(line))
+
+
+def contents(
+    findings: Mapping[str, object], configuration: object, stats: object, state: object, log: str | None
+) -> dict[str, str]:
+    """The text files of the bundle by their names."""
+    told = (
+        log if log is not None else "The log could not be read: 'journalctl -u chefbotd' needs its group.\n"
+    )
+    return {
+        "findings.json": json.dumps(findings, indent=2),
+        "versions.txt": versions(),
+        "configuration.json": json.dumps(without_secrets(configuration), indent=2),
+        "stats.json": json.dumps(stats, indent=2),
+        "state.json": json.dumps(state, indent=2),
+        "log.txt": told,
+        "faults.txt": fault_lines(log or ""),
+    }
+
+
+def write_bundle(path: Path, files: Mapping[str, str], redactor: Redactor) -> None:
+    """Write the files to a new archive that only its owner can read.
+
+    Raises:
+        ProgramError: it is there already, or cannot be written.
+    """
+    folder, now_s = path.name.removesuffix(".tar.gz"), time.time()
+    try:
+        with path.open("xb") as raw:
+            path.chmod(0o600)
+            with tarfile.open(fileobj=raw, mode="w:gz") as archive:
+                for name, text in files.items():
+                    data = redactor.clean(text).encode()
+                    entry = tarfile.TarInfo(f"{folder}/{name}")
+                    entry.size, entry.mtime, entry.mode = len(data), int(now_s), 0o600
+                    archive.addfile(entry, io.BytesIO(data))
+    except FileExistsError as error:
+        raise ProgramError(Exit.FAILED, f"{path}: already there, and not overwritten") from error
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,77 @@
+"""What this computer tells: its ports, governor, clock and service. Reads files and asks systemd; changes nothing."""
+
+import asyncio
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from chefbotd.doctor.host import PortFound
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.port_list import holder, permission_problem
+from chefbotd.link.ports import ports_there
+
+CPUS = Path("/sys/devices/system/cpu")
+RUNS_SYSTEMD = Path("/run/systemd/system")
+PATIENCE_S = 5.0
+UNIT = "chefbotd.service"
+PROPERTIES = "LoadState,ActiveState,UnitFileState,Result,ExecMainStatus,NRestarts,FragmentPath,ExecStart"
+
+
+def look_at_port(link: LinkParameters) -> PortFound:
+    """The board's device before it is opened."""
+    device = link.device
+    if "://" in device:
+        return PortFound(device, exists=True, is_socket=True)
+    if not Path(device).exists():
+        return PortFound(device, exists=False, others=ports_there())
+    return PortFound(device, exists=True, permission=permission_problem(device), held_by=holder(device))
+
+
+def governors(cpus: Path = CPUS) -> list[str]:
+    """The governor of each processor."""
+    found = []
+    for path in sorted(cpus.glob("cpu[0-9]*/cpufreq/scaling_governor")):
+        with contextlib.suppress(OSError):
+            found.append(path.read_text().strip())
+    return found
+
+
+async def command_output(*command: str) -> str | None:
+    """What a program prints; None where there is no such program, or it fails or hangs."""
+    try:
+        process = await asyncio.create_subprocess_exec(
+            *command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+    except OSError:
+        return None
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            output, _ = await process.communicate()
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+        return None
+    return output.decode(errors="replace") if process.returncode == 0 else None
+
+
+async def is_synchronized() -> bool | None:
+    """Whether the computer's clock is kept right; None where nothing tells."""
+    told = await command_output("timedatectl", "show", "--property=NTPSynchronized", "--value")
+    return None if told is None else told.strip() == "yes"
+
+
+async def service_unit() -> Mapping[str, str] | None:
+    """The unit's properties; None where systemd does not run."""
+    if not _runs_systemd():
+        return None
+    told = await command_output("systemctl", "show", UNIT, f"--property={PROPERTIES}")
+    if told is None:
+        return None
+    return dict(line.split("=", 1) for line in told.splitlines() if "=" in line)
+
+
+def _runs_systemd() -> bool:
+    return RUNS_SYSTEMD.exists()

@@ -1,0 +1,173 @@
+"""Driving one wheel at a time, on blocks, after somebody has typed yes. However it ends, the motors are told to stop."""
+
+import asyncio
+from typing import Any
+
+from chefbotd.cli.doctor.asking import YES
+from chefbotd.cli.doctor.collecting import collected, of_topic
+from chefbotd.cli.doctor.visit import Visit
+from chefbotd.cli.drive.pilot import release_source
+from chefbotd.client import CallError, Client, Event
+from chefbotd.core.record import replace
+from chefbotd.doctor.finding import skipped
+from chefbotd.doctor.latency import check_echo
+from chefbotd.doctor.wheels import (
+    TURNED_RAD,
+    Sample,
+    WheelRun,
+    WheelSetting,
+    check_faults,
+    check_motor,
+    check_scale,
+)
+from chefbotd.link.line_survey import echo_delays_s, line_bytes
+
+PERIOD_S = 0.05
+CREEP, STEADY, HARD = (0.1, 0.8), (0.3, 1.0), (0.8, 1.0)
+"""Shares of ``max_rim_speed_m_s``, and for how long. A wheel that turned at the first goes on with the second, so that a
+board with another scale is noticed at a creep; one that did not is asked for the third, so that friction is overcome."""
+
+STANDSTILL_S = 0.8
+
+QUESTION = """\
+The doctor can turn each wheel forward, slowly, one after the other, for two seconds each.
+Put the robot on blocks, so that all its wheels hang free, and keep hands and cables away from them.
+A fault that this provokes stops the motors; the doctor then arms the robot again for the next wheel.
+Ctrl-C stops everything. Type yes to begin, or press Enter to leave it out."""
+
+ANSWERS = {
+    "yes": "forward",
+    "y": "forward",
+    "forward": "forward",
+    "back": "backward",
+    "backward": "backward",
+    "other": "other",
+    "none": "nothing",
+    "no": "nothing",
+}
+
+
+async def examine_motors(visit: Visit, robot: Client) -> None:
+    """Ask, drive each wheel, ask what was seen, and conclude."""
+    if (why := await _why_not(visit, robot)) is not None:
+        visit.find(skipped("motors", *why))
+        return
+    runs: list[WheelRun] = []
+    delays_s: list[float] = []
+    try:
+        for wheel in visit.wheels:
+            if not await _ready(robot, runs):
+                break
+            run, lines = await run_wheel(visit, robot, wheel)
+            delays_s += echo_delays_s(lines, len(visit.wheels))
+            run = replace(run, seen=await _ask_what_was_seen(visit, wheel.name))
+            runs.append(run)
+            visit.find(check_motor(visit.wheels, run))
+    finally:
+        if robot.connected:
+            await release_source(robot)
+    drive = visit.settings.drive
+    visit.find(
+        check_scale(visit.wheels, runs, max_duty=drive.max_duty, max_rim_speed_m_s=drive.max_rim_speed_m_s),
+        check_echo(delays_s),
+        *check_faults(runs),
+    )
+
+
+async def _why_not(visit: Visit, robot: Client) -> tuple[str, str] | None:
+    """Why the wheels are not driven, and what to do; None: somebody has typed yes, and they may be."""
+    if not visit.motors:
+        return (
+            "the motors were not driven",
+            "'chefbotctl doctor --motors' does so, on blocks, once you have typed yes",
+        )
+    safety = (await robot.get_state()).safety
+    if not safety.armed:
+        return f"the robot is {safety.mode}: {safety.reason}", "'chefbotctl arm', then ask the doctor again"
+    if safety.control:
+        who = ", ".join(safety.control.values())
+        return f"{who} drives the robot", "have them let go first"
+    if await visit.asker.ask(QUESTION) != YES:
+        return "nobody typed yes", "run it again with somebody beside the robot"
+    return None
+
+
+async def _ready(robot: Client, runs: list[WheelRun]) -> bool:
+    """Arm again after a fault of the run before; what somebody else has stopped stays stopped."""
+    safety = (await robot.get_state()).safety
+    if safety.armed:
+        return True
+    if not runs or safety.fault is None or safety.fault != runs[-1].fault:
+        return False
+    await robot.arm()
+    return True
+
+
+async def run_wheel(
+    visit: Visit, robot: Client, wheel: WheelSetting
+) -> tuple[WheelRun, list[tuple[float, bool, bytes]]]:
+    """Drive one wheel: what all wheels did, and the lines on the wire meanwhile. Zero is commanded on every exit."""
+    top_rad_s = visit.settings.drive.max_rim_speed_m_s / wheel.radius_m
+    async with collected(robot, ("wheels", "raw", "safety")) as events:
+        try:
+            if await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1]):
+                share, seconds = STEADY if _turned(events) else HARD
+                await _turn(robot, wheel.name, share * top_rad_s, seconds)
+            samples = _samples(events)
+        finally:
+            if robot.connected:
+                await release_source(robot)
+        safety = (await robot.get_state()).safety
+        await asyncio.sleep(STANDSTILL_S)
+    held = {event.data.limited_by for event in of_topic(events, "safety")} - {None}
+    fault = safety.fault or ""
+    run = WheelRun(wheel.name, samples, fault, safety.reason if fault else "", ", ".join(sorted(held)))
+    return run, _lines(events)
+
+
+async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) -> bool:
+    """Repeat the command within the dead-man's time; False where the daemon refuses, as after a fault."""
+    loop = asyncio.get_running_loop()
+    ends_s = loop.time() + seconds
+    try:
+        while loop.time() < ends_s:
+            await robot.set_wheel_velocities({name: speed_rad_s})
+            await asyncio.sleep(PERIOD_S)
+    except CallError:
+        return False
+    return True
+
+
+def _samples(events: list[Event[Any]]) -> tuple[Sample, ...]:
+    return tuple(
+        Sample(
+            event.stamp_s,
+            dict(zip(event.data.name, event.data.position_rad, strict=True)),
+            dict(zip(event.data.name, event.data.velocity_rad_s, strict=True)),
+            dict(zip(event.data.name, event.data.duty, strict=True)),
+        )
+        for event in of_topic(events, "wheels")
+    )
+
+
+def _turned(events: list[Event[Any]]) -> bool:
+    samples = _samples(events)
+    if not samples:
+        return False
+    before, after = samples[0].position_rad, samples[-1].position_rad
+    return any(abs(after[name] - before[name]) > TURNED_RAD for name in before)
+
+
+def _lines(events: list[Event[Any]]) -> list[tuple[float, bool, bytes]]:
+    return [
+        (event.stamp_s, event.data.direction == "out", line_bytes(event.data.line))
+        for event in of_topic(events, "raw")
+    ]
+
+
+async def _ask_what_was_seen(visit: Visit, name: str) -> str:
+    answer = await visit.asker.ask(
+        f"{name} was driven forward. What did you see? Type yes (it turned forward), back (it turned backward), "
+        "other (another wheel turned) or none (nothing turned); Enter if you did not look."
+    )
+    return ANSWERS.get((answer or "").lower(), "")

@@ -1,0 +1,197 @@
+"""What the robot tells while nobody touches it: lines, clock, battery, sensors, lidars, latency."""
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Sequence
+from statistics import median
+from typing import Any
+
+from chefbotd.cli.doctor.collecting import attitude, collected, of_topic, scan
+from chefbotd.cli.doctor.visit import Visit
+from chefbotd.client import Client, Event
+from chefbotd.client.state import State
+from chefbotd.doctor.battery import check_battery
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+from chefbotd.doctor.host import check_baud
+from chefbotd.doctor.latency import check_latency
+from chefbotd.doctor.lidar import check_lidar
+from chefbotd.doctor.lines import LinesHeard, check_at_rest, check_clock, check_damaged, check_heard
+from chefbotd.doctor.sensors import Beams, check_beams, check_imu
+from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
+from chefbotd.link.line_survey import LineSurvey, line_bytes
+
+TOPICS = ("raw", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stats")
+PINGS, PING_EVERY_S = 50, 0.02
+
+
+async def examine_robot(visit: Visit, robot: Client, *, rate_is_known: bool = False) -> LinesHeard:
+    """Listen for ``visit.seconds``, and say what was found; what was heard of the board.
+
+    ``rate_is_known``: the baud rate has been found out already.
+    """
+    state = await robot.get_state()
+    async with collected(robot, TOPICS) as events:
+        await asyncio.sleep(visit.seconds)
+    heard = _survey(visit, of_topic(events, "raw"))
+    if state.link.state != "up":
+        visit.find(
+            problem(
+                "link", f"the daemon has no link to the board: {state.link.reason}", "see the findings above"
+            )
+        )
+    else:
+        if not rate_is_known:
+            visit.find(_rate(visit, heard, state))
+        visit.find(*line_findings(visit, heard))
+    visit.find(_safety(state))
+    visit.find(*_sensor_findings(visit, heard, events))
+    visit.find(_odometry(of_topic(events, "odometry"), visit.seconds))
+    visit.find(check_latency(await _round_trips_s(robot), _loop_lag_s(of_topic(events, "stats"))))
+    return heard
+
+
+def _survey(visit: Visit, lines: Sequence[Event[Any]]) -> LinesHeard:
+    inward = [event for event in lines if event.data.direction == "in"]
+    if not inward:
+        return LinesHeard(seconds=visit.seconds)
+    survey = LineSurvey(visit.settings.robot.wire, inward[-1].stamp_s - visit.seconds)
+    for event in inward:
+        survey.feed(line_bytes(event.data.line), event.stamp_s)
+    return survey.heard(inward[-1].stamp_s)
+
+
+def expected(visit: Visit) -> Expected:
+    """What the configuration takes for granted of the board."""
+    settings = visit.settings
+    return Expected(
+        settings.robot.wire,
+        len(settings.chassis.wheels),
+        settings.drive.max_duty,
+        settings.link.board_buffer_bytes,
+    )
+
+
+def _rate(visit: Visit, heard: LinesHeard, state: State) -> Finding:
+    baud = visit.settings.link.baud
+    if heard.is_garbled or state.link.condition == "wrong_baud":
+        return problem(
+            "baud",
+            f"at {baud} baud only garbage is heard",
+            "stop the daemon and run the doctor again: it then tries the other rates",
+        )
+    return check_baud(baud, baud if heard.is_board else None, heard_anything=heard.bytes > 0)
+
+
+def line_findings(visit: Visit, heard: LinesHeard) -> list[Finding]:
+    """What the lines themselves say."""
+    return [
+        check_heard(heard),
+        check_damaged(heard),
+        check_sketch(heard),
+        check_expected(heard, expected(visit)),
+        check_clock(heard),
+        check_at_rest(heard, visit.settings.encoders.counts_per_turn),
+    ]
+
+
+def _safety(state: State) -> Finding:
+    safety = state.safety
+    if safety.armed:
+        return ok("safety", "the robot is armed: it may be driven")
+    return warning(
+        "safety",
+        f"the robot is {safety.mode}: {safety.reason}",
+        "mend what is told, keep clear of the wheels, then 'chefbotctl arm'",
+    )
+
+
+def _sensor_findings(visit: Visit, heard: LinesHeard, events: Sequence[Event[Any]]) -> list[Finding]:
+    settings, found = visit.settings, [_battery(visit, heard, of_topic(events, "battery"))]
+    attitudes = [attitude(event.data) for event in of_topic(events, "imu")]
+    found.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu="i" in heard.kinds))
+    beams = _beams(of_topic(events, "ranges"))
+    if settings.ultrasonic is not None:
+        found.append(check_ultrasonic(settings.ultrasonic.name, beams, sends="u" in heard.kinds))
+    found += [check_beams(each.name, beams.get(each.name), kind="infrared") for each in settings.infrared]
+    return [*found, *_lidars(visit, events)]
+
+
+def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:
+    """A sketch without an ultrasonic sends no line of it."""
+    if not sends and name not in beams:
+        return skipped(
+            f"ultrasonic {name}", "the board sends no 'u' lines", "sketches B and D have none: remove it"
+        )
+    return check_beams(name, beams.get(name), kind="ultrasonic")
+
+
+def _battery(visit: Visit, heard: LinesHeard, told: Sequence[Event[Any]]) -> Finding:
+    parameters = visit.settings.battery
+    return check_battery(
+        told[-1].data.voltage_v if told else None,
+        told[-1].data.status if told else "",
+        sends_battery="b" in heard.kinds,
+        absent_below_v=visit.settings.safety.battery.absent_below_v,
+        low_v=parameters.low_v,
+        critical_v=parameters.critical_v,
+    )
+
+
+def _beams(told: Sequence[Event[Any]]) -> dict[str, Beams]:
+    statuses: dict[str, Counter[str]] = {}
+    metres: dict[str, list[float]] = {}
+    for event in told:
+        for beam in event.data.ranges:
+            statuses.setdefault(beam.sensor, Counter())[str(beam.status)] += 1
+            if beam.range_m is not None:
+                metres.setdefault(beam.sensor, []).append(beam.range_m)
+    return {
+        name: Beams(dict(counts), median(metres[name]) if name in metres else None)
+        for name, counts in statuses.items()
+    }
+
+
+def _lidars(visit: Visit, events: Sequence[Event[Any]]) -> list[Finding]:
+    conditions = {each.lidar: each for event in of_topic(events, "lidars") for each in event.data.lidars}
+    found = []
+    for lidar in visit.settings.lidar:
+        turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]
+        condition = conditions.get(lidar.name)
+        told = (
+            (condition.condition, condition.reason) if condition else ("healthy" if turns else "silent", "")
+        )
+        covered = 0.0
+        if turns:
+            ranges = scan(turns[-1].data).range_m
+            covered = sum(each > 0 for each in ranges) / max(len(ranges), 1)
+        found.append(check_lidar(lidar.name, *told, len(turns) / visit.seconds, covered))
+    return found
+
+
+def _odometry(told: Sequence[Event[Any]], seconds: float) -> Finding:
+    if not told:
+        return problem("pose", "the robot tells no pose", "it needs encoder lines: see the findings on lines")
+    pose = told[-1].data
+    return ok(
+        "pose",
+        f"odometry says x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, {len(told) / seconds:.0f} times a second",
+    )
+
+
+def _loop_lag_s(stats: Sequence[Event[Any]]) -> float | None:
+    lags = [
+        event.data.loop_lag_s for event in stats if isinstance(getattr(event.data, "loop_lag_s", None), float)
+    ]
+    return max(lags) if lags else None
+
+
+async def _round_trips_s(robot: Client) -> list[float]:
+    """By the computer's own clock: the loop's may be virtual, or tell whole milliseconds."""
+    trips = []
+    for _ in range(PINGS):
+        began_s = time.perf_counter()
+        await robot.ping()
+        trips.append(time.perf_counter() - began_s)
+        await asyncio.sleep(PING_EVERY_S)
+    return trips

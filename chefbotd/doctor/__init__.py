@@ -1,0 +1,1 @@
+"""What the doctor concludes: measurements in, findings out. No I/O, no clock; ``cli/doctor`` gathers and asks."""

@@ -1,0 +1,153 @@
+"""The computer, the port and the service: what stands between the power switch and the first line."""
+
+from collections.abc import Mapping, Sequence
+
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+
+SERVICE_PROGRAM = "chefbotd"
+
+
+class PortFound(Record, frozen=True):
+    """What is known of a device file before it is opened.
+
+    ``held_by`` names who has it (empty: nobody that we can see), ``others`` says which ports there are, ``permission``
+    what to do where we may not open it (empty: we may).
+    """
+
+    device: str
+    exists: bool
+    permission: str = ""
+    held_by: str = ""
+    others: str = ""
+    is_socket: bool = False
+
+
+def check_device(port: PortFound) -> Finding:
+    """Whether the device is there."""
+    if port.is_socket:
+        return ok("device", f"the board is behind {port.device}, not on a port of this computer")
+    if port.exists:
+        return ok("device", f"{port.device} is there")
+    return problem(
+        "device",
+        f"there is no {port.device}; {port.others}",
+        "plug the board in (a charging cable has no data lines), then set [link] device to its /dev/serial/by-id name",
+    )
+
+
+def check_permission(port: PortFound) -> Finding:
+    """Whether we may open it."""
+    if not port.exists:
+        return skipped("permission", "there is no device")
+    if port.permission:
+        return problem("permission", f"you may not open {port.device}", port.permission)
+    return ok("permission", f"you may read and write {port.device}")
+
+
+def check_holder(port: PortFound, *, daemon_answers: bool) -> Finding:
+    """Who has it; a daemon that answers is the one that should."""
+    if not port.exists:
+        return skipped("holder", "there is no device")
+    if not port.held_by:
+        return ok("holder", f"nobody has {port.device} open")
+    if daemon_answers and SERVICE_PROGRAM in port.held_by:
+        return ok("holder", f"{port.device} is held by the daemon: {port.held_by}")
+    if SERVICE_PROGRAM in port.held_by:
+        return problem(
+            "holder",
+            f"{port.device} is held by {port.held_by}, which does not answer at the address that was asked",
+            "say where it listens with --connect, or stop it: 'sudo systemctl stop chefbotd'",
+        )
+    return problem(
+        "holder",
+        f"{port.device} is held by {port.held_by}",
+        "end that program (a serial monitor, ModemManager, another driver): two readers each get half of the bytes",
+    )
+
+
+def check_baud(configured: int, heard: int | None, *, heard_anything: bool) -> Finding:
+    """Whether the board talks at the configured rate; ``heard`` is the one at which it does, where any is."""
+    if heard == configured:
+        return ok("baud", f"the board talks at {configured} baud")
+    if heard is not None:
+        return problem(
+            "baud",
+            f"at {configured} baud there is only garbage, at {heard} the board is understood",
+            f"set [link] baud = {heard}",
+        )
+    if heard_anything:
+        return problem(
+            "baud",
+            f"no board was understood, neither at {configured} baud nor at the other usual rates",
+            "is it this port? What does the sketch give to Serial.begin?",
+        )
+    return skipped("baud", "nothing was heard, at any rate")
+
+
+def check_governor(governors: Sequence[str]) -> Finding:
+    """Whether the processor is slowed down to save power."""
+    if not governors:
+        return skipped(
+            "cpu_governor", "this computer tells of none (a virtual machine, or its own firmware decides)"
+        )
+    kinds = ", ".join(sorted(set(governors)))
+    if "powersave" not in governors:
+        return ok("cpu_governor", f"the CPU governor is {kinds}")
+    return warning(
+        "cpu_governor",
+        f"the CPU governor is {kinds}",
+        "it may wake up late: 'sudo cpupower frequency-set -g performance' where latency is found bad",
+    )
+
+
+def check_time_sync(synchronized: bool | None) -> Finding:
+    """Whether the wall clock is right; only log files and recordings need it."""
+    if synchronized is None:
+        return skipped("time_sync", "this computer does not tell whether its clock is synchronized")
+    if synchronized:
+        return ok("time_sync", "the computer's clock is synchronized")
+    return warning(
+        "time_sync",
+        "the computer's clock is not synchronized",
+        "'sudo timedatectl set-ntp true'; the robot runs on its own clock, only dates in logs are wrong",
+    )
+
+
+def check_service(unit: Mapping[str, str] | None) -> Finding:
+    """The systemd unit, by the properties that ``systemctl show`` tells; None where there is no systemd."""
+    if unit is None:
+        return skipped("service", "systemd does not run here")
+    if unit.get("LoadState") != "loaded":
+        return skipped(
+            "service", "no unit chefbotd.service is installed", "'sudo chefbotd install-service' does so"
+        )
+    active, enabled = unit.get("ActiveState", ""), unit.get("UnitFileState", "")
+    result, code = unit.get("Result", ""), unit.get("ExecMainStatus", "")
+    told = f"chefbotd.service is {active} and {enabled}, started again {unit.get('NRestarts', '0')} times"
+    ended = "" if result in ("", "success") else f"; its last end was {result} with exit code {code}"
+    if active == "failed" or (ended and active != "active"):
+        return problem("service", told + ended, "'journalctl -u chefbotd -n 50' says why")
+    if enabled not in ("enabled", "enabled-runtime", "static", "linked"):
+        return warning("service", told + ended, "'sudo systemctl enable chefbotd' starts it at boot")
+    if active != "active":
+        return warning("service", told + ended, "'sudo systemctl start chefbotd'")
+    return ok("service", told + ended)
+
+
+def check_socket(where: str, answer: str, refusal: str) -> Finding:
+    """Whether a daemon answers at an address; ``answer`` is what it said of itself, ``refusal`` why it does not."""
+    if answer:
+        return ok("socket", f"a daemon answers at {where}: {answer}")
+    return skipped("socket", f"no daemon answers at {where} ({refusal}): the doctor opens the board itself")
+
+
+def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:
+    """Which configuration is compared with; ``robot`` is what the daemon calls itself (empty: there is none)."""
+    if robot and robot != wanted_robot:
+        return problem(
+            "configuration",
+            f"the daemon drives {robot!r}, and {told} describes {wanted_robot!r}",
+            "give the daemon's own with --config: what follows compares with a wrong one",
+        )
+    return ok("configuration", f"compared with {told} ({wanted_robot})")

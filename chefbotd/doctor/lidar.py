@@ -1,0 +1,168 @@
+"""A lidar's link, and whether it looks where its mount says, by what moved in its scans.
+
+Three things tell: something that was placed ahead of the robot; a drive forward, in which the walls ahead come nearer;
+and a turn to the left, in which the room turns to the right.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+
+Array = NDArray[np.float64]
+
+STEP_RAD = math.radians(5)
+MOST_POINTS = 180
+FAR_M = 0.3
+"""A point without a neighbour costs as much as one with a neighbour so far: much of a room hides behind the rest."""
+
+WRONG_RAD = math.radians(20)
+BETTER_SHARE = 0.75
+"""Another direction must leave at most so much of the distance between scans to be believed."""
+
+LEAST_MOVED_M, LEAST_TURNED_RAD = 0.1, 0.3
+APPEARED_M = 0.25
+LEAST_BEAMS = 3
+
+
+class ScanTaken(Record, frozen=True):
+    """A whole turn, its bearings as the lidar has them (CCW from its zero mark); the mount is the configured one."""
+
+    base_from_lidar: Pose2D
+    bearing_rad: tuple[float, ...]
+    range_m: tuple[float, ...]
+
+    def points(self, offset_rad: float = 0.0, *, mirrored: bool = False) -> Array:
+        """Where the beams ended in the base's frame, were the mount so much farther to the left, or upside down."""
+        bearing, distance = np.array(self.bearing_rad), np.array(self.range_m)
+        seen = distance > 0
+        bearing, distance = bearing[seen], distance[seen]
+        yaw = self.base_from_lidar.heading_rad + offset_rad + (-bearing if mirrored else bearing)
+        mount = np.array([self.base_from_lidar.x_m, self.base_from_lidar.y_m])
+        ends: Array = mount + distance[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        return ends
+
+
+class Fit(Record, frozen=True):
+    """How far apart two scans are on the average, for the configured mount and for the best one."""
+
+    configured_m: float
+    best_m: float
+    offset_rad: float
+    mirrored: bool
+
+
+def fit_motion(before: ScanTaken, after: ScanTaken, before_from_after: Pose2D) -> Fit:
+    """The mount with which the second scan, moved back, lies on the first.
+
+    A drive tells the direction and cannot tell a mirrored one; a turn on the spot the other way round.
+    """
+    if abs(before_from_after.heading_rad) >= LEAST_TURNED_RAD:
+        candidates = [(0.0, False), (0.0, True)]
+    else:
+        candidates = [(wrap_angle(step * STEP_RAD), False) for step in range(round(math.tau / STEP_RAD))]
+    apart = {each: _apart_m(before, after, before_from_after, *each) for each in candidates}
+    best = min(apart, key=lambda each: apart[each])
+    return Fit(apart[0.0, False], apart[best], *best)
+
+
+def _apart_m(before: ScanTaken, after: ScanTaken, motion: Pose2D, offset_rad: float, mirrored: bool) -> float:
+    old = _thinned(before.points(offset_rad, mirrored=mirrored))
+    new = _thinned(after.points(offset_rad, mirrored=mirrored))
+    if not len(old) or not len(new):
+        return FAR_M
+    cos, sin = math.cos(motion.heading_rad), math.sin(motion.heading_rad)
+    moved = new @ np.array([[cos, sin], [-sin, cos]]) + np.array([motion.x_m, motion.y_m])
+    nearest = np.sqrt(((moved[:, None, :] - old[None, :, :]) ** 2).sum(axis=2).min(axis=1))
+    return float(np.minimum(nearest, FAR_M).mean())
+
+
+def _thinned(points: Array) -> Array:
+    thinned: Array = points[:: max(1, math.ceil(len(points) / MOST_POINTS))]
+    return thinned
+
+
+def check_motion(name: str, before: ScanTaken, after: ScanTaken, motion: Pose2D) -> Finding:
+    """Whether the scans moved as odometry did."""
+    turned = abs(motion.heading_rad) >= LEAST_TURNED_RAD
+    check = f"lidar_turn {name}" if turned else f"lidar_forward {name}"
+    if not turned and math.hypot(motion.x_m, motion.y_m) < LEAST_MOVED_M:
+        return skipped(check, "odometry hardly moved, so the scans cannot be held against it")
+    fit = fit_motion(before, after, motion)
+    told = f"moved back by odometry, its scans lie {fit.configured_m * 100:.1f} cm apart"
+    better = fit.best_m < BETTER_SHARE * fit.configured_m
+    if better and fit.mirrored:
+        return problem(
+            check,
+            f"{told}, mirrored only {fit.best_m * 100:.1f} cm: it turns the other way round",
+            "set upside_down the other way for this [[lidar]] (or the encoders' sides are exchanged: see 'turn')",
+        )
+    if better and abs(fit.offset_rad) > WRONG_RAD:
+        yaw_rad = wrap_angle(before.base_from_lidar.heading_rad + fit.offset_rad)
+        return problem(
+            check,
+            f"{told}, turned by {math.degrees(fit.offset_rad):+.0f}° only {fit.best_m * 100:.1f} cm: it looks elsewhere",
+            f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]",
+        )
+    if fit.configured_m >= FAR_M / 2:
+        return warning(check, f"{told}, and no other mount is better", "did the robot move as it was asked?")
+    return ok(check, told)
+
+
+def check_ahead(name: str, before: ScanTaken, after: ScanTaken, ahead_m: float) -> Finding:
+    """Whether what was placed ahead of the robot appeared ahead of it."""
+    check = f"lidar_ahead {name}"
+    bearing_rad = _appeared_at_rad(before, after)
+    if bearing_rad is None:
+        return warning(
+            check,
+            "nothing new was seen",
+            f"place something as high as the lidar and as wide as a hand {ahead_m:g} m ahead, and look again",
+        )
+    told = f"what was placed ahead appears at {math.degrees(bearing_rad):+.0f}° (0° is ahead, + is left)"
+    if abs(bearing_rad) <= WRONG_RAD:
+        return ok(check, told)
+    yaw_rad = wrap_angle(before.base_from_lidar.heading_rad - bearing_rad)
+    return problem(
+        check,
+        f"{told}: the lidar looks elsewhere than its mount says",
+        f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]"
+        + (", it sits the wrong way round" if abs(bearing_rad) > math.pi - WRONG_RAD else ""),
+    )
+
+
+def _appeared_at_rad(before: ScanTaken, after: ScanTaken) -> float | None:
+    """The direction from the base in which beams became shorter; None where too few did."""
+    new, old = after.points(), before.points()
+    if not len(new) or not len(old):
+        return None
+    bearing, old_bearing = (np.arctan2(points[:, 1], points[:, 0]) for points in (new, old))
+    distance, old_distance = (np.hypot(points[:, 0], points[:, 1]) for points in (new, old))
+    apart = np.abs(np.angle(np.exp(1j * (bearing[:, None] - old_bearing[None, :]))))
+    shorter = old_distance[apart.argmin(axis=1)] - distance > APPEARED_M
+    if shorter.sum() < LEAST_BEAMS:
+        return None
+    return float(np.angle(np.exp(1j * bearing[shorter]).mean()))
+
+
+def check_lidar(name: str, condition: str, reason: str, scans_hz: float, covered: float) -> Finding:
+    """A lidar's link and its scans; ``covered`` is the share of beams that measured something."""
+    check = f"lidar {name}"
+    if condition != "healthy":
+        return problem(
+            check,
+            f"{name} is {condition.replace('_', ' ')}: {reason or 'no reason is told'}",
+            "its power and its plug; 'chefbotctl ports --listen' finds its port",
+        )
+    told = f"{name} sends {scans_hz:.1f} turns a second, {covered:.0%} of its beams measure"
+    if not scans_hz:
+        return problem(check, told, "does its motor turn?")
+    if covered < 0.3:
+        return warning(
+            check, told, "is something before it, or its window dirty? In a hall much is out of reach"
+        )
+    return ok(check, told)

@@ -1,0 +1,172 @@
+"""What the board's lines say: whether they come, how many are damaged, and whether its clock keeps time."""
+
+from collections.abc import Mapping
+
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+
+GARBLED_SHARE = 0.1
+"""At a wrong baud rate most bytes are no text."""
+
+DAMAGED_SHARE, MUCH_DAMAGED_SHARE = 0.01, 0.1
+"""Of all lines; a cable in order damages none in hours."""
+
+DRIFT_PPM = 2000.0
+"""A ceramic resonator is good for 5000, a crystal for 100 (assumed); the daemon follows what there is."""
+
+LEAST_CLOCK_S = 2.0
+"""A shorter span tells the jitter of the reads rather than the drift."""
+
+AT_REST_RAD = 0.05
+
+NAMES = {
+    "t": "time",
+    "e": "encoders",
+    "u": "ultrasonic",
+    "s": "duty echo",
+    "i": "IMU",
+    "b": "battery",
+    "a": "analogue input",
+    "q": "encoder edges",
+}
+
+
+class LinesHeard(Record, frozen=True):
+    """What came in ``seconds`` from a board's port.
+
+    ``kinds`` counts good lines by their first letter, ``rates_hz`` tells how often each came, ``damaged`` counts the
+    others by reason (``example`` is one of them). ``texts`` are the lines of text, oldest first. ``wire`` is the variant
+    that fits best and ``wheels`` how many it has. ``clock_ppm`` is how much faster than ours the board's clock runs,
+    over ``clock_s``. ``duty`` is the last echo, ``counted`` how far each encoder went.
+    """
+
+    seconds: float
+    bytes: int = 0
+    garbled_share: float = 0.0
+    sample: str = ""
+    kinds: Mapping[str, int] = {}
+    rates_hz: Mapping[str, float] = {}
+    damaged: Mapping[str, int] = {}
+    example: str = ""
+    texts: tuple[str, ...] = ()
+    wire: str = ""
+    wheels: int = 0
+    raw_imu: bool = False
+    clock_ppm: float | None = None
+    clock_s: float = 0.0
+    duty: tuple[float, ...] = ()
+    counted: tuple[int, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        """Good lines that are no text."""
+        return sum(self.kinds.values())
+
+    @property
+    def is_board(self) -> bool:
+        """Whether a board talks: of a device of another kind hardly a line means anything."""
+        lines = self.frames + sum(self.damaged.values())
+        return self.frames > 0 and self.frames >= MUCH_DAMAGED_SHARE * lines
+
+    @property
+    def is_garbled(self) -> bool:
+        """Whether the bytes are no text, as at a wrong baud rate."""
+        return self.bytes > 0 and self.garbled_share > GARBLED_SHARE and not self.is_board
+
+    @property
+    def cycle_hz(self) -> float | None:
+        """How often the board's loop goes round, by its encoder lines."""
+        return self.rates_hz.get("e") or self.rates_hz.get("t")
+
+
+def check_heard(heard: LinesHeard) -> Finding:
+    """Whether a board is heard at all, and how often each kind of line comes."""
+    if not heard.bytes:
+        return problem(
+            "lines",
+            f"nothing was heard for {heard.seconds:.1f} s",
+            "is the board powered (its LED), does its sketch run, and is this its port? Press its reset button once",
+        )
+    if heard.is_garbled:
+        share = f"{heard.garbled_share:.0%} of {heard.bytes} bytes are no text"
+        return problem("lines", f"{share}: {heard.sample}", "the baud rate is wrong: see above")
+    if not heard.is_board:
+        return problem(
+            "lines",
+            f"text came, and hardly a line of a board: {heard.sample}",
+            "this is the port of another device: 'chefbotctl ports --listen' finds the board",
+        )
+    told = ", ".join(
+        f"{letter} ({NAMES[letter]}) {heard.rates_hz.get(letter, 0.0):.1f} a second"
+        for letter in heard.kinds
+        if letter in NAMES
+    )
+    if not heard.kinds.get("e") and not heard.kinds.get("q"):
+        return problem(
+            "lines",
+            f"no encoder lines; heard: {told}",
+            "without encoders the robot cannot be driven: load the right sketch",
+        )
+    return ok("lines", f"heard: {told}")
+
+
+def check_damaged(heard: LinesHeard) -> Finding:
+    """How many lines are damaged, and how."""
+    if not heard.is_board:
+        return skipped("damaged_lines", "no board was heard")
+    bad = sum(heard.damaged.values())
+    share = bad / (heard.frames + bad)
+    if not bad:
+        return ok("damaged_lines", f"none of {heard.frames} lines is damaged")
+    reasons = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in heard.damaged.items())
+    told = (
+        f"{bad} of {heard.frames + bad} lines are damaged ({share:.1%}: {reasons}), such as {heard.example!r}"
+    )
+    if share < DAMAGED_SHARE:
+        return ok("damaged_lines", told)
+    advice = (
+        "try another USB cable, shorter and with a ferrite; keep it away from the motors' wires, and plug it straight "
+        "into the computer, not into a hub"
+    )
+    return (problem if share >= MUCH_DAMAGED_SHARE else warning)("damaged_lines", told, advice)
+
+
+def check_clock(heard: LinesHeard) -> Finding:
+    """Whether the board's clock keeps time with ours."""
+    if not heard.is_board:
+        return skipped("board_clock", "no board was heard")
+    if "t" not in heard.kinds:
+        return ok("board_clock", "the board tells no time (no 't' lines): the daemon goes by its own clock")
+    if heard.clock_ppm is None or heard.clock_s < LEAST_CLOCK_S:
+        return skipped("board_clock", "too few 't' lines to compare clocks", "listen longer: --seconds 20")
+    way = "fast" if heard.clock_ppm > 0 else "slow"
+    told = f"the board's clock is {abs(heard.clock_ppm):.0f} ppm {way} over {heard.clock_s:.1f} s"
+    if abs(heard.clock_ppm) <= DRIFT_PPM:
+        return ok("board_clock", told)
+    return warning(
+        "board_clock",
+        told,
+        "the daemon follows it, but speeds are wrong by as much: is the sketch built for this board's frequency?",
+    )
+
+
+def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
+    """Whether the motors are off and the wheels stand while nobody drives."""
+    if not heard.is_board:
+        return skipped("at_rest", "no board was heard")
+    if any(heard.duty):
+        told = " ".join(f"{duty:g}" for duty in heard.duty)
+        return problem(
+            "at_rest",
+            f"the board says that its motors are on (s {told}), and nobody asked for that",
+            "keep clear of the wheels; 'chefbotctl estop', or cut the motors' power",
+        )
+    turned = [abs(count) / counts_per_turn * 6.283 for count in heard.counted]
+    if any(angle_rad > AT_REST_RAD for angle_rad in turned):
+        told = ", ".join(f"{count:+d}" for count in heard.counted)
+        return warning(
+            "at_rest",
+            f"the encoders counted {told} while nobody drove",
+            "was the robot moved? If not, an encoder's wire is loose or picks up noise",
+        )
+    return ok("at_rest", "the motors are off, and the wheels stand")

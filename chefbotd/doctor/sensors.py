@@ -1,0 +1,151 @@
+"""Range sensors and the IMU: whether they measure, and whether their axes are those of the robot."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+AHEAD_M = 0.5
+"""How far ahead of the robot something is placed, for its range sensors and lidars to see."""
+
+AHEAD_BAND_M = (0.2, 0.8)
+NOTICED_M = 0.1
+TURNED_RAD = 0.3
+AGREEMENT = 0.25
+LIFTED_SHARE = 0.08
+GRAVITY_M_S2 = 9.81
+GRAVITY_BAND_M_S2 = (8.5, 11.2)
+
+
+class Beams(Record, frozen=True):
+    """What a range sensor told while it was listened to: how often each status, and the median distance."""
+
+    statuses: Mapping[str, int]
+    range_m: float | None = None
+
+
+class Attitude(Record, frozen=True):
+    """What the IMU tells at rest: its orientation (x, y, z, w), or the acceleration; and its heading."""
+
+    orientation: Quaternion | None = None
+    acceleration_m_s2: Vector | None = None
+    heading_rad: float | None = None
+
+    @property
+    def nose_up(self) -> float | None:
+        """The sine of the angle by which the nose is up (REP-103: a positive pitch is nose down)."""
+        if self.orientation is not None:
+            x, y, z, w = self.orientation
+            return -2.0 * (w * y - z * x)
+        if self.acceleration_m_s2 is not None:
+            return self.acceleration_m_s2[0] / GRAVITY_M_S2
+        return None
+
+
+def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
+    """Whether a range sensor measures at all. In a large room none need see anything."""
+    check = f"{kind} {name}"
+    if beams is None or not beams.statuses:
+        return problem(
+            check, f"{name} told nothing", "does the sketch read it, and does its configuration fit?"
+        )
+    total, seen = sum(beams.statuses.values()), beams.statuses.get("ok", 0)
+    told = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in beams.statuses.items())
+    if seen:
+        return ok(check, f"{name} measured {beams.range_m or 0:.2f} m (of {total}: {told})")
+    return warning(
+        check,
+        f"{name} measured no distance (of {total}: {told})",
+        "hold a book 30 cm before it and look again; if it still measures none: its plug, its 5 V, its two wires",
+    )
+
+
+def check_beam_ahead(name: str, before_m: float | None, after_m: float | None) -> Finding:
+    """Whether a sensor that looks ahead sees what was placed there."""
+    check, near, far = f"ahead {name}", *AHEAD_BAND_M
+    told = f"{name} says {_metres(after_m)} to what stands {AHEAD_M:g} m ahead (before: {_metres(before_m)})"
+    if after_m is not None and near <= after_m <= far:
+        return ok(check, told)
+    return problem(
+        check,
+        told,
+        "does it look ahead, is it plugged in as configured, and are [ultrasonic] mount or [[infrared]] curve right?",
+    )
+
+
+def _metres(range_m: float | None) -> str:
+    return "nothing" if range_m is None else f"{range_m:.2f} m"
+
+
+def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: bool) -> Finding:
+    """Whether the IMU talks, and its z axis points up where it measures gravity."""
+    if not configured:
+        return skipped("imu", "no [imu] is configured")
+    if not attitudes:
+        if sends_imu:
+            return problem(
+                "imu", "its lines come, and none was understood", "see the finding on damaged lines"
+            )
+        return warning(
+            "imu",
+            "no 'i' lines come",
+            "the sketch has no IMU, or did not find it (see its banner): its plug, SDA and SCL; else remove [imu]",
+        )
+    told = f"{len(attitudes)} readings"
+    gravity = attitudes[-1].acceleration_m_s2
+    if gravity is not None and not GRAVITY_BAND_M_S2[0] < gravity[2] < GRAVITY_BAND_M_S2[1]:
+        return problem(
+            "imu",
+            f"{told}; at rest it measures {gravity[2]:+.1f} m/s² along the robot's z axis, expected +9.8",
+            "its z axis must point up: mount it flat",
+        )
+    return ok("imu", told)
+
+
+def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
+    """The robot was turned to the left: the IMU's heading grows, as much as odometry's."""
+    if imu_rad is None:
+        return skipped("imu_turn", "the IMU tells no heading")
+    told = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, odometry {math.degrees(odometry_rad):+.0f}°"
+    if imu_rad < -TURNED_RAD:
+        return problem(
+            "imu_turn", f"{told}: the IMU is upside down or its axes are exchanged", "mount its z axis up"
+        )
+    if imu_rad < TURNED_RAD:
+        return problem(
+            "imu_turn", f"{told}: the IMU hardly noticed", "its z axis does not point up, or it hangs"
+        )
+    if odometry_rad > TURNED_RAD and abs(imu_rad / odometry_rad - 1) > AGREEMENT:
+        return warning(
+            "imu_turn",
+            told,
+            "the two differ: measure [chassis] track_width_m (or track_multiplier) with 'chefbotctl square'",
+        )
+    return ok("imu_turn", told)
+
+
+def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
+    """The robot's front was lifted: the IMU's nose goes up."""
+    if flat is None or lifted is None or flat.nose_up is None or lifted.nose_up is None:
+        return skipped("imu_tilt", "the IMU tells no attitude")
+    rise = lifted.nose_up - flat.nose_up
+    told = f"with its front lifted, the IMU says nose {'up' if rise > 0 else 'down'} by {_degrees(rise)}°"
+    if rise > LIFTED_SHARE:
+        return ok("imu_tilt", told)
+    if rise < -LIFTED_SHARE:
+        return problem(
+            "imu_tilt",
+            f"{told}: its x axis points backwards",
+            "turn it round, or set [imu] mount_heading_rad = 3.14",
+        )
+    return problem(
+        "imu_tilt", f"{told}: it did not notice", "its x axis points to a side, or it was not lifted enough"
+    )
+
+
+def _degrees(rise: float) -> str:
+    return f"{abs(math.degrees(math.asin(max(-1.0, min(1.0, rise))))):.0f}"

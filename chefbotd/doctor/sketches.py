@@ -1,0 +1,143 @@
+"""Which sketch a board seems to run: by its lines, its rate, its banner, and how many wheels it has.
+
+The rows are those of ``chefbotd.sim_parameters.sketches``: what was seen of the published ones.
+"""
+
+import math
+from collections.abc import Mapping
+
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+from chefbotd.doctor.lines import LinesHeard
+from chefbotd.sim_parameters.sketches import SKETCHES, SketchName, SketchParameters
+
+TITLES = {
+    SketchName.TIVA: "A, the Tiva's with the motion processor",
+    SketchName.TIVA_BARE: "B, the Tiva's without IMU and ultrasonic",
+    SketchName.DUEMILANOVE: "C, the Arduino Duemilanove's",
+    SketchName.TIVA_SECOND: "D, the Tiva's of the second edition",
+    SketchName.KHAN: "KHAN's, with four wheels",
+}
+KHAN_WHEELS = 4
+MAY_BE_MISSING = frozenset("ub")
+"""Kinds that a board with nothing wired to the pin may leave out."""
+
+LIKELY, RATE_RATIO = 0.75, 3.0
+
+
+class Guess(Record, frozen=True):
+    """The sketch that fits best (None: none does), how well (0 to 1), and why."""
+
+    sketch: SketchName | None
+    fit: float
+    reason: str
+
+
+class Expected(Record, frozen=True):
+    """What the configuration takes for granted of the board."""
+
+    wire: str
+    wheels: int
+    max_duty: int
+    board_buffer_bytes: int
+
+
+def recognise(heard: LinesHeard) -> Guess:
+    """The published sketch that these lines are most like."""
+    fits = {name: _fit(name, row, heard) for name, row in SKETCHES.items()}
+    best = max(fits, key=lambda name: fits[name])
+    reason = _reason(heard)
+    return Guess(best if fits[best] >= LIKELY else None, fits[best], reason)
+
+
+def check_sketch(heard: LinesHeard) -> Finding:
+    """Which sketch this seems to be, and what is to be known of it."""
+    if not heard.is_board:
+        return skipped("sketch", "no board was heard")
+    guess = recognise(heard)
+    if guess.sketch is None:
+        return warning(
+            "sketch",
+            f"none of the known sketches: {guess.reason}",
+            "if you wrote it yourself, hold its lines against docs/protocol.md",
+        )
+    return ok(
+        "sketch", f"this seems to be sketch {TITLES[guess.sketch]} ({guess.reason}){_known(guess.sketch)}"
+    )
+
+
+def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
+    """Whether the configuration fits the sketch that was recognised."""
+    guess = recognise(heard) if heard.is_board else None
+    if guess is None:
+        return skipped("configured_board", "no board was heard")
+    if heard.wheels and heard.wheels != expected.wheels:
+        return problem(
+            "configured_board",
+            f"the board has {heard.wheels} wheels, [robot] wire = {expected.wire!r} has {expected.wheels}",
+            f"set [robot] wire = {heard.wire!r}, and describe its wheels",
+        )
+    if guess.sketch is None:
+        return skipped("configured_board", "the sketch is not known")
+    row = SKETCHES[guess.sketch]
+    wrong, advice = _against(row, expected, published=guess.sketch is not SketchName.KHAN)
+    if wrong:
+        return warning("configured_board", "; ".join(wrong), "; ".join(advice))
+    return ok(
+        "configured_board",
+        f"the configuration fits it: {expected.wheels} wheels, full scale {expected.max_duty}, a buffer of "
+        f"{expected.board_buffer_bytes} bytes",
+    )
+
+
+def _against(row: SketchParameters, expected: Expected, *, published: bool) -> tuple[list[str], list[str]]:
+    wrong, advice = [], []
+    if published and expected.max_duty != row.pwm_full_scale:
+        wrong.append(
+            f"full on is {row.pwm_full_scale} for this sketch, [drive] max_duty says {expected.max_duty}"
+        )
+        advice.append(
+            f"set max_duty = {row.pwm_full_scale} and scale the gains with it, or measure: 'chefbotctl doctor --motors'"
+        )
+    if expected.board_buffer_bytes > row.receive_buffer_bytes:
+        wrong.append(
+            f"its receive buffer holds {row.receive_buffer_bytes} bytes, [link] board_buffer_bytes says "
+            f"{expected.board_buffer_bytes}"
+        )
+        advice.append(f"set board_buffer_bytes = {row.receive_buffer_bytes}: it obeys pieces of what is lost")
+    return wrong, advice
+
+
+def _fit(name: SketchName, row: SketchParameters, heard: LinesHeard) -> float:
+    """Kinds count most; the rate decides between those that say the same."""
+    if (heard.wheels == KHAN_WHEELS) != (name is SketchName.KHAN):
+        return 0.0
+    said, wanted = set(heard.kinds), set(row.lines)
+    if "q" in said:
+        said = said - {"q"} | {"e"}
+    missing, further = wanted - said, said - wanted
+    fit = 1.0 - 0.3 * len(further) - sum(0.12 if kind in MAY_BE_MISSING else 0.3 for kind in missing)
+    if heard.cycle_hz:
+        ratio = abs(math.log(heard.cycle_hz * row.cycle_s))
+        fit -= 0.25 * min(ratio / math.log(RATE_RATIO), 1.0)
+    return max(fit, 0.0)
+
+
+def _reason(heard: LinesHeard) -> str:
+    rate = f", {heard.cycle_hz:.0f} cycles a second" if heard.cycle_hz else ""
+    banner = ", a banner was printed" if any("I2C" in text or "MPU" in text for text in heard.texts) else ""
+    return f"lines {' '.join(heard.kinds)}, {heard.wheels} wheels{rate}{banner}"
+
+
+NOTES: Mapping[SketchName, str] = {
+    SketchName.TIVA: "; an echo that is missing silences it for up to a second",
+    SketchName.TIVA_BARE: "; it tells neither time nor a banner: 'Reset Done' is the only sign of its restart",
+    SketchName.DUEMILANOVE: (
+        "; its reset command does not restart it, its buffer holds 63 bytes, and a duty above 255 loses its high bits"
+    ),
+    SketchName.TIVA_SECOND: "; it prints no banner",
+}
+
+
+def _known(sketch: SketchName) -> str:
+    return NOTES.get(sketch, "")

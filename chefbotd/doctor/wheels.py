@@ -1,0 +1,283 @@
+"""Encoders, motors and the duty's scale, by what the wheels did when the robot was pushed or a motor was driven."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
+
+from chefbotd.core.record import Record
+from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+
+MOVED_RAD = 0.3
+"""A wheel that turned less did not turn, as far as a hand's push is concerned."""
+
+TURNED_RAD = 0.05
+TURNING_RAD_S = 0.25
+FRICTION_SHARE = 0.1
+"""Of the full duty, which goes into the gearbox's friction (as the published robot's, see [safety.wheels])."""
+
+LOADED_SHARE = 0.9
+"""``max_rim_speed_m_s`` is what a wheel reaches under load; free it is faster by a tenth (0.34 of 0.377 m/s)."""
+
+SCALE_RATIO = 1.7
+KNOWN_SCALES = (255, 1023)
+CLAMPED_SHARE = 0.98
+COUNTS_RATIO = 1.3
+
+Speeds = Mapping[str, float]
+
+
+class WheelSetting(Record, frozen=True):
+    """A wheel as it is configured."""
+
+    name: str
+    is_left: bool
+    radius_m: float
+    motor_sign: int
+    encoder_sign: int
+
+
+class Sample(Record, frozen=True):
+    """All wheels at an instant, by their names."""
+
+    stamp_s: float
+    position_rad: Speeds
+    velocity_rad_s: Speeds
+    duty: Mapping[str, int]
+
+
+class WheelRun(Record, frozen=True):
+    """One wheel was asked to turn forward: what all wheels did.
+
+    ``fault`` and ``reason`` are what ended it (empty: nothing), ``held_by`` what slowed it. ``seen`` is what somebody
+    saw: ``forward``, ``backward``, ``other``, ``nothing``, or empty where nobody looked.
+    """
+
+    wheel: str
+    samples: tuple[Sample, ...]
+    fault: str = ""
+    reason: str = ""
+    held_by: str = ""
+    seen: str = ""
+
+    def turned_rad(self, name: str) -> float:
+        """How far a wheel went."""
+        if not self.samples:
+            return 0.0
+        return self.samples[-1].position_rad[name] - self.samples[0].position_rad[name]
+
+
+def check_push(wheels: Sequence[WheelSetting], turned_rad: Speeds) -> list[Finding]:
+    """The encoders' signs: the robot went forward, so every wheel must have."""
+    return [_check_pushed(wheel, turned_rad.get(wheel.name, 0.0)) for wheel in wheels]
+
+
+def _check_pushed(wheel: WheelSetting, turned_rad: float) -> Finding:
+    check, told = (
+        f"encoder {wheel.name}",
+        f"{wheel.name} turned by {turned_rad:+.2f} rad as the robot went forward",
+    )
+    if turned_rad > MOVED_RAD:
+        return ok(check, told)
+    if turned_rad < -MOVED_RAD:
+        advice = f"set encoder_sign = {-wheel.encoder_sign} for {wheel.name}, or exchange its encoder's A and B wires"
+        return problem(check, f"{told}: it counts backwards", advice)
+    return problem(
+        check,
+        f"{told}: its encoder counts nothing",
+        "look at the encoder's plug, its 5 V and its two wires A and B",
+    )
+
+
+def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> Finding:
+    """Whether the counts make the right distance."""
+    if real_m <= 0:
+        return skipped("distance", "nobody measured how far it went")
+    ratio = odometry_m / real_m
+    told = f"odometry says {odometry_m:.3f} m, you measured {real_m:.3f} m"
+    if not ratio > 0:
+        return skipped("distance", f"{told}: see the encoders first")
+    if 1 / COUNTS_RATIO < ratio < COUNTS_RATIO:
+        return ok("distance", told)
+    return problem(
+        "distance",
+        told,
+        f"set [encoders] counts_per_turn = {counts_per_turn * ratio:.0f} (it is {counts_per_turn:.0f}), if the wheels' "
+        "radius is right; then measure over 2 m",
+    )
+
+
+def check_turn(turned_rad: float, wheels: Sequence[WheelSetting], by_wheel_rad: Speeds) -> Finding:
+    """The robot was turned to the left: odometry must say so, or the sides are exchanged."""
+    told = f"odometry turned by {math.degrees(turned_rad):+.0f}° as the robot was turned to the left"
+    if turned_rad > MOVED_RAD:
+        return ok("turn", told)
+    if turned_rad < -MOVED_RAD:
+        sides = ", ".join(f"{wheel.name} {by_wheel_rad.get(wheel.name, 0.0):+.1f} rad" for wheel in wheels)
+        return problem(
+            "turn", f"{told}: the left and right encoders are exchanged ({sides})", "exchange their plugs"
+        )
+    return problem("turn", f"{told}: it was not noticed", "turn it farther; else look at the encoders")
+
+
+def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
+    """A motor's direction and its place, by the encoders and by what somebody saw."""
+    wheel = next(each for each in wheels if each.name == run.wheel)
+    check = f"motor {wheel.name}"
+    if not run.samples:
+        return skipped(check, f"{wheel.name} was not driven{_because(run)}")
+    own = run.turned_rad(wheel.name)
+    others = [
+        each.name for each in wheels if each is not wheel and abs(run.turned_rad(each.name)) > TURNED_RAD
+    ]
+    told = f"{wheel.name} was asked to turn forward: its encoder says {own:+.2f} rad"
+    if run.seen:
+        told += f", you saw {_seen(run.seen)}"
+    if others and abs(own) <= TURNED_RAD:
+        return _exchanged(check, told, wheel, others, run)
+    if abs(own) <= TURNED_RAD:
+        return _still(check, told, run)
+    if run.seen == "other":
+        return problem(
+            check,
+            f"{told}: motor and encoder of two wheels are exchanged, both",
+            "exchange the wheels' plugs, or their order in [[chassis.wheels]]",
+        )
+    return _direction(check, told, wheel, own > 0, run)
+
+
+def _direction(check: str, told: str, wheel: WheelSetting, counts_forward: bool, run: WheelRun) -> Finding:
+    motor, encoder = f"motor_sign = {-wheel.motor_sign}", f"encoder_sign = {-wheel.encoder_sign}"
+    if run.seen == "backward" and counts_forward:
+        return problem(
+            check,
+            f"{told}: both signs are wrong",
+            f"set {motor} and {encoder} for {wheel.name}",
+        )
+    if counts_forward:
+        return ok(check, told)
+    if run.seen == "forward":
+        return problem(check, f"{told}: its encoder counts backwards", f"set {encoder} for {wheel.name}")
+    if run.seen == "backward":
+        return problem(
+            check, f"{told}: its motor is reversed", f"set {motor} for {wheel.name}, or exchange its wires"
+        )
+    return problem(
+        check,
+        f"{told}: its motor or its encoder is reversed",
+        f"if it turned backwards: {motor}; if forwards: {encoder}",
+    )
+
+
+def _exchanged(check: str, told: str, wheel: WheelSetting, others: list[str], run: WheelRun) -> Finding:
+    if run.seen in ("forward", "backward"):
+        return problem(
+            check,
+            f"{told}, while {' and '.join(others)} counted: the encoders are exchanged",
+            f"exchange the encoders' plugs of {wheel.name} and {others[0]}",
+        )
+    what = "the motors are" if run.seen == "other" else "the motors (or the encoders) are"
+    return problem(
+        check,
+        f"{told}, while {' and '.join(others)} counted: {what} exchanged",
+        f"exchange the motors' plugs of {wheel.name} and {others[0]}, or their order in [[chassis.wheels]]",
+    )
+
+
+def _still(check: str, told: str, run: WheelRun) -> Finding:
+    most = max(abs(sample.duty[run.wheel]) for sample in run.samples)
+    if run.held_by and not most:
+        return skipped(
+            check, f"the robot did not let it turn: {run.held_by}", "clear what holds it up, and try again"
+        )
+    if run.seen in ("forward", "backward"):
+        return problem(
+            check,
+            f"{told}: its encoder counts nothing",
+            "look at the encoder's plug, its 5 V and wires A and B",
+        )
+    return problem(
+        check,
+        f"{told} at a duty of {most}: it does not turn{_because(run)}",
+        "has the bridge power (battery, emergency switch, its enable pin), are the motor's wires in, is it blocked?",
+    )
+
+
+def _because(run: WheelRun) -> str:
+    return f" ({run.reason})" if run.reason else ""
+
+
+def _seen(seen: str) -> str:
+    return {"other": "another wheel turn", "nothing": "nothing turn"}.get(seen, f"it turn {seen}")
+
+
+def full_scale(run: WheelRun, wheel: WheelSetting, max_rim_speed_m_s: float) -> float | None:
+    """The duty that would be full on, by the speed that each duty gave; None where the wheel hardly turned.
+
+    A free motor's speed grows in a straight line from its friction's duty to the full one.
+    """
+    free_rad_s = max_rim_speed_m_s / LOADED_SHARE / wheel.radius_m
+    found = [
+        abs(duty) / (FRICTION_SHARE + (1 - FRICTION_SHARE) * min(abs(speed) / free_rad_s, 1.0))
+        for duty, speed in _steady(run)
+    ]
+    return median(found) if found else None
+
+
+def _steady(run: WheelRun) -> Iterator[tuple[int, float]]:
+    """The last third of what turned: the wheel has come up to its speed by then."""
+    pairs = [
+        (sample.duty[run.wheel], _fastest(sample))
+        for sample in run.samples
+        if abs(_fastest(sample)) > TURNING_RAD_S and sample.duty[run.wheel]
+    ]
+    yield from pairs[-max(len(pairs) // 3, 1) :] if pairs else ()
+
+
+def _fastest(sample: Sample) -> float:
+    """Of the wheels the one that turns, which is another than was asked where plugs are exchanged."""
+    return max(sample.velocity_rad_s.values(), key=abs)
+
+
+def check_scale(
+    wheels: Sequence[WheelSetting], runs: Sequence[WheelRun], *, max_duty: int, max_rim_speed_m_s: float
+) -> Finding:
+    """Whether a duty of ``max_duty`` is full on, by what the wheels reached."""
+    by_name = {wheel.name: wheel for wheel in wheels}
+    found = [full_scale(run, by_name[run.wheel], max_rim_speed_m_s) for run in runs]
+    scales = [scale for scale in found if scale is not None]
+    if not scales:
+        return skipped("duty_scale", "no wheel turned enough to tell", "see the findings on the motors")
+    scale = median(scales)
+    known = min(KNOWN_SCALES, key=lambda each: abs(math.log(each / scale)))
+    told = f"by the wheels' speeds a duty of about {scale:.0f} is full on, [drive] max_duty is {max_duty}"
+    if 1 / SCALE_RATIO < max_duty / scale < SCALE_RATIO:
+        return ok("duty_scale", told)
+    gains = (
+        f"set max_duty = {known}, and multiply every gain in [pid] whose name has 'duty' by {known / max_duty:.3g}; "
+        "then 'chefbotctl pid tune'"
+    )
+    if max_duty > scale:
+        return problem(
+            "duty_scale",
+            f"{told}: the board is on {known}, and the robot drives much faster than asked",
+            gains,
+        )
+    return problem(
+        "duty_scale",
+        f"{told}: the board is on {known}, and the robot hardly moves or never gets up to speed",
+        gains,
+    )
+
+
+def check_faults(runs: Sequence[WheelRun]) -> list[Finding]:
+    """What the daemon stopped a wheel for."""
+    stopped = [f"{run.wheel}: {run.reason}" for run in runs if run.fault]
+    if not stopped:
+        return []
+    return [
+        warning(
+            "stopped_by_daemon",
+            f"the daemon stopped the motors on its own: {'; '.join(stopped)}",
+            "so it should; the findings on motors and duty say why",
+        )
+    ]

@@ -1,0 +1,65 @@
+"""A daemon in this process for as long as a block lasts: for a program that needs the robot while no service runs.
+
+It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out. It keeps no
+latch and no maps, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+
+from chefbotd.app import Daemon
+from chefbotd.client import Client
+from chefbotd.clock import Clock, SystemClock
+from chefbotd.link.port import open_port
+from chefbotd.link.reconnect import Opener
+from chefbotd.process.build import build
+from chefbotd.process.watchdog import Watchdog
+from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.safety.latch import LatchParameters
+from chefbotd.settings import Settings
+from chefbotd.transport.web.parameters import PageParameters
+
+
+def alone(settings: Settings) -> Settings:
+    """The same robot, without what a service of the same name may be using: latch, maps, worker, page, socket."""
+    worker = settings.worker.model_copy(update={"enabled": False})
+    private = {
+        "api": ApiParameters(port=0),
+        "page": PageParameters(),
+        "latch": LatchParameters(),
+        "maps": None,
+        "worker": worker,
+        "depth_camera": (),
+    }
+    return settings.model_copy(update=private)
+
+
+@contextlib.asynccontextmanager
+async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_port) -> AsyncIterator[Client]:
+    """Run it, and yield a client called ``name`` that is connected to it. At the end the motors are told to stop.
+
+    It runs on the calling loop: what blocks that for ``[watchdog] patience_s`` while a wheel turns disarms the robot.
+    """
+    clock = SystemClock()
+    daemon = build(alone(settings), clock=clock, opener=opener)
+    with _watchdog(daemon, settings, clock):
+        task = asyncio.create_task(daemon.run())
+        try:
+            host, port = await daemon.server.address()
+            async with Client.connect(host, port, name=name) as client:
+                yield client
+        finally:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+
+def _watchdog(daemon: Daemon, settings: Settings, clock: Clock) -> Watchdog:
+    return Watchdog(
+        settings.watchdog,
+        clock,
+        daemon.driving,
+        daemon.session.stop_from_thread,
+        daemon.driving.report_from_thread,
+    )
