@@ -19,8 +19,8 @@ TITLES = {
     SketchName.KHAN: "KHAN's, with four wheels",
 }
 KHAN_WHEELS = 4
-MAY_BE_MISSING = frozenset("ub")
-"""Kinds that a board with nothing wired to the pin may leave out."""
+MAY_BE_MISSING, KHAN_MAY_MISS = frozenset("ub"), frozenset("uiba")
+"""Kinds that a board with nothing wired to the pin may leave out; KHAN's are all assumed."""
 
 LIKELY, RATE_RATIO = 0.75, 3.0
 
@@ -116,7 +116,8 @@ def _fit(name: SketchName, row: SketchParameters, heard: LinesHeard) -> float:
     if "q" in said:
         said = said - {"q"} | {"e"}
     missing, further = wanted - said, said - wanted
-    fit = 1.0 - 0.3 * len(further) - sum(0.12 if kind in MAY_BE_MISSING else 0.3 for kind in missing)
+    spared, costs = (KHAN_MAY_MISS, 0.05) if name is SketchName.KHAN else (MAY_BE_MISSING, 0.12)
+    fit = 1.0 - 0.3 * len(further) - sum(costs if kind in spared else 0.3 for kind in missing)
     if heard.cycle_hz:
         ratio = abs(math.log(heard.cycle_hz * row.cycle_s))
         fit -= 0.25 * min(ratio / math.log(RATE_RATIO), 1.0)

@@ -12,6 +12,7 @@ MOVED_RAD = 0.3
 
 TURNED_RAD = 0.05
 TURNING_RAD_S = 0.25
+OUTRUN = 3.0
 FRICTION_SHARE = 0.1
 """Of the full duty, which goes into the gearbox's friction (as the published robot's, see [safety.wheels])."""
 
@@ -126,13 +127,11 @@ def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     if not run.samples:
         return skipped(check, f"{wheel.name} was not driven{_because(run)}")
     own = run.turned_rad(wheel.name)
-    others = [
-        each.name for each in wheels if each is not wheel and abs(run.turned_rad(each.name)) > TURNED_RAD
-    ]
+    others = [each.name for each in wheels if each is not wheel and _outran(run.turned_rad(each.name), own)]
     told = f"{wheel.name} was asked to turn forward: its encoder says {own:+.2f} rad"
     if run.seen:
         told += f", you saw {_seen(run.seen)}"
-    if others and abs(own) <= TURNED_RAD:
+    if others:
         return _exchanged(check, told, wheel, others, run)
     if abs(own) <= TURNED_RAD:
         return _still(check, told, run)
@@ -143,6 +142,11 @@ def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
             "exchange the wheels' plugs, or their order in [[chassis.wheels]]",
         )
     return _direction(check, told, wheel, own > 0, run)
+
+
+def _outran(other_rad: float, own_rad: float) -> bool:
+    """Whether another wheel turned instead; the controller holds that against the wheel's own motor, which twitches."""
+    return abs(other_rad) > max(TURNED_RAD, OUTRUN * abs(own_rad))
 
 
 def _direction(check: str, told: str, wheel: WheelSetting, counts_forward: bool, run: WheelRun) -> Finding:

@@ -158,14 +158,14 @@ def _lidars(visit: Visit, events: Sequence[Event[Any]]) -> list[Finding]:
     for lidar in visit.settings.lidar:
         turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]
         condition = conditions.get(lidar.name)
-        told = (
-            (condition.condition, condition.reason) if condition else ("healthy" if turns else "silent", "")
-        )
+        how, why = "healthy" if turns else "silent", ""
+        if condition is not None:
+            how, why = condition.condition, condition.reason
         covered = 0.0
         if turns:
             ranges = scan(turns[-1].data).range_m
             covered = sum(each > 0 for each in ranges) / max(len(ranges), 1)
-        found.append(check_lidar(lidar.name, *told, len(turns) / visit.seconds, covered))
+        found.append(check_lidar(lidar.name, how, why, len(turns) / visit.seconds, covered))
     return found
 
 

@@ -1,0 +1,1 @@
+"""What the doctor concludes, from measurements made by hand."""

@@ -1,0 +1,104 @@
+"""Conclusions about the computer, the port and the service."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from chefbotd.core.record import replace
+from chefbotd.doctor.finding import Verdict
+from chefbotd.doctor.host import (
+    PortFound,
+    check_baud,
+    check_configuration,
+    check_device,
+    check_governor,
+    check_holder,
+    check_permission,
+    check_service,
+    check_time_sync,
+)
+
+PORT = PortFound("/dev/ttyACM0", exists=True)
+
+
+def test_a_device_that_is_not_there():
+    """The other ports are named."""
+    gone = replace(PORT, exists=False, others="serial ports there: /dev/ttyUSB0")
+    finding = check_device(gone)
+    assert finding.verdict is Verdict.PROBLEM
+    assert "there is no /dev/ttyACM0; serial ports there: /dev/ttyUSB0" in finding.measured
+    assert check_permission(gone).verdict is Verdict.SKIPPED
+
+
+def test_no_permission():
+    """What gives it is the advice."""
+    finding = check_permission(replace(PORT, permission="it is for the group dialout: 'sudo usermod ...'"))
+    assert finding.verdict is Verdict.PROBLEM
+    assert "dialout" in finding.advice
+
+
+@pytest.mark.parametrize(
+    ("held_by", "answers", "verdict"),
+    [
+        ("", False, Verdict.OK),
+        ("chefbotd (pid 7)", True, Verdict.OK),
+        ("chefbotd (pid 7)", False, Verdict.PROBLEM),
+        ("minicom (pid 9)", False, Verdict.PROBLEM),
+        ("minicom (pid 9)", True, Verdict.PROBLEM),
+    ],
+)
+def test_who_holds_the_port(held_by: str, answers: bool, verdict: Verdict):
+    """Only the daemon that answers may; anybody else is named."""
+    finding = check_holder(replace(PORT, held_by=held_by), daemon_answers=answers)
+    assert finding.verdict is verdict
+    assert held_by in finding.measured
+
+
+def test_baud_rates():
+    """The configured one, another one, and none."""
+    assert check_baud(115_200, 115_200, heard_anything=True).verdict is Verdict.OK
+    wrong = check_baud(57_600, 115_200, heard_anything=True)
+    assert wrong.verdict is Verdict.PROBLEM
+    assert wrong.advice == "set [link] baud = 115200"
+    assert check_baud(57_600, None, heard_anything=True).verdict is Verdict.PROBLEM
+    assert check_baud(57_600, None, heard_anything=False).verdict is Verdict.SKIPPED
+
+
+LOADED = {"LoadState": "loaded", "ActiveState": "active", "UnitFileState": "enabled", "Result": "success"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "verdict", "said"),
+    [
+        (None, Verdict.SKIPPED, "systemd does not run"),
+        ({"LoadState": "not-found"}, Verdict.SKIPPED, "no unit"),
+        (LOADED, Verdict.OK, "active and enabled"),
+        ({**LOADED, "UnitFileState": "disabled"}, Verdict.WARNING, "disabled"),
+        ({**LOADED, "ActiveState": "inactive"}, Verdict.WARNING, "inactive"),
+        (
+            {**LOADED, "ActiveState": "failed", "Result": "exit-code", "ExecMainStatus": "78"},
+            Verdict.PROBLEM,
+            "exit-code with exit code 78",
+        ),
+    ],
+    ids=["no systemd", "not installed", "well", "disabled", "inactive", "failed"],
+)
+def test_the_service(unit: Mapping[str, str] | None, verdict: Verdict, said: str):
+    """Active, enabled, and how it ended last."""
+    finding = check_service(unit)
+    assert finding.verdict is verdict
+    assert said in finding.measured
+
+
+def test_governor_clock_and_configuration():
+    """A processor that saves power, a clock that is not kept, and another robot's configuration."""
+    assert check_governor([]).verdict is Verdict.SKIPPED
+    assert check_governor(["schedutil", "performance"]).verdict is Verdict.OK
+    assert check_governor(["powersave", "performance"]).verdict is Verdict.WARNING
+    assert [check_time_sync(each).verdict for each in (None, True, False)] == [
+        Verdict.SKIPPED,
+        Verdict.OK,
+        Verdict.WARNING,
+    ]
+    assert check_configuration("a.toml", wanted_robot="chefbot", robot="khan").verdict is Verdict.PROBLEM
+    assert check_configuration("a.toml", wanted_robot="chefbot", robot="").verdict is Verdict.OK

@@ -1,0 +1,47 @@
+"""The list of serial ports."""
+
+import os
+import tty
+from pathlib import Path
+
+import pytest
+
+from chefbotd.link import port_list
+from chefbotd.link.port_list import holder, permission_problem, serial_ports
+
+
+@pytest.fixture
+def pty() -> tuple[int, str]:
+    """A pseudo-terminal, whose other end nobody else has open."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    path = os.ttyname(slave)
+    os.close(slave)
+    yield master, path  # type: ignore[misc]
+    os.close(master)
+
+
+def test_a_device_that_is_named(pty: tuple[int, str], tmp_path: Path):
+    """A pseudo-terminal is described by its path, and by its lasting name where it has one."""
+    link = tmp_path / "usb-ChefBot-if00"
+    link.symlink_to(pty[1])
+    (port,) = serial_ports((pty[1],), by_id=tmp_path)
+    assert port.device == pty[1]
+    assert port.by_id == str(link)
+    assert not port.permission
+    assert not port.usb_id
+
+
+def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A file that we may not open says which group may, or that its rule is to blame."""
+    device = tmp_path / "board"
+    device.touch()
+    monkeypatch.setattr(port_list.os, "access", lambda *_: False)
+    assert "group" in permission_problem(str(device))
+    assert not permission_problem(str(tmp_path / "none"))
+
+
+def test_a_device_without_a_holder(pty: tuple[int, str], tmp_path: Path):
+    """Nobody is nobody, also of a device that is not there."""
+    assert not holder(str(tmp_path / "none"))
+    assert not holder(pty[1])
