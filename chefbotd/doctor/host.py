@@ -139,7 +139,7 @@ def check_socket(where: str, answer: str, refusal: str) -> Finding:
     """Whether a daemon answers at an address; ``answer`` is what it said of itself, ``refusal`` why it does not."""
     if answer:
         return ok("socket", f"a daemon answers at {where}: {answer}")
-    return skipped("socket", f"no daemon answers at {where} ({refusal}): the doctor opens the board itself")
+    return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the board itself")
 
 
 def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:

@@ -22,6 +22,9 @@ LETTERS: Mapping[type[Any], str] = {
     wire.QuadratureEdges: "q",
     wire.QuadratureStill: "q",
 }
+ORDER = "teusibaq"
+"""As a cycle sends them."""
+
 TEXTS_KEPT, SAMPLE_BYTES = 20, 48
 MICROS_SPAN = 1 << 32
 LONGEST_STEP_US = 10_000_000
@@ -116,7 +119,7 @@ class LineSurvey:
             bytes=self._bytes,
             garbled_share=self._garbled / self._bytes if self._bytes else 0.0,
             sample=show(self._sample),
-            kinds=dict(ear.kinds),
+            kinds={letter: ear.kinds[letter] for letter in ORDER if letter in ear.kinds},
             rates_hz={letter: ear.rate_hz(letter) for letter in ear.kinds},
             damaged={str(reason): n for reason, n in ear.decoder.malformed.items()},
             example=ear.example,

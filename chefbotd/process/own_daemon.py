@@ -1,7 +1,8 @@
 """A daemon in this process for as long as a block lasts: for a program that needs the robot while no service runs.
 
-It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out. It keeps no
-latch and no maps, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
+It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out; and, as
+nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, starts no
+worker, serves no page, and listens on a free port of the loopback interface alone.
 """
 
 import asyncio
@@ -14,11 +15,14 @@ from chefbotd.clock import Clock, SystemClock
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
 from chefbotd.process.build import build
+from chefbotd.process.stop_guard import stop_guard
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.transport.web.parameters import PageParameters
+from firmware_protocol.codec import VARIANTS, to_board
+from firmware_protocol.messages import SetDuty
 
 
 def alone(settings: Settings) -> Settings:
@@ -43,7 +47,7 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
     """
     clock = SystemClock()
     daemon = build(alone(settings), clock=clock, opener=opener)
-    with _watchdog(daemon, settings, clock):
+    async with _guarded(settings), _watched(daemon, settings, clock):
         task = asyncio.create_task(daemon.run())
         try:
             host, port = await daemon.server.address()
@@ -55,11 +59,19 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
                 await task
 
 
-def _watchdog(daemon: Daemon, settings: Settings, clock: Clock) -> Watchdog:
-    return Watchdog(
+def _guarded(settings: Settings) -> contextlib.AbstractAsyncContextManager[None]:
+    variant, link = VARIANTS[settings.robot.wire], settings.link
+    return stop_guard(link.device, link.baud, to_board(variant).encode(SetDuty((0,) * variant.wheels)))
+
+
+@contextlib.asynccontextmanager
+async def _watched(daemon: Daemon, settings: Settings, clock: Clock) -> AsyncIterator[None]:
+    watchdog = Watchdog(
         settings.watchdog,
         clock,
         daemon.driving,
         daemon.session.stop_from_thread,
         daemon.driving.report_from_thread,
     )
+    with watchdog:
+        yield

@@ -13,7 +13,7 @@ class RunningDaemon(Record, frozen=True):
 
     pid: int
     config: str = ""
-    simulated: bool = False
+    listen: str = ""
 
 
 def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
@@ -25,7 +25,9 @@ def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
             Path(word).name in ("chefbotd", "chefbotd.py") or _is_module(word) for word in words
         ):
             found.append(
-                RunningDaemon(int(entry.name), _value_of("--config", words, entry), "--sim" in words)
+                RunningDaemon(
+                    int(entry.name), _value_of("--config", words, entry), _value_of("--listen", words, entry)
+                )
             )
     return sorted(found, key=lambda daemon: daemon.pid)
 

@@ -49,7 +49,7 @@ async def walk(visit: Visit, context: CommandContext, configuration: str) -> Non
             raise
         visit.find(
             check_configuration(configuration, wanted_robot=visit.settings.robot.name, robot=""),
-            check_socket(where, "", str(failure)),
+            check_socket(where, "", "" if "refused" in str(failure) else f" ({failure})"),
         )
         await _without_daemon(visit, context)
 

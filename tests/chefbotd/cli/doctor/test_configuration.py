@@ -16,13 +16,23 @@ def test_running_daemons(tmp_path: Path):
     process(
         tmp_path, 11, "/usr/bin/python3", "/usr/bin/chefbotd", "run", "--config", "/etc/chefbotd/robot.toml"
     )
-    process(tmp_path, 12, "python", "-m", "chefbotd.cli.programs.chefbotd", "run", "--sim", "--config=khan")
+    process(
+        tmp_path,
+        12,
+        "python",
+        "-m",
+        "chefbotd.cli.programs.chefbotd",
+        "run",
+        "--listen",
+        "127.0.0.1:7444",
+        "--config=khan",
+    )
     process(tmp_path, 13, "/usr/bin/chefbotd", "simulate")
     process(tmp_path, 14, "vi", "run")
     (tmp_path / "locks").touch()
     assert running_daemons(tmp_path) == [
         RunningDaemon(11, "/etc/chefbotd/robot.toml"),
-        RunningDaemon(12, "khan", simulated=True),
+        RunningDaemon(12, "khan", "127.0.0.1:7444"),
     ]
 
 
