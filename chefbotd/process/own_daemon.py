@@ -1,8 +1,8 @@
 """A daemon in this process for as long as a block lasts: for a program that needs the robot while no service runs.
 
 It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out; and, as
-nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, starts no
-worker, serves no page, and listens on a free port of the loopback interface alone.
+nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, records
+nothing, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ from firmware_protocol.messages import SetDuty
 
 
 def alone(settings: Settings) -> Settings:
-    """The same robot, without what a service of the same name may be using: latch, maps, worker, page, socket."""
+    """The same robot, without what a service of the same name may use: latch, maps, worker, page, socket, recordings."""
     worker = settings.worker.model_copy(update={"enabled": False})
     private = {
         "api": ApiParameters(port=0),
@@ -35,6 +35,7 @@ def alone(settings: Settings) -> Settings:
         "maps": None,
         "worker": worker,
         "depth_camera": (),
+        "recording": settings.recording.model_copy(update={"enabled": False}),
     }
     return settings.model_copy(update=private)
 
