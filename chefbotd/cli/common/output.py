@@ -55,10 +55,11 @@ def table(as_json: bool, value: object, columns: Sequence[str], rows: Iterable[S
 
 def status(as_json: bool, answer: Data) -> None:
     """The state and the counters."""
-    _show(as_json, answer, lambda: _status(answer))
+    _show(as_json, answer, lambda: status_table(answer))
 
 
-def _status(answer: Data) -> "Table":
+def status_table(answer: Data) -> "Table":
+    """The state and the counters, a line each."""
     from rich.text import Text
 
     table = _table(answer["robot"], f"protocol {answer['protocol']}, session {answer['session']}", "age")
@@ -68,13 +69,16 @@ def _status(answer: Data) -> "Table":
     return table
 
 
-def event(as_json: bool, event: Event[Any]) -> None:
-    """One event on one line."""
+def event(
+    as_json: bool, event: Event[Any], select: Callable[[str, Data], Mapping[str, Any]] = lambda _, data: data
+) -> None:
+    """One event on one line; ``select`` says what of a topic's data is printed."""
+    data = select(event.topic, _plain(event))
     if as_json:
         value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
-        echo(json.dumps({**value, "data": _plain(event)}))
+        echo(json.dumps({**value, "data": data}))
     else:
-        told = " ".join(f"{name}={_brief(value)}" for name, value in _plain(event).items())
+        told = " ".join(f"{name}={_brief(value)}" for name, value in data.items())
         echo(f"{event.stamp_s:.3f} {event.topic} {told}")
 
 

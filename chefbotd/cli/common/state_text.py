@@ -129,6 +129,54 @@ def truth(data: Data) -> Fact:
     return Fact("truth", told + (", touching a wall" if data["in_contact"] else ""))
 
 
+def worker(data: Data) -> Fact:
+    """The state of the worker process, and what it takes."""
+    used = [f"{data['rss_mb']:.0f} MB"] if data["rss_mb"] is not None else []
+    used += [f"{data['cpu']:.2f} core"] if data["cpu"] is not None else []
+    style = Style.GOOD if data["state"] == "ready" else Style.NOTICE
+    return Fact("worker", ", ".join([data["state"], *used, *_reason(data)]), style)
+
+
+def localization(data: Data) -> Fact:
+    """Whether the robot knows where it is, on which map, and how well the scan fits."""
+    if data["map"] is None:
+        return Fact("place", "no map is in use")
+    style = {"localized": Style.GOOD, "lost": Style.ALARM}.get(data["state"], Style.NOTICE)
+    told = f"{data['state']} on {data['map']}, fit {100 * data['fit']:.0f} %"
+    return Fact("place", ", ".join([told, *_reason(data)]), style)
+
+
+def navigation(data: Data) -> Fact:
+    """The goal: its state, how far it is, and why it waits or has ended."""
+    left = f"{data['distance_m']:.1f} m left" if data["distance_m"] is not None else ""
+    failed = data["state"] in ("unreachable", "blocked", "lost", "fault")
+    told = [part for part in (data["state"], left, *_reason(data)) if part]
+    return Fact("goal", ", ".join(told), Style.NOTICE if failed else Style.PLAIN)
+
+
+def mapping(data: Data) -> Fact:
+    """The map that is being made."""
+    if data["state"] == "idle":
+        left = "one was never finished" if data["unfinished"] else "none is being made"
+        return Fact("mapping", left, Style.NOTICE if data["unfinished"] else Style.PLAIN)
+    told = f"{data['state']}, {data['path_m']:.1f} m driven, {data['loops']} loops closed"
+    return Fact("mapping", ", ".join([told, *_reason(data)]), Style.NOTICE if data["reason"] else Style.GOOD)
+
+
+def recording(data: Data) -> Fact:
+    """What is being recorded, and what was lost."""
+    told = [data["state"]]
+    if data["state"] == "recording":
+        told += [str(data["name"]), f"{data['seconds']:.0f} s", f"{data['bytes_written'] / 1e6:.1f} MB"]
+    told += [f"{data['dropped']} events dropped"] if data["dropped"] else []
+    bad = data["state"] == "failed" or data["dropped"]
+    return Fact("recording", ", ".join([*told, *_reason(data)]), Style.NOTICE if bad else Style.PLAIN)
+
+
+def _reason(data: Data) -> list[str]:
+    return [data["reason"]] if data["reason"] else []
+
+
 def counters(data: Data) -> Fact:
     """The daemon's counters; errors only when there are any."""
     wrong = {
@@ -154,6 +202,11 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("ranges", ranges),
     ("lidars", lidars),
     ("battery", battery),
+    ("localization", localization),
+    ("navigation", navigation),
+    ("mapping", mapping),
+    ("worker", worker),
+    ("recording", recording),
     ("sim", truth),
 )
 AGEING = {"odometry", "wheels", "imu", "ranges", "battery", "sim"}

@@ -1,5 +1,6 @@
 """The commands of chefbotctl that only read: status, watch, describe."""
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import click
@@ -7,11 +8,15 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import positive
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.terminal import need_terminal
+from chefbotd.cli.look.fields import EVERY, select
+from chefbotd.cli.look.state import follow, state_of
 from chefbotd.client import Client
 
 TOPICS = (
     *("odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "text", "raw", "stats"),
-    *("sim", "scan", "lidars"),
+    *("sim", "scan", "lidars", "depth_cameras", "worker", "mapping", "map", "map_pose", "localization"),
+    *("navigation", "path", "costmap", "obstacles", "recording", "reset", EVERY),
 )
 """For shell completion only; the daemon knows which topics exist."""
 
@@ -21,15 +26,34 @@ def _topics(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> li
 
 
 @click.command()
+@click.option("--watch", "watches", is_flag=True, help="Draw it anew twice a second, until interrupted.")
 @click.pass_obj
-def status(context: CommandContext) -> None:
-    """Show the robot's state: mode, pose, battery, counters."""
+def status(context: CommandContext, watches: bool) -> None:
+    """Show the robot's state: mode, pose, battery, goal, map, worker, counters.
 
-    async def ask(robot: Client) -> dict[str, Any]:
-        hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
-        return {**hello, **await robot.call("get_state"), "stats": await robot.call("get_stats")}
+    With --watch and --json, an object per line.
+    """
+    if watches:
+        _watch_status(context)
+    else:
+        output.status(context.as_json, context.run_with_client(state_of))
 
-    output.status(context.as_json, context.run_with_client(ask))
+
+def _watch_status(context: CommandContext) -> None:
+    if context.as_json:
+        context.run_with_client(lambda robot: follow(robot, _print_state), reconnect=True)
+        return
+    need_terminal()
+    from chefbotd.cli.look.board import board
+
+    with board() as show:
+        context.run_with_client(lambda robot: follow(robot, show), reconnect=True)
+
+
+def _print_state(state: Mapping[str, Any] | None, trouble: str) -> None:
+    """A line of JSON for each new state; without an answer there is none."""
+    if state is not None and not trouble:
+        output.status(True, state)
 
 
 @click.command()
@@ -45,14 +69,17 @@ def watch(
     count: int | None,
     ordered: bool,
 ) -> None:
-    """Print the events of each TOPIC, one per line, until interrupted."""
+    """Print the events of each TOPIC, one per line, until interrupted.
+
+    TOPIC.FIELD prints that field alone, such as odometry.x_m or wheels.duty.0; 'all' is every topic.
+    """
     policy: Literal["ordered", "latest"] = "ordered" if ordered else "latest"
 
     async def follow(robot: Client) -> None:
-        seen = 0
-        async with robot.subscribe(topics, max_rate_hz=max_rate_hz, policy=policy) as events:
+        seen, selection = 0, select(topics, robot.hello.capabilities)
+        async with robot.subscribe(selection.topics, max_rate_hz=max_rate_hz, policy=policy) as events:
             async for event in events:
-                output.event(context.as_json, event)
+                output.event(context.as_json, event, selection.of)
                 seen += 1
                 if seen == count:
                     return

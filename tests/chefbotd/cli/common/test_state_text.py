@@ -123,3 +123,67 @@ def test_lidars_are_told_each_with_its_condition() -> None:
     fact = state_text.lidars({"lidars": [top, low]})
     assert (fact.text, fact.style) == ("top healthy, low motor stalled", Style.NOTICE)
     assert state_text.lidars({"lidars": [top]}).style is Style.GOOD
+
+
+MAPPING = {"state": "mapping", "path_m": 12.34, "loops": 3, "reason": "no scan for 2 s", "unfinished": False}
+RECORDING = {"name": "walk", "seconds": 61.2, "bytes_written": 2_500_000, "dropped": 0, "reason": ""}
+
+
+@pytest.mark.parametrize(
+    ("fact", "told", "style"),
+    [
+        (
+            state_text.worker({"state": "ready", "rss_mb": 127.4, "cpu": 0.046, "reason": ""}),
+            "ready, 127 MB, 0.05 core",
+            Style.GOOD,
+        ),
+        (
+            state_text.worker({"state": "restarting", "rss_mb": None, "cpu": None, "reason": "it hung"}),
+            "restarting, it hung",
+            Style.NOTICE,
+        ),
+        (
+            state_text.localization({"state": "lost", "map": "flat", "fit": 0.314, "reason": "nothing fits"}),
+            "lost on flat, fit 31 %, nothing fits",
+            Style.ALARM,
+        ),
+        (
+            state_text.localization({"state": "unknown", "map": None, "fit": 0.0, "reason": ""}),
+            "no map is in use",
+            Style.PLAIN,
+        ),
+        (
+            state_text.navigation({"state": "driving", "distance_m": 3.27, "reason": ""}),
+            "driving, 3.3 m left",
+            Style.PLAIN,
+        ),
+        (
+            state_text.navigation({"state": "blocked", "distance_m": None, "reason": "a chair"}),
+            "blocked, a chair",
+            Style.NOTICE,
+        ),
+        (
+            state_text.mapping(MAPPING),
+            "mapping, 12.3 m driven, 3 loops closed, no scan for 2 s",
+            Style.NOTICE,
+        ),
+        (
+            state_text.mapping({**MAPPING, "state": "idle", "unfinished": True}),
+            "one was never finished",
+            Style.NOTICE,
+        ),
+        (
+            state_text.recording({**RECORDING, "state": "recording"}),
+            "recording, walk, 61 s, 2.5 MB",
+            Style.PLAIN,
+        ),
+        (
+            state_text.recording({**RECORDING, "state": "failed", "dropped": 4, "reason": "disk full"}),
+            "failed, 4 events dropped, disk full",
+            Style.NOTICE,
+        ),
+    ],
+)
+def test_each_feature_has_a_line(fact: state_text.Fact, told: str, style: Style) -> None:
+    """Its state, its figures, and the reason if something is wrong."""
+    assert (fact.text, fact.style) == (told, style)
