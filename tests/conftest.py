@@ -6,30 +6,27 @@
 
 import os
 from importlib.util import find_spec
-from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
+import structlog
 from hypothesis import settings
 
 from tests.budget import FAST_EXAMPLES, IS_FULL
+from tests.groups import NEED_NAVIGATION
 
 settings.register_profile("fast", max_examples=FAST_EXAMPLES, deadline=None)
 settings.register_profile("full", deadline=None)
 settings.load_profile("full" if IS_FULL else "fast")
 
-HERE = Path(__file__).parent
-NEED_NAVIGATION = (
-    "chefbotd/cli/serve",
-    "chefbotd/features/localization",
-    "chefbotd/features/mapping",
-    "chefbotd/localization",
-    "chefbotd/mapping/slam",
-    "chefbotd/navigation",
-    "chefbotd/worker/skills",
-    "scenarios/test_navigation.py",
+# A traceback that is drawn with colours and local variables takes half a second; nobody reads those of the tests.
+structlog.configure(
+    processors=[
+        *structlog.get_config()["processors"][:-1],
+        structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback),
+    ]
 )
-"""Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
 
 collect_ignore_glob = [] if find_spec("numba") and find_spec("scipy") else list(NEED_NAVIGATION)
 
@@ -47,17 +44,14 @@ class _Executed:
     count = 0
 
 
-@pytest.hookimpl
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """One worker runs all tests that need the real clock, and one compiles for all tests that need it."""
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    rooms = {HERE / room for room in NEED_NAVIGATION}
-    for item in items:
-        if item.get_closest_marker("realtime"):
-            item.add_marker(pytest.mark.xdist_group("realtime"))
-        elif rooms.intersection((item.path, *item.path.parents)):
-            item.add_marker(pytest.mark.xdist_group("compiled"))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With ``--dist loadgroup``: which process runs which tests is decided here."""
+    if config.getoption("dist") != "loadgroup":
+        return None
+    from tests.scheduling import GroupScheduling  # xdist may not be installed
+
+    return GroupScheduling(config, log)
 
 
 @pytest.hookimpl

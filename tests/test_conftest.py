@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.budget import FAST_EXAMPLES, examples, sample
+from tests.groups import group_of
 
 ROOT = Path(__file__).parents[1]
 SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_it(): pass\n"
@@ -55,3 +56,26 @@ def test_the_fast_tier_has_the_first_cases() -> None:
     first, second, third = sample([1, (2, 3), 4], fast=2)
     assert [case.values for case in (first, second, third)] == [(1,), (2, 3), (4,)]
     assert [[mark.name for mark in case.marks] for case in (first, second, third)] == [[], [], ["slow"]]
+
+
+def test_tests_of_the_real_clock_share_a_process_and_so_do_those_that_compile() -> None:
+    """A file of each, and one that is a group of its own."""
+    here = Path(__file__).parent
+    assert group_of(here / "chefbotd/process/test_signals.py") == "realtime"
+    assert group_of(here / "chefbotd/navigation/test_planner.py") == "compiled"
+    assert group_of(here / "scenarios/test_navigation.py") == "compiled"
+    alone = here / "chefbotd/motion/test_pid.py"
+    assert group_of(alone) == str(alone)
+
+
+def test_xdist_gives_whole_groups_to_a_process() -> None:
+    """Tests of two files that need the real clock are one unit of work, and another file is another."""
+    kind = pytest.importorskip("tests.scheduling").GroupScheduling
+    scheduling = kind.__new__(kind)  # it needs no workers to tell groups
+    ids = [
+        f"tests/chefbotd/{name}::test_it[a::b]"
+        for name in ("process/test_signals.py", "link/test_replug.py", "test_bus.py")
+    ]
+    first, second, other = map(scheduling._split_scope, ids)
+    assert first == second == "realtime"
+    assert other.endswith("test_bus.py")
