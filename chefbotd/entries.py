@@ -32,6 +32,8 @@ class Entries:
     ``recording`` says whether the records in ``core.events.inputs`` are to be published; read it before you make one.
     """
 
+    is_replay = False
+
     def __init__(self, clock: Clock, bus: Bus | None = None) -> None:
         self._read_clock, self.bus = clock.now_s, bus
         self._latched_s: float | None = None

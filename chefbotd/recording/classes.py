@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from chefbotd.core import events as events_package
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import ORIGIN, Pose2D
 
 NEEDS_NUMPY = {"scans": ("ScanMeasured",)}
 """Modules that are loaded only where one of their events is read."""
@@ -77,3 +77,26 @@ def _decode_scan(event_class: type[Any], data: bytes) -> Any:
     scan = told.scan
     arrays = [np.array(each, dtype=np.float64) for each in (scan.bearing_rad, scan.range_m, scan.after_s)]
     return event_class(told.stamp_s, told.lidar, told.base_from_lidar, LaserScan(scan.stamp_s, *arrays))
+
+
+def encode(event: Any) -> bytes:
+    """An event as JSON."""
+    return encode_scan(event) if type(event).__name__ == "ScanMeasured" else msgspec.json.encode(event)
+
+
+def encode_scan(event: Any) -> bytes:
+    """A ``ScanMeasured`` as JSON: its arrays are numpy's."""
+    scan, mount = event.scan, event.base_from_lidar
+    return msgspec.json.encode(
+        {
+            "stamp_s": event.stamp_s,
+            "lidar": event.lidar,
+            "base_from_lidar": ORIGIN if mount is None else mount,
+            "scan": {
+                "stamp_s": scan.stamp_s,
+                "bearing_rad": scan.bearing_rad.tolist(),
+                "range_m": scan.range_m.tolist(),
+                "after_s": scan.after_s.tolist(),
+            },
+        }
+    )

@@ -6,9 +6,10 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
-from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.geometry import Pose2D
 from chefbotd.recording import foxglove as fg
 from chefbotd.recording.channels import Channels
+from chefbotd.recording.classes import encode_scan
 from chefbotd.recording.schemas import schema_of
 from chefbotd.recording.sentences import SENTENCES, Sentence
 
@@ -150,7 +151,7 @@ class Encoder:
             name,
             channel,
             "arrival_s" in event_class.__annotations__,
-            _encode_scan if name == "ScanMeasured" else msgspec.json.encode,
+            encode_scan if name == "ScanMeasured" else msgspec.json.encode,
             self._drawings.get(name),
             SENTENCES.get(name),
             name in STATES,
@@ -232,20 +233,3 @@ class Encoder:
     def _draw_path(self, event: Any, log_ns: int) -> None:
         self._path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
         self._put("/path", self._path, log_ns)
-
-
-def _encode_scan(event: Any) -> bytes:
-    scan, mount = event.scan, event.base_from_lidar
-    return msgspec.json.encode(
-        {
-            "stamp_s": event.stamp_s,
-            "lidar": event.lidar,
-            "base_from_lidar": ORIGIN if mount is None else mount,
-            "scan": {
-                "stamp_s": scan.stamp_s,
-                "bearing_rad": scan.bearing_rad.tolist(),
-                "range_m": scan.range_m.tolist(),
-                "after_s": scan.after_s.tolist(),
-            },
-        }
-    )

@@ -2,12 +2,14 @@
 
 import asyncio
 from collections import Counter
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from chefbotd.app import Daemon, Loop
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.link.port import LinkParameters
 from chefbotd.replay.entries import ReplayEntries
+from chefbotd.rpc.roles import Role
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.settings import Settings
@@ -63,11 +65,15 @@ def gate_of(started: DaemonStarted | None) -> GateState:
 
 
 def replayed_daemon(
-    settings: Settings, started: DaemonStarted | None, entries: ReplayEntries, *, port: int | None = None
+    settings: Settings,
+    started: DaemonStarted | None,
+    entries: ReplayEntries,
+    *,
+    listen: tuple[str, int] | None = None,
 ) -> Daemon:
-    """The robot of this configuration, to be fed with ``entries``; its socket listens on ``port`` of the loopback."""
+    """The robot of this configuration, to be fed with ``entries``; its socket is to ``listen`` there."""
     return Daemon(
-        _without_files(settings, port),
+        _without_files(settings, listen),
         clock=entries,
         latch=RecordedLatch(gate_of(started)),
         supervisor=NoSupervisor(),
@@ -77,18 +83,22 @@ def replayed_daemon(
     )
 
 
-def _without_files(settings: Settings, port: int | None) -> Settings:
+def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settings:
     """No token, no certificate, no description of one's own: these were the robot's."""
+    host, port = listen or ("127.0.0.1", 0)
     api = settings.api.model_copy(
         update={
-            "host": "127.0.0.1",
-            "port": port or 0,
+            "host": host,
+            "port": port,
+            "default_role": Role.OBSERVE,
             "token_file": None,
             "token_credential": None,
             "tls_certificate": None,
             "tls_key": None,
         }
     )
-    page = settings.page.model_copy(update={"enabled": False})
+    page = settings.page.model_copy(
+        update={"enabled": listen is not None and find_spec("aiohttp") is not None, "host": host}
+    )
     robot = settings.robot.model_copy(update={"description": None})
     return settings.model_copy(update={"api": api, "page": page, "robot": robot})

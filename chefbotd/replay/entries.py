@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Generator
 from typing import Any, TypeVar
 
 from chefbotd.clock import ManualClock
+from chefbotd.core.events.inputs import AnswerTaken
 from chefbotd.entries import Entries, Timer
 
 T = TypeVar("T")
@@ -19,6 +20,19 @@ class ReplayTimer:
     ) -> None:
         self._timers, self.name, self.due_s, self.callback = timers, name, due_s, callback
 
+        self._passed_s: float | None = None
+
+    def is_late(self, now_s: float, by_s: float) -> bool:
+        """Whether its time is over, and something else came in so long before ``now_s`` already.
+
+        A loop that stood still fires its timers just after what came in meanwhile.
+        """
+        if self.due_s > now_s:
+            return False
+        if self._passed_s is None:
+            self._passed_s = now_s
+        return now_s - self._passed_s > by_s
+
     def cancel(self) -> None:
         """Do not fire."""
         if self._timers.get(self.name) is self:
@@ -27,6 +41,8 @@ class ReplayTimer:
 
 class ReplayEntries(Entries):
     """``now`` is set to each entry's time; ``timers`` are those that wait, by name."""
+
+    is_replay = True
 
     def __init__(self) -> None:
         super().__init__(ManualClock())
@@ -74,7 +90,9 @@ class ReplayEntries(Entries):
         """What was answered, in the step in which it came."""
         while not self.answers.get(asked):
             await _Pause()
-        return self.answers[asked].popleft()
+        found = self.answers[asked].popleft()
+        self.publish(AnswerTaken(self.now_s(), asked, found))
+        return found
 
 
 class _Pause:

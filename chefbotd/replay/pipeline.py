@@ -124,10 +124,11 @@ class _Silent:
 
 
 class Pipeline:
-    """``daemon`` was built with ``entries`` as its clock, and is not run."""
+    """``daemon`` was built with ``entries`` as its clock, and is not run. With ``drains``, ports are as full as then."""
 
-    def __init__(self, daemon: Daemon, entries: ReplayEntries) -> None:
-        self._daemon, self._entries = daemon, entries
+    def __init__(self, daemon: Daemon, entries: ReplayEntries, *, drains: bool = True) -> None:
+        self._daemon, self._entries, self._drains = daemon, entries, drains
+        self._methods = dict(daemon.rpc.methods)
         self._ports: dict[str, ReplayedPort] = {}
         self._callers: dict[int, ReplayedCaller] = {}
         services = [each for feature in daemon.features for each in feature.services if each.in_steps]
@@ -187,7 +188,7 @@ class Pipeline:
                 self._daemon.driving.report_from_thread(fault)
             elif isinstance(answer, inputs.AnswerTaken):
                 self._entries.add_answer(answer.asked, answer.answer)
-        if drained and BOARD_LINK in self._ports:
+        if drained and self._drains and BOARD_LINK in self._ports:
             self._ports[BOARD_LINK].expect(drained)
 
     # links
@@ -258,7 +259,7 @@ class Pipeline:
     # clients
 
     def _request(self, entry: inputs.RequestHandled) -> None:
-        method = self._daemon.rpc.methods.get(entry.method)
+        method = self._methods.get(entry.method)
         if method is None or entry.method in NOT_HANDLED or entry.params is None:
             return
         caller = self._caller(entry)

@@ -5,22 +5,14 @@ from typing import Any
 
 import msgspec
 
-from chefbotd.core.events import StatsSampled, TruthSimulated
-from chefbotd.core.events.depth_cameras import DepthCameraChanged
 from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStopping
-from chefbotd.core.events.maps import MapLoaded, MapUnloaded
-from chefbotd.core.events.worker import WorkerReported
-from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
+from chefbotd.recording.classes import class_of, decode, encode
 
 OF_THE_RECORDER = frozenset({"RecordingChanged", "EventsDropped"})
 NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
 """What the recorder says of itself, and what the bytes of the links have in it."""
 
-_OBSERVED = (StatsSampled, TruthSimulated, DepthCameraChanged, MapLoaded, MapUnloaded, WorkerReported)
-_DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
-    each.__name__: msgspec.json.Decoder(each) for each in (*ENTRIES, *ANSWERS, *_OBSERVED, DaemonStopping)
-}
 _ENTRY_NAMES = frozenset(each.__name__ for each in ENTRIES)
 _ANSWER_NAMES = frozenset(each.__name__ for each in ANSWERS)
 
@@ -52,63 +44,32 @@ class Group:
 
 
 def decoded(recorded: Recorded) -> Any:
-    """The event itself; of a class that comes from outside only.
+    """The event itself.
 
     Raises:
         NotReplayable: it is not what its class says.
     """
-    if recorded.kind == "ScanMeasured":
-        return _scan(msgspec.json.decode(recorded.payload))
-    decoder = _DECODERS.get(recorded.kind)
-    if decoder is None:
-        raise NotReplayable(
-            f"message {recorded.sequence}: {recorded.kind} is nothing that comes from outside"
-        )
+    event_class = class_of(recorded.kind)
+    if event_class is None:
+        raise NotReplayable(f"message {recorded.sequence}: this version of chefbotd has no {recorded.kind}")
     try:
-        return decoder.decode(recorded.payload)
+        return decode(event_class, recorded.payload)
     except msgspec.DecodeError as error:
         told = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
         raise NotReplayable(told) from error
 
 
-def _scan(told: dict[str, Any]) -> Any:
-    import numpy as np
-
-    from chefbotd.core.events.scans import ScanMeasured
-    from chefbotd.core.scan import LaserScan
-
-    scan = told["scan"]
-    columns = [np.array(scan[name], dtype=float) for name in ("bearing_rad", "range_m", "after_s")]
-    mount = Pose2D(**told["base_from_lidar"])
-    return ScanMeasured(told["stamp_s"], told["lidar"], mount, LaserScan(scan["stamp_s"], *columns))
-
-
-def encoded(event: Any) -> bytes:
-    """An event as it is in a recording."""
-    if type(event).__name__ != "ScanMeasured":
-        return msgspec.json.encode(event)
-    scan = event.scan
-    arrays = {name: getattr(scan, name).tolist() for name in ("bearing_rad", "range_m", "after_s")}
-    return msgspec.json.encode(
-        {
-            "stamp_s": event.stamp_s,
-            "lidar": event.lidar,
-            "base_from_lidar": event.base_from_lidar,
-            "scan": {"stamp_s": scan.stamp_s, **arrays},
-        }
-    )
-
-
 def recorded_of(events: Iterable[Any]) -> Iterator[Recorded]:
     """Events that were taken off the bus, as they are in a file."""
     for number, event in enumerate(events, 1):
-        yield Recorded(number, type(event).__name__, encoded(event))
+        yield Recorded(number, type(event).__name__, encode(event))
 
 
 def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:
     """The entries in their order, up to the daemon's end; ``lost`` counts messages that are missing before one.
 
-    What comes before the first entry is left out.
+    What comes before the first entry is left out, and so is the last entry of a recording that was cut off before the
+    daemon's end: nobody knows whether all that followed it is there.
     """
     group: Group | None = None
     before = None
@@ -118,12 +79,12 @@ def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:
             lost += each.sequence - before - 1
         before = each.sequence
         if each.kind == DaemonStopping.__name__:
-            break
+            if group is not None:
+                yield group
+            return
         if each.kind in _ENTRY_NAMES:
             if group is not None:
                 yield group
             group, lost = Group(decoded(each), lost), 0
         elif group is not None:
             group.followers.append(each)
-    if group is not None:
-        yield group

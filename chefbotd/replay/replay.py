@@ -17,16 +17,22 @@ from chefbotd.core.events.inputs import (
     TaskStepped,
     TimerFired,
 )
+from chefbotd.recording.classes import encode
 from chefbotd.replay.comparison import Comparison, Difference, Told
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.pipeline import Pipeline
-from chefbotd.replay.recorded import Group, encoded
+from chefbotd.replay.recorded import NOT_COMPARED, Group
 from chefbotd.replay.speed_error import SpeedError
 
 MOST_EVENTS = 100_000
 """That follow one entry."""
 
 FIRST_PROBLEMS = 5
+LATE_S = 0.1
+"""A timer that is not fired so long after the first entry behind its time has no firing in the recording."""
+
+EARLY_S = 0.002
+"""The event loop fires timers early by the resolution of its clock."""
 
 
 class Outcome:
@@ -65,7 +71,7 @@ class Outcome:
 
 
 class Replay:
-    """``own_timers``: timers fire at their own times, as another configuration needs; else when they did then."""
+    """Timers fire when they did then. With ``own_timers``, as another configuration needs, others fire when due."""
 
     def __init__(
         self,
@@ -75,9 +81,10 @@ class Replay:
         own_timers: bool = False,
         left_out: Iterable[str] = (),
     ) -> None:
-        self._pipeline, self._entries = Pipeline(daemon, entries), entries
+        self._pipeline = Pipeline(daemon, entries, drains=not own_timers)
+        self._entries = entries
         self._own_timers = own_timers
-        self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS)
+        self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS, NOT_COMPARED)
         self.outcome = Outcome(Comparison(left_out))
 
     async def run(self, groups: Iterable[Group], pace: "Pace | None" = None) -> Outcome:
@@ -107,7 +114,7 @@ class Replay:
             self._fire_due(stamp_s)
             replayed = self._told()
         self._entries.set_time(stamp_s)
-        if not (self._own_timers and self._is_own(entry)):
+        if not (self._own_timers and self._is_of_the_other(entry)):
             problem = await self._pipeline.handle(group)
             if problem and not self._own_timers:
                 outcome.note(f"at {stamp_s:.6f} s: {problem}")
@@ -120,16 +127,18 @@ class Replay:
             if kind == "WheelsDriven":
                 outcome.replayed_error.add(msgspec.json.decode(payload))
 
-    def _is_own(self, entry: Any) -> bool:
-        return isinstance(entry, TimerFired) and not self._pipeline.is_regular(entry.timer)
+    def _is_of_the_other(self, entry: Any) -> bool:
+        """Whether a timer fired that does not run here, or is set for later."""
+        if not isinstance(entry, TimerFired) or self._pipeline.is_regular(entry.timer):
+            return False
+        timer = self._entries.timers.get(entry.timer)
+        return timer is None or timer.due_s > entry.stamp_s + EARLY_S
 
-    def _fire_due(self, until_s: float) -> None:
-        """Fire the timers whose time comes before the next entry, in order."""
+    def _fire_due(self, now_s: float) -> None:
+        """Fire the timers that should have fired a while ago and did not then, in order."""
         timers = self._entries.timers
-        while timers:
-            first = min(timers.values(), key=lambda timer: timer.due_s)
-            if first.due_s > until_s:
-                return
+        while late := [each for each in timers.values() if each.is_late(now_s, LATE_S)]:
+            first = min(late, key=lambda timer: timer.due_s)
             self._entries.set_time(first.due_s)
             self._entries.fire(first.name)
 
@@ -140,7 +149,7 @@ class Replay:
             event = inbox.take()
             kind = type(event).__name__
             if takes(kind):
-                told.append((kind, encoded(event)))
+                told.append((kind, encode(event)))
         return told
 
 

@@ -192,8 +192,9 @@ class ConnectionManager:
 
     def sweep(self) -> None:
         """End leases that are over, and connections of clients that take too long."""
-        with self._entries.entry(TimerFired, LEASES_TIMER):
-            self._control.expire(self._entries.now_s())
+        if not self._entries.is_replay:  # there, they end as they did then
+            with self._entries.entry(TimerFired, LEASES_TIMER):
+                self._control.expire(self._entries.now_s())
         now_s = self.clock.now_s()
         for connection in self._connections():
             late = connection.session.overdue(now_s, partial(self._fanout.is_subscribed, connection))

@@ -88,6 +88,10 @@ class RpcServer:
         """Every method of the socket by name."""
         return self._methods
 
+    def exchange_methods(self, change: Callable[[Method], Method]) -> None:
+        """Serve each method as ``change`` makes it."""
+        self._methods.update({name: change(method) for name, method in self._methods.items()})
+
     async def run(self) -> None:
         """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]

@@ -21,6 +21,7 @@ from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.record.replay import replay
 from chefbotd.cli.service.commands import install_service, uninstall_service
 from chefbotd.process import signals
 
@@ -28,6 +29,7 @@ EXITS = (
     Exit.OK,
     Exit.FAILED,
     Exit.USAGE,
+    Exit.NOT_DONE,
     Exit.BAD_CONFIGURATION,
     Exit.NOT_INSTALLED,
     Exit.INTERRUPTED,
@@ -158,7 +160,7 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
         echo("\n".join(_assignments("", values)))
 
 
-for command in (init, urdf, install_service, uninstall_service, completion):
+for command in (init, urdf, replay, install_service, uninstall_service, completion):
     main.add_command(command)
 
 

@@ -2,6 +2,8 @@
 
 import asyncio
 
+from chefbotd.core.events import SafetyChanged
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.replay.recordings import recorded, replayed
@@ -17,13 +19,21 @@ KINDS = {
 
 
 async def eventful(robot: SimulatedRobot) -> None:
-    """An arc, a dead-man's timeout, an e-stop, new gains, a restart of the board, a pulled cable."""
+    """An arc, a dead-man's timeout, new gains, a loop that stands still, faults, an e-stop, a restart, a lost link."""
     client = robot.client
     await client.set_client_name("pilot")
     await asyncio.sleep(1.0)
     await drive(robot, 0.21, 0.37, 1.1)
     await asyncio.sleep(1.2)
     await client.set_pid("left_wheel", kp=31.7)
+    await drive(robot, -0.13, 0.55, 0.9)
+    asyncio.get_running_loop().stand_still(0.6)  # type: ignore[attr-defined]
+    await asyncio.sleep(0.3)
+    await client.arm()
+    await drive(robot, 0.11, -0.2, 0.4)
+    robot.daemon.driving.report_from_thread(Fault(FaultKind.INTERNAL_ERROR, "a thread says so"))
+    await asyncio.sleep(0.3)
+    await client.arm()
     await drive(robot, -0.13, 0.55, 0.9)
     await client.estop("a test")
     await asyncio.sleep(0.5)
@@ -61,4 +71,6 @@ def test_a_drive_is_replayed_bit_for_bit() -> None:
     assert outcome.exact
     assert outcome.from_start
     assert set(outcome.comparison.rows) >= KINDS
+    faults = {each.fault for each in events if isinstance(each, SafetyChanged)}
+    assert faults >= {"loop_blocked", "internal_error", "link_lost", "board_restarted"}
     assert outcome.comparison.rows["WheelsDriven"].recorded > 200

@@ -1,0 +1,1 @@
+"""Recordings: made, looked at, replayed."""

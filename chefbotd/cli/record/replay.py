@@ -1,0 +1,167 @@
+"""``chefbotd replay``: run a recording again, and say whether the same comes of it."""
+
+import json
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from chefbotd.cli.common.arguments import Address, address, configuration
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.extras import extra
+from chefbotd.cli.programs.load import load_valid
+from chefbotd.cli.programs.program import wants_json
+
+if TYPE_CHECKING:
+    from chefbotd.replay.run import Replayed
+
+RATE = click.FloatRange(0.01, 1000.0)
+SERVED = Address("127.0.0.1", 7333)
+
+
+@click.command()
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--config", "other", metavar="FILE|ROBOT", type=configuration, help="What would this have done?"
+)
+@click.option("--rate", type=RATE, help="How fast, 1 as it was; without it as fast as it can.")
+@click.option("--serve", "serves", is_flag=True, help="Show it on the command socket and the page.")
+@click.option(
+    "--listen", "where", type=address, metavar="HOST:PORT", help=f"Where; {SERVED} if none is given."
+)
+@click.option("--any-version", is_flag=True, help="Replay what another version of chefbotd recorded.")
+@click.pass_context
+def replay(
+    ctx: click.Context,
+    files: tuple[Path, ...],
+    other: Path | None,
+    rate: float | None,
+    serves: bool,
+    where: Address | None,
+    any_version: bool,
+) -> None:
+    """Run a recording again, without a robot, and hold every event against the recorded one.
+
+    FILE is a recording that began with the daemon ([recording] auto_start), or several that go on from each other.
+
+    With --config, the robot is configured otherwise: what it would have commanded is told in a table. What the robot
+    would then have done is not known: it moves as it did.
+    """
+    if where is not None and not serves:
+        raise click.UsageError("--listen needs --serve")
+    with extra("recording", "mcap", "zstandard", "lz4"):
+        import mcap  # noqa: F401
+    import structlog
+
+    from chefbotd.replay.recorded import NotReplayable
+    from chefbotd.replay.run import Wishes, replay_files
+
+    quiet = structlog.make_filtering_bound_logger(logging.CRITICAL)  # what was logged then is known
+    structlog.configure(wrapper_class=quiet)
+    wanted = where or SERVED
+    wishes = Wishes(
+        other=None if other is None else load_valid(other),
+        rate=rate,
+        listen=(wanted.host, wanted.port) if serves else None,
+        any_version=any_version,
+    )
+    try:
+        replayed = replay_files(files, wishes)
+    except NotReplayable as problem:
+        raise ProgramError(Exit.FAILED, str(problem)) from problem
+    if wants_json(ctx):
+        echo(json.dumps(_as_json(replayed)))
+    else:
+        echo("\n".join(_told(replayed, is_other=other is not None)))
+    if other is None and not replayed.outcome.exact:
+        ctx.exit(Exit.NOT_DONE)
+
+
+def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
+    outcome = replayed.outcome
+    speed = outcome.seconds / replayed.took_s if replayed.took_s > 0 else 0.0
+    yield (
+        f"{outcome.seconds:.1f} s of {replayed.robot}, {outcome.entries} entries, "
+        f"replayed in {replayed.took_s:.1f} s ({speed:.0f} times as fast)"
+    )
+    if replayed.problem is not None:
+        yield f"Note: {replayed.problem}; replayed up to there"
+    if not outcome.from_start:
+        yield "Note: the recording does not begin with the daemon, so what the robot knew before is not in it"
+    if outcome.lost:
+        yield f"Note: {outcome.lost} events are missing in the recording"
+    for problem in outcome.problems:
+        yield f"Note: {problem}"
+    if outcome.problem_count > len(outcome.problems):
+        yield f"Note: and {outcome.problem_count - len(outcome.problems)} more of this kind"
+    events = sum(outcome.comparison.counts.values())
+    if outcome.first is None:
+        yield f"All {events} events are the same, bit for bit."
+        return
+    yield f"The first difference: {outcome.first}"
+    yield from _table(replayed)
+    if is_other:
+        yield from _figures(replayed)
+
+
+def _table(replayed: "Replayed") -> Iterator[str]:
+    rows = replayed.outcome.comparison.rows
+    same = sum(row.differing == 0 for row in rows.values())
+    yield ""
+    yield f"{'event':<24} {'recorded':>9} {'replayed':>9} {'differ':>9}  largest difference"
+    for kind, row in sorted(rows.items()):
+        if row.differing == 0:
+            continue
+        largest = f"{row.largest:.6g} ({row.field})" if row.field else ""
+        yield f"{kind:<24} {row.recorded:>9} {row.replayed:>9} {row.differing:>9}  {largest}".rstrip()
+    yield f"(the other {same} kinds of events are the same)"
+
+
+def _figures(replayed: "Replayed") -> Iterator[str]:
+    then, now = replayed.outcome.recorded_error, replayed.outcome.replayed_error
+    if then.rms_rad_s is None or now.rms_rad_s is None:
+        return
+    yield ""
+    yield f"wheel speed, target less measured: {then.rms_rad_s:.4f} rad/s rms recorded, {now.rms_rad_s:.4f} replayed"
+    yield f"duty: {then.duty_rms:.1f} rms recorded, {now.duty_rms:.1f} replayed"
+    yield "(the wheels turn as they did: this is what would have been commanded, not how they would have followed)"
+
+
+def _as_json(replayed: "Replayed") -> dict[str, Any]:
+    outcome = replayed.outcome
+    first = outcome.first
+    return {
+        "robot": replayed.robot,
+        "seconds": outcome.seconds,
+        "took_s": replayed.took_s,
+        "entries": outcome.entries,
+        "exact": outcome.exact,
+        "from_start": outcome.from_start,
+        "lost": outcome.lost,
+        "problem": replayed.problem,
+        "problems": outcome.problems,
+        "first_difference": None
+        if first is None
+        else {
+            "stamp_s": first.stamp_s,
+            "after": first.after,
+            "event": first.kind,
+            "field": first.field,
+            "recorded": first.recorded,
+            "replayed": first.replayed,
+        },
+        "events": {
+            kind: {
+                "recorded": row.recorded,
+                "replayed": row.replayed,
+                "differing": row.differing,
+                "largest": row.largest,
+                "field": row.field,
+            }
+            for kind, row in outcome.comparison.rows.items()
+        },
+        "wheel_speed_error_rms_rad_s": [outcome.recorded_error.rms_rad_s, outcome.replayed_error.rms_rad_s],
+    }

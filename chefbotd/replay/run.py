@@ -1,0 +1,121 @@
+"""Replays the files of a recording: with the configuration that is in them, or with another one."""
+
+import asyncio
+import time
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from pathlib import Path
+
+from msgspec import Struct
+from pydantic import ValidationError
+
+from chefbotd.core.events.inputs import DaemonStarted
+from chefbotd.replay.build import replayed_daemon
+from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.reading import RecordingFiles
+from chefbotd.replay.recorded import Group, NotReplayable, groups_of
+from chefbotd.replay.replay import Outcome, Pace, Replay
+from chefbotd.replay.serving import Serving
+from chefbotd.sensing.lidar import LidarParameters
+from chefbotd.settings import Settings
+
+
+class Wishes(Struct, frozen=True):
+    """``other`` is another configuration. ``rate`` is the speed, 1.0 the recorded one; None: as fast as it can.
+
+    ``listen`` is where the socket and the page show it; ``any_version`` replays what another version recorded.
+    """
+
+    other: Settings | None = None
+    rate: float | None = None
+    listen: tuple[str, int] | None = None
+    any_version: bool = False
+
+
+class Replayed(Struct, frozen=True):
+    """What came of it. ``problem`` says where reading the files ended early."""
+
+    robot: str
+    outcome: Outcome
+    took_s: float
+    problem: str | None
+
+
+def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
+    """Replay a recording.
+
+    Raises:
+        NotReplayable: the text says why.
+    """
+    files = RecordingFiles(paths)
+    if not wishes.any_version:
+        files.require_version()
+    recorded = settings_of(files)
+    settings = recorded if wishes.other is None else other_settings(recorded, wishes.other)
+    groups = groups_of(files.messages())
+    first = next(groups, None)
+    if first is None:
+        raise NotReplayable(
+            f"{paths[0]}: nothing came in while it was recorded, or the file was cut off before: "
+            f"{files.problem or 'it has no entry'}"
+        )
+    began_s = time.monotonic()
+    outcome = asyncio.run(_replay(settings, first, chain((first,), groups), wishes))
+    return Replayed(settings.robot.name, outcome, time.monotonic() - began_s, files.problem)
+
+
+async def _replay(settings: Settings, first: Group, groups: Iterable[Group], wishes: Wishes) -> Outcome:
+    entries = ReplayEntries()
+    entries.set_time(first.entry.stamp_s)
+    started = first.entry if isinstance(first.entry, DaemonStarted) else None
+    daemon = replayed_daemon(settings, started, entries, listen=wishes.listen)
+    replay = Replay(daemon, entries, own_timers=wishes.other is not None, left_out=settings.recording.without)
+    rate = wishes.rate or (1.0 if wishes.listen is not None else None)
+    pace = None if rate is None else Pace(rate, time.monotonic)
+    if wishes.listen is None:
+        return await replay.run(groups, pace)
+    async with Serving(daemon):
+        return await replay.run(groups, pace)
+
+
+def settings_of(files: RecordingFiles) -> Settings:
+    """The configuration in a recording.
+
+    Raises:
+        NotReplayable: there is none, or this version does not understand it.
+    """
+    try:
+        return Settings.model_validate_json(files.configuration, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(each) for each in first["loc"])
+        raise NotReplayable(
+            f"the configuration in the recording is not one of this version: {where}: {first['msg']}"
+        ) from error
+
+
+def other_settings(recorded: Settings, other: Settings) -> Settings:
+    """Another configuration, with the devices, the socket and the maps of the recording.
+
+    Raises:
+        NotReplayable: it is for another board, so the recorded bytes mean nothing to it.
+    """
+    if other.robot.wire != recorded.robot.wire:
+        raise NotReplayable(
+            f"the other configuration is for the wire {str(other.robot.wire)!r}, "
+            f"and the recording is of {str(recorded.robot.wire)!r}"
+        )
+    return other.model_copy(
+        update={
+            "link": recorded.link,
+            "lidar": tuple(_with_device(each, recorded) for each in other.lidar),
+            "api": recorded.api,
+            "maps": recorded.maps,
+            "recording": recorded.recording,
+        }
+    )
+
+
+def _with_device(lidar: LidarParameters, recorded: Settings) -> LidarParameters:
+    device = next((each.device for each in recorded.lidar if each.name == lidar.name), lidar.device)
+    return lidar.model_copy(update={"device": device})
