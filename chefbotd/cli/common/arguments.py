@@ -72,6 +72,19 @@ def positive(text: str | float) -> float:
     return number
 
 
+UNITS_S = {"s": 1.0, "m": 60.0, "h": 3600.0}
+
+
+def duration(text: str | float) -> float:
+    """Seconds above zero: ``10``, ``10s``, ``1.5m`` or ``2h``."""
+    unit = str(text)[-1:]
+    number = str(text)[:-1] if unit in UNITS_S else str(text)
+    try:
+        return positive(number) * UNITS_S.get(unit, 1.0)
+    except click.BadParameter:
+        raise click.BadParameter(f"{text!r} is not a time above zero, such as 10s, 5m or 1h") from None
+
+
 def wheel_speed(text: str) -> tuple[str, float]:
     """``NAME=RAD_S``: a wheel and a finite speed."""
     name, equals, value = text.partition("=")

@@ -20,6 +20,7 @@ from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.programs.completion import completion
 from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.serve import commands as navigating
 from chefbotd.cli.tune.commands import pid
 
@@ -115,6 +116,8 @@ COMMANDS: tuple[click.Command, ...] = (
     map_group,
     places,
     *navigating.COMMANDS,
+    record,
+    log_group,
     stop_arm_reset.reset_odometry,
     stop_arm_reset.reset_board,
     completion,

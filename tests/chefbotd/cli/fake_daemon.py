@@ -25,6 +25,16 @@ PID = PidParameters(kp=400.0, ki=100.0, output_limit=255.0).model_dump()
 MAPPING = {"state": "mapping", "name": None, "kept_scans": 40, "loops": 2, "path_m": 12.4}
 
 
+RECORDED = {
+    "name": "evening_1",
+    "file": "/recordings/evening_1.mcap",
+    "seconds": 12.5,
+    "size_bytes": 4_200_000,
+    "messages": 321,
+    "dropped": 0,
+}
+
+
 class FakeDaemon:
     """Answers on a port of its own; ``calls`` is everything it was asked, in order.
 
@@ -51,6 +61,8 @@ class FakeDaemon:
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.held_by: str | None = None
         self.scan: dict[str, Any] | None = None
+        self.recording: dict[str, Any] = {"state": "recording", "name": "evening_1"}
+        self.recordings: list[dict[str, Any]] = []
         self.lidar_condition = "healthy"
         self.age_s = 0.004
         self.slip = self.drift_rad_s = self.latency_s = 0.0
@@ -137,6 +149,7 @@ class FakeDaemon:
             },
             "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
         }
+        topics["recording"] = self.recording
         if self.scan is not None:
             topics["scan"] = self.scan
         topics["lidars"] = {"lidars": [{**LIDAR, "condition": self.lidar_condition}]}
@@ -197,6 +210,10 @@ class FakeDaemon:
             "pause_mapping": lambda: MAPPING | {"state": "paused"},
             "finish_mapping": lambda: MAPPING | {"name": params["name"], "version": 3},
             "discard_mapping": lambda: MAPPING | {"state": "idle"},
+            "start_recording": lambda: {"name": "evening_1", "file": "/recordings/evening_1.mcap"},
+            "stop_recording": lambda: RECORDED,
+            "save_ring": lambda: {"file": "/recordings/fault_asked_1.mcap", "seconds": 118.4},
+            "list_recordings": lambda: {"folder": "/recordings", "files": self.recordings},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},
             "describe": lambda: description(simulated=self.simulated),
         }

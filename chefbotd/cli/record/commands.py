@@ -1,0 +1,87 @@
+"""The commands ``chefbotctl record`` and ``chefbotctl log``."""
+
+from pathlib import Path
+
+import click
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.arguments import duration
+from chefbotd.cli.common.context import CommandContext
+
+FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--for", "seconds", type=duration, metavar="TIME", help="End after TIME: 10s, 5m or 1h.")
+@click.option(
+    "--ring", is_flag=True, help="Write the last minutes, which the robot keeps in memory, instead."
+)
+@click.pass_obj
+def record(context: CommandContext, name: str | None, seconds: float | None, ring: bool) -> None:
+    """Record everything that the robot sees and does, until Ctrl-C.
+
+    The file is on the robot's computer; its name begins with NAME.
+    """
+    from chefbotd.cli.record import recording
+
+    if ring and seconds is not None:
+        raise click.UsageError("--ring writes what is over already: it takes no --for")
+    if ring:
+        recording.save_ring(context, name)
+    else:
+        recording.record(context, name, seconds)
+
+
+@click.group("log")
+def log_group() -> None:
+    """List, show, export and plot recordings."""
+
+
+@log_group.command("list")
+@click.pass_obj
+def list_command(context: CommandContext) -> None:
+    """List the recordings on the robot's computer."""
+    from chefbotd.cli.record import recording
+
+    recording.list_files(context)
+
+
+@log_group.command()
+@click.argument("file", type=FILE)
+@click.pass_obj
+def info(context: CommandContext, file: Path) -> None:
+    """Tell what is in the recording FILE, also in one that was cut by a kill or a power cut."""
+    from chefbotd.cli.record.info import show_info
+
+    show_info(context, file)
+
+
+@log_group.command()
+@click.argument("file", type=FILE)
+@click.option(
+    "--csv", "folder", type=FILE, required=True, metavar="FOLDER", help="Where to write: a table per topic."
+)
+@click.option("--topic", "topics", multiple=True, metavar="TOPIC", help="Only this one; may be given again.")
+@click.option("--force", is_flag=True, help="Replace files that exist.")
+@click.pass_obj
+def export(context: CommandContext, file: Path, folder: Path, topics: tuple[str, ...], force: bool) -> None:
+    """Write the recording FILE as tables for spreadsheets and pandas."""
+    from chefbotd.cli.record.export import export_csv
+
+    files = export_csv(file, folder, topics, force=force)
+    told = {"files": [str(path) for path in files]}
+    output.say(context.as_json, told, f"Wrote {len(files)} tables in {folder}.")
+
+
+@log_group.command()
+@click.argument("file", type=FILE)
+@click.option("--out", type=FILE, required=True, metavar="PNG", help="The picture to write.")
+@click.option("--force", is_flag=True, help="Replace a picture that exists.")
+@click.pass_obj
+def plot(context: CommandContext, file: Path, out: Path, force: bool) -> None:
+    """Draw wheel speeds beside what was asked for, the path, the battery and the faults of the recording FILE."""
+    from chefbotd.cli.record.plot import plot_png
+
+    plot_png(file, out, force=force)
+    output.say(context.as_json, {"png": str(out)}, f"Wrote {out}.")

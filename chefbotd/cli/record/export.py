@@ -1,0 +1,85 @@
+"""A recording as tables: a CSV file for each topic, a row for each message, a column for each number in it."""
+
+import csv
+import json
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, TextIO
+
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.record.opening import opened
+from chefbotd.recording.reader import Message
+
+WIDEST_LIST = 16
+"""A longer list, such as a scan's ranges, is one cell, as JSON."""
+
+OWN_COLUMNS = ("log_time_s", "sequence")
+
+
+def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool) -> list[Path]:
+    """Write the tables; returns their files.
+
+    Raises:
+        ProgramError: the file is no recording, has not this topic, or a table cannot be written.
+    """
+    columns: dict[str, dict[str, None]] = {}
+    with opened(path) as reader:
+        for message in reader.messages():
+            row = columns.setdefault(message.topic, dict.fromkeys(OWN_COLUMNS))
+            if not topics or message.topic in topics:
+                row.update(dict.fromkeys(name for name, _ in _cells(json.loads(message.data))))
+    if not columns:
+        raise ProgramError(Exit.FAILED, f"{path} has no message that can be read")
+    if unknown := sorted(set(topics) - columns.keys()):
+        known = ", ".join(sorted(columns))
+        raise ProgramError(Exit.FAILED, f"{path} has no topic {', '.join(unknown)}; it has {known}")
+    files = {topic: folder / _file_name(topic) for topic in columns if not topics or topic in topics}
+    for file in files.values():
+        if file.exists() and not force:
+            raise ProgramError(Exit.FAILED, f"{file} exists already; --force replaces it")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(path, files, columns)
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"cannot write in {folder}: {error.strerror}") from error
+    return sorted(files.values())
+
+
+def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None]]) -> None:
+    streams: dict[str, TextIO] = {}
+    try:
+        writers = {}
+        for topic, file in files.items():
+            streams[topic] = file.open("w", newline="", encoding="utf-8")
+            writers[topic] = csv.DictWriter(streams[topic], list(columns[topic]))
+            writers[topic].writeheader()
+        with opened(path) as reader:
+            for message in reader.messages():
+                if message.topic in writers:
+                    writers[message.topic].writerow(_row(message))
+    finally:
+        for stream in streams.values():
+            stream.close()
+
+
+def _row(message: Message) -> dict[str, Any]:
+    own = {"log_time_s": f"{message.log_ns / 1e9:.9f}", "sequence": message.sequence}
+    return {**own, **dict(_cells(json.loads(message.data)))}
+
+
+def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """The columns of a value, named by the way to each: ``velocity_rad_s.0``."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _cells(inner, f"{name}.{key}" if name else key)
+    elif isinstance(value, list) and len(value) <= WIDEST_LIST:
+        for index, inner in enumerate(value):
+            yield from _cells(inner, f"{name}.{index}")
+    elif isinstance(value, list):
+        yield name, json.dumps(value)
+    else:
+        yield name, value
+
+
+def _file_name(topic: str) -> str:
+    return topic.strip("/").replace("/", "_") + ".csv"

@@ -1,0 +1,89 @@
+"""What is in a recording: its topics with counts and rates, how long it is, of which robot, and what is wrong."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.record.opening import opened
+from chefbotd.recording.encoder import REPEATED
+from chefbotd.recording.reader import RecordingReader
+
+
+@dataclass(slots=True)
+class _Topic:
+    schema: str
+    count: int = 0
+    repeated: int = 0
+
+
+def show_info(context: CommandContext, path: Path) -> None:
+    """Print it."""
+    with opened(path) as reader:
+        found = _read(reader)
+    if context.as_json:
+        output.say(True, found, "")
+        return
+    echo("\n".join(_lines(found)))
+    rows = [
+        [topic, row["schema"], str(row["messages"]), "" if row["hz"] is None else f"{row['hz']:.1f}"]
+        for topic, row in found["topics"].items()
+    ]
+    output.table(False, None, ["topic", "schema", "messages", "Hz"], rows)
+
+
+def _read(reader: RecordingReader) -> dict[str, Any]:
+    topics: dict[str, _Topic] = {}
+    first_ns, last_ns, dropped = None, 0, 0
+    for message in reader.messages():
+        row = topics.setdefault(message.topic, _Topic(message.schema))
+        if message.sequence == REPEATED:
+            row.repeated += 1
+            continue
+        row.count += 1
+        first_ns = message.log_ns if first_ns is None else min(first_ns, message.log_ns)
+        last_ns = max(last_ns, message.log_ns)
+        if message.topic == "/events/EventsDropped":
+            dropped += msgspec.json.decode(message.data)["count"]
+    seconds = 0.0 if first_ns is None else (last_ns - first_ns) / 1e9
+    return {
+        "file": str(reader.path),
+        "size_bytes": reader.size,
+        "complete": reader.problem is None,
+        "problem": reader.problem,
+        "began_at_s": None if first_ns is None else first_ns / 1e9,
+        "seconds": seconds,
+        "messages": sum(row.count for row in topics.values()),
+        "dropped": dropped,
+        "robot": {**reader.metadata.get("chefbotd", {}), **reader.metadata.get("recording", {})},
+        "attachments": sorted(reader.attachments),
+        "topics": {
+            topic: {
+                "schema": row.schema,
+                "messages": row.count,
+                "hz": row.count / seconds if seconds else None,
+            }
+            for topic, row in sorted(topics.items())
+        },
+    }
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    robot = found["robot"]
+    lines = [f"{found['file']}: {found['size_bytes'] / 1e6:.1f} MB, {found['messages']} messages"]
+    if found["began_at_s"] is not None:
+        began = datetime.fromtimestamp(found["began_at_s"], UTC).strftime("%Y-%m-%d %H:%M:%S")
+        lines.append(f"{found['seconds']:.1f} s from {began} UTC on")
+    if robot:
+        told = f"robot {robot.get('robot', '?')}, chefbotd {robot.get('chefbotd', '?')}"
+        lines.append(f"{told}, recorded for: {robot.get('reason', '?')}, part {robot.get('part', '?')}")
+    if found["dropped"]:
+        lines.append(f"{found['dropped']} events are missing: the disk was too slow")
+    if found["problem"]:
+        lines.append(f"Beware: {found['problem']}. What is told here is what can be read.")
+    return lines

@@ -1,0 +1,145 @@
+"""chefbotctl log info, export and plot, on recordings that are whole, cut, empty, or none."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from chefbotd.cli.common.exits import Exit
+from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
+from chefbotd.core.events.recording import EventsDropped
+from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.scan import LaserScan
+from tests.chefbotd.recording.events import START_S, cycle, fault, recorder
+
+
+def run(*arguments: str | Path) -> Result:
+    """``chefbotctl log ARGS...``, which needs no daemon."""
+    return CliRunner().invoke(main, ["log", *map(str, arguments)])
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    """Two seconds at 50 Hz with a battery, a scan, a gap and a fault."""
+    made = recorder(tmp_path)
+    made.start("drive", START_S)
+    for k in range(101):
+        made.take(cycle(START_S + k / 50), START_S + k / 50)
+    made.take([BatteryMeasured(START_S, START_S, 12.25, 80.0, BatteryLevelStatus.OK)], START_S + 2.0)
+    beams = np.linspace(-3.0, 3.0, 40)
+    made.take(
+        [ScanMeasured(START_S, "top", Pose2D(), LaserScan(START_S, beams, beams**2, beams))], START_S + 2.0
+    )
+    made.take([EventsDropped(START_S + 1.0, 9, "slow")], START_S + 2.0)
+    made.take([fault(START_S + 1.5)], START_S + 2.0)
+    made.stop(START_S + 2.0)
+    (path,) = tmp_path.glob("*.mcap")
+    return path
+
+
+def test_info_tells_what_is_in_it(recorded: Path) -> None:
+    """Topics with counts and rates, length, robot, and what is missing."""
+    told = json.loads(run("info", recorded, "--json").output)
+    assert told["topics"]["/events/WheelsDriven"]["messages"] == 101
+    assert told["topics"]["/events/WheelsDriven"]["hz"] == pytest.approx(50.5, abs=0.6)
+    assert told["topics"]["/tf"]["schema"] == "foxglove.FrameTransforms"
+    assert told["seconds"] == pytest.approx(2.0, abs=0.01)
+    assert told["complete"]
+    assert told["dropped"] == 9
+    assert told["robot"]["robot"] == "kitchen-bot"
+    assert told["attachments"] == ["robot.urdf"]
+    words = run("info", recorded).output
+    assert "robot kitchen-bot" in words
+    assert "9 events are missing" in words
+    assert "/events/WheelsDriven" in words
+
+
+def test_a_file_that_was_cut_is_told_and_read(recorded: Path) -> None:
+    """What is left is shown, with a warning; its tables and picture can still be made."""
+    recorded.write_bytes(recorded.read_bytes()[:-200])
+    told = json.loads(run("info", recorded, "--json").output)
+    assert not told["complete"]
+    assert told["topics"]["/events/WheelsDriven"]["messages"] > 50
+    assert "Beware" in run("info", recorded).output
+    assert run("export", recorded, "--csv", recorded.parent / "tables").exit_code == 0
+    assert run("plot", recorded, "--out", recorded.parent / "cut.png").exit_code == 0
+
+
+@pytest.mark.parametrize("command", [["info"], ["export", "--csv", "tables"], ["plot", "--out", "x.png"]])
+@pytest.mark.parametrize(
+    ("content", "told"), [(b"", "is empty"), (b"PK not at all", "is no MCAP file"), (None, "No such file")]
+)
+def test_what_is_no_recording_is_an_error(
+    tmp_path: Path, command: list[str], content: bytes | None, told: str
+) -> None:
+    """Every command says what is wrong with which file, and writes nothing."""
+    path = tmp_path / "odd.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    options = [tmp_path / each if each in ("tables", "x.png") else each for each in command[1:]]
+    result = run(command[0], path, *options)
+    assert result.exit_code == Exit.FAILED
+    assert str(path) in result.output
+    assert told in result.output
+    assert [each.name for each in tmp_path.iterdir()] == ([] if content is None else ["odd.mcap"])
+
+
+def test_tables_have_a_row_for_each_message(recorded: Path) -> None:
+    """Nested values have columns of their own, a long list is one cell, and numbers are as they were."""
+    folder = recorded.parent / "tables"
+    result = run("export", recorded, "--csv", folder)
+    assert result.exit_code == 0, result.output
+    with (folder / "events_OdometryUpdated.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 101
+    assert float(rows[50]["odom_from_base.x_m"]) == (START_S + 1.0) / 3
+    assert float(rows[50]["covariance.1"]) == 2e-4
+    with (folder / "events_ScanMeasured.csv").open(newline="") as file:
+        (scan,) = csv.DictReader(file)
+    assert len(json.loads(scan["scan.range_m"])) == 40
+    again = run("export", recorded, "--csv", folder)
+    assert again.exit_code == Exit.FAILED
+    assert "--force replaces it" in again.output
+    assert run("export", recorded, "--csv", folder, "--force").exit_code == 0
+
+
+def test_one_topic_is_exported_alone(recorded: Path) -> None:
+    """And one that there is not is refused with those that there are."""
+    folder = recorded.parent / "tables"
+    assert run("export", recorded, "--csv", folder, "--topic", "/pose").exit_code == 0
+    assert [each.name for each in folder.iterdir()] == ["pose.csv"]
+    result = run("export", recorded, "--csv", folder, "--topic", "/posse")
+    assert result.exit_code == Exit.FAILED
+    assert "has no topic /posse" in result.output
+    assert "/pose" in result.output
+
+
+def test_a_picture_is_drawn(recorded: Path) -> None:
+    """Of more than one colour, the fault's red among them; another name than .png and an existing file are refused."""
+    out = recorded.parent / "drive.png"
+    result = run("plot", recorded, "--out", out)
+    assert result.exit_code == 0, result.output
+    with Image.open(out) as image:
+        colors = {color for _, color in image.convert("RGB").getcolors(1 << 24) or ()}
+    assert (214, 39, 40) in colors
+    assert (31, 119, 180) in colors
+    assert run("plot", recorded, "--out", out).exit_code == Exit.FAILED
+    assert run("plot", recorded, "--out", recorded.parent / "drive.pdf").exit_code == Exit.USAGE
+
+
+def test_a_recording_without_motion_has_nothing_to_draw(tmp_path: Path) -> None:
+    """The message names what would be drawn."""
+    made = recorder(tmp_path)
+    made.start("nothing", START_S)
+    made.take([EventsDropped(START_S, 1, "x")], START_S)
+    made.stop(START_S + 1.0)
+    (path,) = tmp_path.glob("*.mcap")
+    result = run("plot", path, "--out", tmp_path / "x.png")
+    assert result.exit_code == Exit.FAILED
+    assert "WheelsDriven" in result.output
