@@ -3,7 +3,6 @@
 import platform
 from collections.abc import Callable
 from functools import cache
-from importlib import metadata
 
 from chefbotd import __version__
 from chefbotd.recording.status import About
@@ -38,6 +37,8 @@ def about_robot(name: str, session: str, configuration: Callable[[], str], urdf:
 
 @cache
 def _versions() -> dict[str, str]:
+    from importlib import metadata  # large, and not needed before the first file
+
     found = {}
     for name in PACKAGES:
         try:

@@ -12,6 +12,9 @@ from typing import Literal
 
 from msgspec import Struct
 
+MAGIC = b"\x89MCAP0\r\n"
+"""At the beginning and at the end of every file."""
+
 MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 MESSAGE_HEAD_BYTES = MESSAGE.size - 9
 CHUNK_HEAD = struct.Struct("<BQQQQI")

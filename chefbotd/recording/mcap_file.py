@@ -22,10 +22,9 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-from mcap.writer import MCAP0_MAGIC
 
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import Chunk
+from chefbotd.recording.chunk import MAGIC, Chunk
 from chefbotd.recording.disk import Disk, OpenFile
 
 PROFILE = ""
@@ -44,7 +43,7 @@ class RecordingFile:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
-        self._put(MCAP0_MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
+        self._put(MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add facts by name."""
@@ -127,7 +126,7 @@ class RecordingFile:
             offset.write(summary)
         Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0).write(summary)
         data: bytes = summary.end()  # type: ignore[no-untyped-call]
-        self._put(data + MCAP0_MAGIC)
+        self._put(data + MAGIC)
         self._file.sync()
         self._file.close()
 

@@ -13,11 +13,11 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from msgspec import Struct
 
+from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import class_of, decode
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.errors import UnreadableRecording, explain
 
-MAGIC = b"\x89MCAP0\r\n"
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 

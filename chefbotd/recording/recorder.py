@@ -11,13 +11,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from mcap.writer import MCAP0_MAGIC
 from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.recording import EventsDropped
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import Chunk, ChunkBuilder, compressor
+from chefbotd.recording.chunk import MAGIC, Chunk, ChunkBuilder, compressor
 from chefbotd.recording.disk import Disk
 from chefbotd.recording.encoder import Encoder, ReadMap
 from chefbotd.recording.errors import RecordingError, explain
@@ -211,7 +210,7 @@ class Recorder:
         current = None if self._file is None else self._file.path
         try:
             rows = [
-                Stored(path.name, size, changed_s, self._disk.ends_with(path, MCAP0_MAGIC), path == current)
+                Stored(path.name, size, changed_s, self._disk.ends_with(path, MAGIC), path == current)
                 for path, size, changed_s in self._disk.files(self.folder, "*.mcap")
             ]
         except OSError as error:

@@ -116,7 +116,13 @@ def _mark_faults(axis: Any, curves: Curves) -> None:
     for at_s, fault in curves.faults:
         axis.axvline(at_s, color="tab:red", linewidth=1.0)
         axis.annotate(
-            fault, (at_s, 1.0), xycoords=("data", "axes fraction"), color="tab:red", fontsize=8, va="top"
+            fault,
+            (at_s, 1.0),
+            xycoords=("data", "axes fraction"),
+            color="tab:red",
+            fontsize=8,
+            va="top",
+            ha="right",
         )
 
 

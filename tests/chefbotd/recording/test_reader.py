@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.errors import UnreadableRecording
-from chefbotd.recording.reader import MAGIC, RecordingReader
+from chefbotd.recording.reader import RecordingReader
 from tests.chefbotd.recording.events import START_S, cycle, recorder
 
 
