@@ -5,6 +5,7 @@ from pydantic import Field
 from chefbotd.core.parameters import Parameters
 from chefbotd.localization.global_search import GlobalSearchParameters
 from chefbotd.localization.hypotheses import CertaintyParameters
+from chefbotd.localization.mount_check import MountCheckParameters
 from chefbotd.localization.searching import SearchingParameters, SearchSettings
 from chefbotd.localization.smoothing import SmoothingParameters
 from chefbotd.localization.surface_map import SurfaceMapParameters
@@ -42,6 +43,7 @@ class LocalizationParameters(Parameters):
     certainty: CertaintyParameters = CertaintyParameters()
     watch: WatchParameters = WatchParameters()
     smoothing: SmoothingParameters = SmoothingParameters()
+    mount_check: MountCheckParameters = MountCheckParameters()
 
     @property
     def for_search(self) -> SearchSettings:

@@ -5,7 +5,7 @@ asked changes nothing.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,12 @@ class SimulatedLd19:
         """The motor turns again."""
         self._stalled_s += max(at_s - self._stalled_at_s, 0.0)
         self._stalled_at_s = math.inf
+
+    def turn(self, by_rad: float) -> None:
+        """Somebody has turned it in its mount: its zero mark points elsewhere from now on (CCW positive)."""
+        mount = self._mount
+        turned = mount.base_from_lidar.compose(Pose2D(0.0, 0.0, by_rad))
+        self._mount = replace(mount, base_from_lidar=turned)
 
     @property
     def measured_s(self) -> float:

@@ -44,6 +44,10 @@ class LidarRunner:
             self._lidar.release(now_s)
         self._line.fault = fault
 
+    def turn(self, by_rad: float) -> None:
+        """Turn the lidar in its mount, which no configuration knows of."""
+        self._lidar.turn(by_rad)
+
     async def run(self) -> None:
         """Measure and send until cancelled."""
         while True:

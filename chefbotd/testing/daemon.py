@@ -143,7 +143,10 @@ def _in_memory(lidar: SimulatedLd19, board: BoardRunner, settings: Settings) -> 
     device = FakeSerialDevice()
     handover_s, seed = settings.sim.lidar.handover_s, settings.sim.seed
     return SimulatedLidar(
-        device, LidarRunner(lidar, board, device.feed, LoopClock(), handover_s=handover_s, seed=seed)
+        device,
+        LidarRunner(
+            lidar, board, lambda data: device.feed(data), LoopClock(), handover_s=handover_s, seed=seed
+        ),
     )
 
 

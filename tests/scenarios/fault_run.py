@@ -61,7 +61,7 @@ class Result:
     """What happened: ``zero_s`` and ``rest_s`` after the fault the board had its last duty and the robot moved last.
 
     Both are None where it drives on, at ``drives_m_s`` when the run ends. ``wrong`` says what was not as expected,
-    ``not_applicable`` why the fault cannot happen there.
+    ``not_applicable`` why the fault cannot happen there. ``outcome`` says in words what the figures do not.
     """
 
     robot: str
@@ -73,6 +73,7 @@ class Result:
     clients_lost: int
     wrong: tuple[str, ...]
     not_applicable: str = ""
+    outcome: str = ""
 
 
 def broken(robot_name: str, fault_name: str, error: Exception) -> Result:

@@ -20,9 +20,10 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from tests.scenarios import fault_run, process_faults, starts
+from tests.scenarios import fault_run, navigation_run, process_faults, starts
 from tests.scenarios.fault_run import Result, broken
 from tests.scenarios.faults import BOARD_FAULTS, PROGRAM_FAULTS
+from tests.scenarios.faults.on_the_way import WAY_FAULTS
 from tests.scenarios.robots import BOARDS, EVERY_ROBOT, ROBOTS, packaged_name
 
 REMARKS = (
@@ -58,6 +59,7 @@ VIRTUAL = (
     Part(fault_run.attempt, BOARD_FAULTS, on_sketches=True),
     Part(fault_run.attempt, PROGRAM_FAULTS),
     Part(starts.listen, starts.SILENT),
+    Part(navigation_run.attempt, WAY_FAULTS),
 )
 """On the virtual clock: every run is like every other, whatever runs beside it."""
 
@@ -141,6 +143,8 @@ def _outcome(same: Sequence[Result]) -> str:
 
 
 def _motion(same: Sequence[Result]) -> str:
+    if told := sorted({result.outcome for result in same if result.outcome}):
+        return f"[green]{', '.join(told)}[/]"
     speeds_m_s = [result.drives_m_s for result in same if result.drives_m_s is not None]
     stops = any(result.rest_s is not None for result in same)
     told = [f"[yellow]drives on, {max(speeds_m_s):.2f} m/s[/]"] if speeds_m_s else []

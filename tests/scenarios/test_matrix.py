@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios import fault_run, matrix, process_faults
+from tests.scenarios import fault_run, matrix, navigation_run, process_faults
 from tests.scenarios.fault_run import ENDED, Expected, Fault
 from tests.scenarios.faults import BOARD_FAULTS, FAULTS
+from tests.scenarios.faults.on_the_way import WAY_FAULTS
 from tests.scenarios.matrix import CLOCKS, VIRTUAL, Part, main, run, table, totals, trials
 from tests.scenarios.robots import BOARDS, ROBOTS, SKETCHED
 from tests.test_docs import PAGE, rows
@@ -48,15 +49,7 @@ NOT_INJECTED = {
     "Whoever saves a map is killed": "its test kills a program that saves",
     "The worker cannot work here": "its test has another worker",
     "The daemon dies while it has a worker": "its test starts a program of its own",
-    "The worker is gone or hangs while": "its test has a map and a goal",
     "A wish of navigation": "its test is the driver",
-    "No scans while": "its test has a map and a goal",
-    "Somebody steps in front": "its test has a map and a goal",
-    "A person takes over": "its test has a map and a goal",
-    "A stop or an e-stop, or a disarmed": "its tests have a map and a goal",
-    "Whoever waits for a goal": "its test has a map and a goal",
-    "Another map is loaded": "its test has two maps and a goal",
-    "Stairs, glass": "its tests have a map with zones",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 
@@ -75,6 +68,30 @@ def test_a_part_of_the_matrix_goes_as_defined(robot: str):
     assert [result.wrong for result in results] == [()] * len(PART)
     assert totals(results)["faults injected"] == len(PART)
     assert table(results).row_count == len(PART)
+
+
+WAYS = {fault.name: fault for fault in WAY_FAULTS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["stairs in the only door", "e-stop on the way", "lidar turned by 180 degrees"]
+)
+def test_faults_on_the_way_to_a_goal_go_as_defined(name: str):
+    """The goal has its one end, the robot rests in time, and nothing is touched."""
+    result = navigation_run.attempt(WAYS[name], "chefbot")
+    assert result.wrong == ()
+    assert "goal" in result.outcome
+
+
+@pytest.mark.slow
+def test_another_end_of_a_goal_than_the_defined_one_fails():
+    """Another end, other words, a robot that moves for too long, a silent log: each is told."""
+    wrong = dataclasses.replace(
+        WAYS["e-stop on the way"], end="reached", reason="a dog", rest_s=0.01, logged=("motors on fire",)
+    )
+    told = navigation_run.attempt(wrong, "chefbot").wrong
+    assert [each.partition(" ")[0] for each in told] == ["moved", "ended", "said", "log"]
 
 
 @pytest.mark.parametrize(
@@ -231,6 +248,16 @@ def test_the_page_says_what_is_told_and_logged(fault: Fault):
     kind = fault.expected.kind
     assert kind is None or f"`{re.sub(':.*', ':', kind)}" in seen
     for entry in fault.expected.logged:
+        assert f"`{entry}`" in logged
+
+
+@WITH_THE_PAGE
+@pytest.mark.parametrize("fault", WAY_FAULTS, ids=lambda fault: fault.name)
+def test_the_page_says_how_goals_end(fault: navigation_run.WayFault):
+    """A goal that is not reached has its end, and the log its entry, in the fault's row."""
+    _, _, _, seen, logged, *_ = row_of(fault)
+    assert fault.end == "reached" or f"`{fault.end}`" in seen
+    for entry in fault.logged:
         assert f"`{entry}`" in logged
 
 

@@ -4,91 +4,19 @@ import asyncio
 import base64
 import math
 import zlib
-from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from chefbotd.client import CallError, GoalCancelled, GoalFault, GoalUnreachable
-from chefbotd.clock import run_virtual
-from chefbotd.core.events import SafetyChanged
-from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
-from chefbotd.settings import load, packaged
 from chefbotd.sim.lidar_faults import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
-from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from chefbotd.testing.worker import worker_in_process
-from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.spawn import Child
+from tests.scenarios.on_the_way import GOAL, Drive, in_flat
 
 pytestmark = pytest.mark.slow
-
-START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
-GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
-"""Through the door of the living room into the hall: 1.5 m."""
-
-
-class Drive:
-    """The robot on its way; ``told`` is all that navigation told."""
-
-    def __init__(self, robot: SimulatedRobot, children: list[Child]) -> None:
-        self.robot, self.client, self.children = robot, robot.client, children
-        self.told: list[NavigationChanged] = []
-        self.safety: list[SafetyChanged] = []
-        robot.daemon.bus.add_handler(self.told.append, NavigationChanged)
-        robot.daemon.bus.add_handler(self.safety.append, SafetyChanged)
-
-    @property
-    def truth(self) -> Any:
-        return self.robot.board.truth(asyncio.get_running_loop().time())
-
-    @property
-    def speed_m_s(self) -> float:
-        return abs(float(self.truth.twist.linear_m_s))
-
-    def off(self) -> tuple[float, float]:
-        pose = self.truth.world_from_base
-        off_rad = abs(math.remainder(pose.heading_rad - GOAL["heading_rad"], math.tau))
-        return math.dist((pose.x_m, pose.y_m), (GOAL["x_m"], GOAL["y_m"])), off_rad
-
-    def begin(self, **goal: float) -> "asyncio.Task[str]":
-        return asyncio.create_task(self.client.navigate_to(**(goal or GOAL)))
-
-    async def until_driving(self) -> None:
-        async with asyncio.timeout(10.0):
-            while self.speed_m_s < 0.12:  # noqa: ASYNC110 - the truth has no event
-                await asyncio.sleep(0.05)
-
-
-def in_flat(folder: Path, scenario: Callable[[Drive], Awaitable[None]], zones: str = "") -> None:
-    """Run a scenario with the robot armed and localized, on a map with these zones."""
-    save(MapStore(folder, 3), "flat", FLAT.grid())
-    if zones:
-        (folder / "flat.map" / "zones.yaml").write_text(zones)
-    children: list[Child] = []
-
-    async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
-        children.append(await worker_in_process(theirs, parameters))
-        return children[-1]
-
-    async def run() -> None:
-        settings = load(packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START})
-        async with simulated_robot(settings, spawn_worker=spawn) as robot:
-            drive = Drive(robot, children)
-            await asyncio.sleep(1.5)
-            await robot.client.load_map("flat")
-            async with asyncio.timeout(15.0), robot.client.subscribe("localization") as events:
-                async for event in events:
-                    if event.data.state == "localized":
-                        break
-            await asyncio.wait_for(scenario(drive), 120.0)
-            assert not drive.truth.in_contact
-
-    run_virtual(run())
 
 
 def test_a_leg_ends_where_it_was_asked_for(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The skill that finds the way on a stored map: localization scan by scan, and the pose kept for the next run."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -17,10 +18,11 @@ from chefbotd.localization.localizer import (
     set_pose,
     step,
 )
+from chefbotd.localization.mount_check import MountCheck, checked
 from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.saved import SavedPose
 from chefbotd.localization.searching import LocalizationMap
-from chefbotd.localization.states import State
+from chefbotd.localization.states import HAS_POSE, State
 from chefbotd.localization.warm import warm
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose
@@ -70,6 +72,7 @@ class LocalizationSkill:
         self._within: LocalizationMap | None = None
         self._map: tuple[str, int] | None = None
         self._now = Localization()
+        self._mount = MountCheck()
         self._reason = ""
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
@@ -81,6 +84,18 @@ class LocalizationSkill:
     def used(self) -> tuple[str, int] | None:
         """The map in use, and its version; ``grid`` has its cells, ``report`` and ``seen`` what the last scan told."""
         return self._map
+
+    @property
+    def problem(self) -> str:
+        """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
+        turned_rad = self._mount.turned_rad
+        if turned_rad is None:
+            return ""
+        return (
+            f"by the lidar {self._parameters.lidar!r} the robot drives elsewhere than its wheels say: it seems to be "
+            f"turned by {_degrees(turned_rad)} degrees against its configuration (mount_yaw_rad), or wheels "
+            "have the wrong sign; mend that, then send localize"
+        )
 
     def warm(self) -> None:
         """Load, or compile, all that localization needs."""
@@ -112,6 +127,9 @@ class LocalizationSkill:
             self._localization, within, self._now, aligned.stamp_s, odometry, aligned.scan
         )
         self.report, self.seen = report, aligned
+        there = report.map_from_base if report.state in HAS_POSE else None
+        found = None if there is None else there.pose
+        self._mount = checked(self._localization.mount_check, self._mount, aligned.odometry, found)
         return self._located(report)
 
     # what has its own time
@@ -129,7 +147,7 @@ class LocalizationSkill:
     def _keep(self) -> None:
         """Keep the pose, if there is one that may be believed, and another than was kept last."""
         estimate = self._now.estimate
-        if self._map is None or self._now.state is not State.LOCALIZED or estimate is None:
+        if self._map is None or self._now.state is not State.LOCALIZED or estimate is None or self.problem:
             return
         pose = estimate.pose
         if self._kept is not None:
@@ -160,10 +178,10 @@ class LocalizationSkill:
             case messages.SetPose() as request:
                 self._require_map()
                 pose = np.array([request.x_m, request.y_m, request.heading_rad])
-                self._now = set_pose(self._localization, self._now, pose)
+                self._now, self._mount = set_pose(self._localization, self._now, pose), MountCheck()
             case _:  # Localize
                 self._require_map()
-                self._now = localize(self._now)
+                self._now, self._mount = localize(self._now), MountCheck()
         return self._standing()
 
     def _use(self, name: str, version: int) -> None:
@@ -185,7 +203,7 @@ class LocalizationSkill:
 
     def _rest(self) -> None:
         self._within = self._map = self._kept = self.grid = self.report = self.seen = None
-        self._now, self._reason = Localization(), ""
+        self._now, self._mount, self._reason = Localization(), MountCheck(), ""
         self._aligner.clear()
 
     def _require_map(self) -> None:
@@ -198,12 +216,13 @@ class LocalizationSkill:
 
     def _located(self, report: Report) -> Located:
         odometry, there = self._now.odometry, report.map_from_base
-        moved = odometry is not None and there is not None and report.map_from_odom is not None
+        is_known = there is not None and not self.problem
+        moved = odometry is not None and is_known and report.map_from_odom is not None
         c = there.covariance if there is not None else np.zeros((3, 3))
         upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
         return Located(
             stamp_s=report.stamp_s,
-            state=str(report.state),
+            state=str(State.LOST if self.problem else report.state),
             map=self._map[0] if self._map else None,
             map_from_base=_triple(compose(report.map_from_odom, odometry.pose)) if moved else None,  # type: ignore[arg-type,union-attr]
             odometry=_triple(odometry.pose) if odometry else NOTHING,
@@ -212,14 +231,32 @@ class LocalizationSkill:
             jumped=report.jumped,
             alternatives=tuple((*_triple(one.estimate.pose), one.fit) for one in report.alternatives),
             searched=report.searched,
-            reason=self._reason,
+            reason=self.problem or self._reason,
         )
 
     def _standing(self) -> Located:
         """How it stands between two scans."""
-        now_s, state = self._clock.now_s(), str(self._now.state)
+        now_s, state = self._clock.now_s(), str(State.LOST if self.problem else self._now.state)
         name = self._map[0] if self._map else None
-        return Located(now_s, state, name, None, NOTHING, NO_COVARIANCE, 0.0, False, (), 0.0, self._reason)
+        return Located(
+            now_s,
+            state,
+            name,
+            None,
+            NOTHING,
+            NO_COVARIANCE,
+            0.0,
+            False,
+            (),
+            0.0,
+            self.problem or self._reason,
+        )
+
+
+def _degrees(angle_rad: float) -> int:
+    """Whole degrees, half a turn always positive."""
+    degrees = round(math.degrees(angle_rad))
+    return 180 if degrees == -180 else degrees
 
 
 def _triple(pose: Floats) -> tuple[float, float, float]:

@@ -98,6 +98,7 @@ class NavigationSkill:
         match messages.REQUEST.decode(body):
             case messages.NavigateTo() as request:
                 self._require_map()
+                self._require_sound_pose()
                 numbers = navigator.navigate_to(tuple(map(_goal, request.goals)), queue=request.queue)
                 asked = [goal.number for goal in request.goals]
                 self._numbers.update(zip(numbers, asked, strict=True))
@@ -120,8 +121,13 @@ class NavigationSkill:
             told = self._problem or "no map is in use, or one is being made: load one, or finish it"
             raise Refused(RefusalKind.NO_MAP_LOADED, told)
 
+    def _require_sound_pose(self) -> None:
+        if self._finder is not None and self._finder.problem:
+            raise Refused(RefusalKind.POSE_UNKNOWN, self._finder.problem)
+
     def _planned(self, goal: GoalAsked) -> Planned:
         self._require_map()
+        self._require_sound_pose()
         now_s = self._clock.now_s()
         pose, status = self._pose(now_s)
         if pose is None or status is PoseStatus.LOST:
@@ -142,6 +148,8 @@ class NavigationSkill:
         self._follow_map()
         if self._finder is None:
             return
+        if self._finder.problem:
+            self._navigator.fail(self._finder.problem)
         pose, status = self._pose(now_s)
         self._take_seen(self._finder)
         done = self._navigator.step(now_s, pose or Pose2D(), status)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
@@ -82,9 +83,12 @@ class Bench:
         assert isinstance(answer, Located)
         return answer
 
-    def drive(self, first: int, last: int) -> None:
-        """A part of the tour, ten scans a second."""
+    def drive(self, first: int, last: int, turned_rad: float = 0.0) -> None:
+        """A part of the tour, ten scans a second; the lidar is turned in its mount, and the configuration is not."""
         for message in measured(first, last):
+            if isinstance(message, ScanSeen):
+                x_m, y_m, yaw_rad = message.mount
+                message = replace(message, mount=(x_m, y_m, yaw_rad - turned_rad))
             if message.stamp_s > self.clock.now_s():
                 self.clock.advance(message.stamp_s - self.clock.now_s())
             take = self.skill.take_scan if isinstance(message, ScanSeen) else self.skill.take_odometry
@@ -191,6 +195,23 @@ def test_set_pose_and_localize_change_the_state_at_once() -> None:
     assert bench.ask(Localize()).state == "searching"
     assert bench.ask(UseNone()) == bench.ask(UseNone())
     assert bench.ask(UseNone()).map is None
+
+
+def test_a_lidar_that_is_turned_in_its_mount_is_said_and_no_pose_is_told_any_more() -> None:
+    """It is found with the heading turned; when the robot has driven it is lost, until somebody has it look again."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 60, turned_rad=math.pi)
+    assert "localized" in {told.state for told in bench.told}
+    last = bench.told[-1]
+    assert (last.state, last.map_from_base) == ("lost", None)
+    assert "turned by 180 degrees against its configuration" in last.reason
+    assert bench.skill.problem == last.reason
+    assert bench.ask(Localize()).reason == ""
+    bench.told.clear()
+    bench.drive(60, 90)
+    assert {told.state for told in bench.told[-10:]} == {"localized"}
+    assert bench.skill.problem == ""
 
 
 def test_a_map_without_walls_is_refused_with_its_name() -> None:

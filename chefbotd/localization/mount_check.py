@@ -1,0 +1,74 @@
+"""Whether the lidar sits on the robot as configured: by scans the robot has to go the way that its wheels say.
+
+A lidar that is turned in its mount is found in the map all the same, with the robot's heading turned by as much. While
+the robot stands, nothing contradicts that. When it drives, its way by the scans points elsewhere than by the wheels.
+"""
+
+import math
+from typing import NamedTuple
+
+from pydantic import Field
+
+from chefbotd.core.geometry import wrap_angle
+from chefbotd.core.parameters import Parameters
+from chefbotd.mapping.poses import Floats, between
+
+
+class MountCheckParameters(Parameters):
+    """How far the robot drives until it is believed, and what counts."""
+
+    window_m: float = Field(default=0.08, gt=0, le=5)
+    windows: int = Field(default=3, ge=1, le=100)
+    """So many ways of this length, one after the other, all say the same;"""
+    alike_rad: float = Field(default=0.35, gt=0, le=1.5)
+    """which is, that they differ by no more than this from the first."""
+    least_rad: float = Field(default=0.5, gt=0, le=3.1)
+    """Less is no wrong mount: wheels slip, and a match has its error."""
+    most_turn_rad: float = Field(default=0.5, gt=0, le=3.1)
+    """A way on which the robot turns by more says nothing: the lidar's own place moves with the heading."""
+    least_share: float = Field(default=0.6, gt=0, le=1)
+    """Both ways are as long as each other, but for this share: wheels that spin, and a robot that is pushed, are not."""
+
+
+class MountCheck(NamedTuple):
+    """Where the present way began, by odometry and in the map, and what the ways before it said.
+
+    ``turned_rad`` is known once it is believed: by so much the lidar is turned in its mount, CCW positive.
+    """
+
+    begun: tuple[Floats, Floats] | None = None
+    said_rad: tuple[float, ...] = ()
+    turned_rad: float | None = None
+
+
+def checked(
+    params: MountCheckParameters, now: MountCheck, odometry: Floats, found: Floats | None
+) -> MountCheck:
+    """Take a scan's poses into account: by odometry, and as found in the map (None: scans do not fit just now)."""
+    if now.turned_rad is not None:
+        return now
+    if found is None:
+        return MountCheck()
+    if now.begun is None:
+        return now._replace(begun=(odometry, found))
+    by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], found)
+    if abs(by_wheels[2]) > params.most_turn_rad:
+        return MountCheck((odometry, found))
+    length_m, other_m = math.hypot(*by_wheels[:2]), math.hypot(*by_scans[:2])
+    if length_m < params.window_m:
+        return now
+    if min(length_m, other_m) < params.least_share * max(length_m, other_m):
+        return MountCheck((odometry, found))
+    off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
+    return _said(params, now, wrap_angle(off))._replace(begun=(odometry, found))
+
+
+def _said(params: MountCheckParameters, now: MountCheck, off_rad: float) -> MountCheck:
+    if abs(off_rad) < params.least_rad:
+        return MountCheck()
+    same = now.said_rad and abs(wrap_angle(off_rad - now.said_rad[0])) <= params.alike_rad
+    said = (*now.said_rad, off_rad) if same else (off_rad,)
+    if len(said) < params.windows:
+        return MountCheck(None, said)
+    middle = sum(wrap_angle(each - said[0]) for each in said) / len(said)
+    return MountCheck(None, said, wrap_angle(said[0] + middle))
