@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -54,6 +55,7 @@ def imported() -> Iterator[str]:
                     yield str(node.module).split(".")[0]
 
 
+@cache
 def used() -> set[str]:
     """The packages that these modules come from; one that is not installed goes by its module's name."""
     packages, ours = metadata.packages_distributions(), {"chefbotd", "firmware_protocol"}

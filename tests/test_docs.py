@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,7 @@ def rows() -> list[list[str]]:
     return [row for row in cells if not row[0].startswith("**")]
 
 
+@cache
 def names_in(path: Path) -> set[str]:
     """The names of its tests."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

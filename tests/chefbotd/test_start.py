@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.budget import sample
+
 SLOW_IMPORT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts its background jobs without it
@@ -90,8 +92,8 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
 CLOSED = ["<&-", ">&-", "2>&-", "<&- >&-", "<&- 2>&-", ">&- 2>&-", "<&- >&- 2>&-"]
 
 
-@pytest.mark.parametrize("program", ["chefbotd", "chefbotctl"])
-@pytest.mark.parametrize("closed", CLOSED)
+@pytest.mark.parametrize("program", sample(["chefbotd", "chefbotctl"], fast=2))
+@pytest.mark.parametrize("closed", sample(CLOSED, fast=2))
 def test_a_program_answers_without_standard_streams(program: str, closed: str) -> None:
     """``--version`` and a wrong option, whatever the shell has closed: exit codes 0 and 2, as ever."""
     start = f"exec {sys.executable} -c 'from chefbotd import start; start.{program}()'"
@@ -102,7 +104,7 @@ def test_a_program_answers_without_standard_streams(program: str, closed: str) -
     assert [code.returncode for code in codes] == [0, 2]
 
 
-@pytest.mark.parametrize("closed", CLOSED)
+@pytest.mark.parametrize("closed", sample(CLOSED))
 def test_the_daemon_starts_and_ends_in_order_without_standard_streams(closed: str) -> None:
     """SIGTERM, whatever the shell has closed: exit code 0, no abort of libuv, no log that fails."""
     command = (

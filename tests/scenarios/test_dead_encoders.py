@@ -74,7 +74,7 @@ def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> 
 @pytest.mark.parametrize("motion", sample(list(MOTIONS)))
 @pytest.mark.parametrize(
     ("scrub_duty", "dead_wheels"),
-    [(250.0, (0, 3)), (0.0, (1, 2))],
+    sample([(250.0, (0, 3)), (0.0, (1, 2))]),
     ids=["on a known floor", "on a floor that the feedforward knows nothing of"],
 )
 def test_a_dead_encoder_makes_the_robot_no_faster(

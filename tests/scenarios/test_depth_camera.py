@@ -98,6 +98,7 @@ TALL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guards", sample([True, False]))
 def test_a_tall_robot_stops_before_a_tables_top_and_only_the_camera_sees_it(guards: bool) -> None:
     """Three times towards the edge, at 0.2 m/s for 6 s each: it never touches; without the camera's guard it does."""
@@ -117,6 +118,7 @@ def test_a_tall_robot_stops_before_a_tables_top_and_only_the_camera_sees_it(guar
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 def test_beside_the_table_the_camera_lets_it_drive_away() -> None:
     """After the stop: back by a third of a metre, then turned towards the free floor and on."""
 

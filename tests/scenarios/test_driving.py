@@ -99,7 +99,8 @@ async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("linear_m_s", "angular_rad_s"), [(0.2, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.15, -0.5), (0.03, 0.0)]
+    ("linear_m_s", "angular_rad_s"),
+    sample([(0.2, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.15, -0.5), (0.03, 0.0)], fast=2),
 )
 def test_the_robot_moves_as_it_is_told(settings: Settings, linear_m_s: float, angular_rad_s: float):
     """After two seconds of a command the true twist is the one asked for, within 2 % and 2 mm/s."""
@@ -113,7 +114,9 @@ def test_the_robot_moves_as_it_is_told(settings: Settings, linear_m_s: float, an
     on_robot(scenario, settings)
 
 
-@pytest.mark.parametrize(("linear_m_s", "angular_rad_s"), [(9.0, 0.0), (-9.0, 4.0), (0.1, -30.0), (0.1, 0.2)])
+@pytest.mark.parametrize(
+    ("linear_m_s", "angular_rad_s"), sample([(9.0, 0.0), (-9.0, 4.0), (0.1, -30.0), (0.1, 0.2)], fast=2)
+)
 def test_a_command_is_answered_with_what_the_wheels_then_go_for(
     settings: Settings, linear_m_s: float, angular_rad_s: float
 ):
@@ -132,7 +135,7 @@ def test_a_command_is_answered_with_what_the_wheels_then_go_for(
     on_robot(scenario, unguarded(settings.model_copy(update={"sim": sim})))
 
 
-@pytest.mark.parametrize("linear_m_s", [0.1, 0.2, -0.2])
+@pytest.mark.parametrize("linear_m_s", sample([0.1, 0.2, -0.2]))
 def test_a_step_settles_without_overshoot(settings: Settings, linear_m_s: float):
     """From rest the true speed never exceeds the one asked for by a tenth, and after 1.5 s stays within 2 % of it."""
 
@@ -163,7 +166,8 @@ def test_what_feedforward_gets_wrong_is_corrected_within_two_seconds(settings: S
 
 
 @pytest.mark.parametrize(
-    ("linear_m_s", "angular_rad_s"), [(0.0, 0.3), (0.1, 0.3), (0.1, 0.5), (0.15, -1.0), (0.2, 1.0)]
+    ("linear_m_s", "angular_rad_s"),
+    sample([(0.0, 0.3), (0.1, 0.3), (0.1, 0.5), (0.15, -1.0), (0.2, 1.0)], fast=2),
 )
 def test_a_curve_is_driven_evenly(settings: Settings, linear_m_s: float, angular_rad_s: float):
     """From the third second on, for two seconds, neither speed strays from what is asked by more than a tenth."""
@@ -204,6 +208,7 @@ def test_full_speed_is_asked_for_by_full_scale_and_no_more(settings: Settings):
     on_robot(scenario, unguarded(settings))
 
 
+@pytest.mark.slow
 def test_a_square_closes_and_odometry_knows_where_the_robot_is(settings: Settings):
     """Four sides and four turns by time alone: odometry and truth end within 1 cm and 1 degree of each other."""
 
@@ -319,6 +324,7 @@ def test_odometry_survives_a_board_reset(settings: Settings):
     on_robot(scenario, settings)
 
 
+@pytest.mark.slow
 def test_a_wall_is_met_without_going_through_it(settings: Settings):
     """Without its guard the robot touches the wall and stays on this side; its range sensor saw it coming.
 
@@ -389,6 +395,7 @@ def wire_digest(seconds: float) -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", sample([12.0, 60.0]))
 def test_a_drive_is_the_same_every_time(seconds: float):
     """Same seed, same commands: every byte on the wire is the same, in both directions."""

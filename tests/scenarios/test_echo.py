@@ -10,6 +10,7 @@ from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core import events
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 from tests.scenarios.wires import Rewrite, rewire
 
 DECELERATION_M_S2 = 1.0
@@ -48,7 +49,7 @@ async def drive(
     return speeds
 
 
-@pytest.mark.parametrize("fault", [stuck, lost])
+@pytest.mark.parametrize("fault", sample([stuck, lost]))
 def test_behind_a_dead_echo_the_robot_slows_as_ever_and_gets_no_faster(fault):
     """At 0.10 m/s in a curve the echo dies. 0.05 m/s is reached at once and as gently as ever, 0.30 m/s not at all."""
 

@@ -87,7 +87,7 @@ def test_edges_alone_drive_as_well_as_counts(counts_per_turn: float, linear_m_s:
 
 @pytest.mark.parametrize(
     "short",
-    [{"sim__board__line_rate_bytes_s": 4000.0}, {"sim__board__edge_buffer": 64}],
+    sample([{"sim__board__line_rate_bytes_s": 4000.0}, {"sim__board__edge_buffer": 64}]),
     ids=["line", "buffer"],
 )
 def test_a_board_that_cannot_tell_every_edge_is_not_taken_for_a_slower_robot(short: dict[str, object]):
@@ -140,7 +140,7 @@ def test_a_lost_line_costs_a_reading_and_is_counted():
     on_robot(scenario)
 
 
-@pytest.mark.parametrize("share", ["flip_share", "drop_share", "double_share"])
+@pytest.mark.parametrize("share", sample(["flip_share", "drop_share", "double_share"]))
 def test_one_byte_in_a_thousand_damaged_costs_way_and_no_speed(share: str):
     """Some 15 lines a second are damaged: it drives on at its speed, and what odometry lacks it never makes up."""
 

@@ -201,6 +201,7 @@ def test_a_reset_in_the_middle_of_a_line_is_a_restart():
     run_virtual(run())
 
 
+@pytest.mark.slow
 def test_a_restart_is_heard_among_all_that_one_read_brings():
     """A banner and 20,000 encoder lines after it in one chunk: disarmed, and told why."""
 

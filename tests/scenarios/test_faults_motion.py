@@ -79,13 +79,16 @@ async def left_by_arm(robot: SimulatedRobot, fault: str) -> str:
 @on_every_board
 @pytest.mark.parametrize(
     ("broken", "fault", "within_s", "advice"),
-    [
-        (frozen, "wheel_stalled", 2.2, "its encoder is plugged in"),
-        (reversed_from_now, "wheel_reversed", 0.6, "wired backwards"),
-        (jumping, "encoder_jumps", 0.5, "loose contact"),
-    ],
+    sample(
+        [
+            (frozen, "wheel_stalled", 2.2, "its encoder is plugged in"),
+            (reversed_from_now, "wheel_reversed", 0.6, "wired backwards"),
+            (jumping, "encoder_jumps", 0.5, "loose contact"),
+        ],
+        fast=2,
+    ),
 )
-@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("wheel", sample([0, 1], fast=2))
 def test_a_broken_encoder_stops_the_robot(
     robot_name: str, broken: Callable[[int], Rewrite], fault: str, within_s: float, advice: str, wheel: int
 ):
@@ -177,6 +180,7 @@ def test_a_critical_battery_disarms(robot_name: str):
     on_robot(robot_name, scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ROBOTS)
 def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: str):
     """Driven at a wall it comes to rest between the stop distance and 5 cm more; turning and backing off go on.
@@ -203,7 +207,7 @@ def test_the_guard_keeps_the_robot_off_the_wall_and_lets_it_leave(robot_name: st
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
-@pytest.mark.parametrize("service", ["odometry", "sensors", "stats"])
+@pytest.mark.parametrize("service", sample(["odometry", "sensors", "stats"]))
 def test_a_service_whose_task_is_cancelled_stops_the_robot_and_comes_back(robot_name: str, service: str):
     """Zero before the service runs again; it is named, and armed again all is as it was."""
 
@@ -232,7 +236,7 @@ def test_a_service_that_raises_stops_the_robot_and_comes_back(robot_name: str):
 
 
 @pytest.mark.parametrize("robot_name", ROBOTS)
-@pytest.mark.parametrize("ending", ["six failures", "control", "link"])
+@pytest.mark.parametrize("ending", sample(["six failures", "control", "link"]))
 def test_what_cannot_go_on_ends_with_a_stop(robot_name: str, ending: str):
     """Six failures within a minute, or the loss of a part that cannot be missed: the daemon ends, after a stop."""
 
@@ -270,6 +274,7 @@ def test_an_error_in_the_control_loop_stops_the_robot_and_the_loop_lives_on(robo
     on_robot(robot_name, scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ROBOTS)
 @pytest.mark.parametrize(
     "world",

@@ -50,6 +50,7 @@ def to_walls_m(points: np.ndarray) -> np.ndarray:
     return np.array([WALLS.clearance_m((x, y)) for x, y in points])
 
 
+@pytest.mark.slow
 def test_scans_of_a_robot_that_turns_and_drives_lie_on_the_walls() -> None:
     """With the true poses under the beams' own times: half of the points within 1.5 cm, nearly all within 5 cm."""
     seen: list[ScanMeasured] = []
@@ -77,6 +78,7 @@ def test_scans_of_a_robot_that_turns_and_drives_lie_on_the_walls() -> None:
     in_flat(scenario)
 
 
+@pytest.mark.slow
 def test_the_same_seed_sees_the_same() -> None:
     """Two runs, bit for bit; another seed, other noise."""
     runs = []
@@ -93,6 +95,7 @@ def test_the_same_seed_sees_the_same() -> None:
     assert runs[0].shape != runs[2].shape or not (runs[0] == runs[2]).all()
 
 
+@pytest.mark.slow
 def test_a_thing_that_is_put_in_the_way_is_seen_and_bumped_into() -> None:
     """A bag 0.7 m ahead: the scan ends at it; with the guard off the robot touches it, which the truth tells."""
 
@@ -116,6 +119,7 @@ def test_a_thing_that_is_put_in_the_way_is_seen_and_bumped_into() -> None:
     in_flat(scenario, **{"safety.guard.enabled": False})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "condition"),
     sample(
@@ -149,7 +153,7 @@ def test_what_is_wrong_with_the_lidar_is_told_and_mended(fault: LidarFault, cond
     in_flat(scenario)
 
 
-@pytest.mark.parametrize("fault", [LidarFault.CUT, LidarFault.DOUBLED])
+@pytest.mark.parametrize("fault", sample([LidarFault.CUT, LidarFault.DOUBLED]))
 def test_cut_and_doubled_packets_make_no_false_wall(fault: LidarFault) -> None:
     """What still comes out of it lies on the walls."""
 

@@ -92,6 +92,7 @@ def test_an_estop_sent_behind_another_clients_arm_outlives_a_freeze(tmp_path: Pa
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_drives_that_were_sent_during_a_freeze_move_nothing(tmp_path: Path):
     """It stands and is frozen for a second, in which five drives are sent: all refused as too old, the wheels still."""
 
@@ -110,6 +111,7 @@ def test_drives_that_were_sent_during_a_freeze_move_nothing(tmp_path: Path):
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frozen_s", sample([1.0, 5.0]))
 def test_a_freeze_at_rest_is_no_fault(tmp_path: Path, frozen_s: float):
     """However long, the robot is armed after it, moves nothing by itself, and drives at once when told."""

@@ -54,6 +54,7 @@ def test_it_stands_before_what_is_behind_it_and_lets_itself_be_driven_away() -> 
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 def test_what_it_passes_at_the_side_does_not_slow_it() -> None:
     """Two things 0.06 m beside its way, left and right."""
 
@@ -69,6 +70,7 @@ def test_what_it_passes_at_the_side_does_not_slow_it() -> None:
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", sample([2, 1]))
 def test_driven_about_among_things_it_touches_none(seed: int) -> None:
     """A minute of motions that change every two seconds, arcs and reverse among them, between five things."""

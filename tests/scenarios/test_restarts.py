@@ -99,6 +99,7 @@ def test_whoever_is_killed_in_mid_drive_leaves_a_robot_that_is_disarmed(tmp_path
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_failure_that_ends_the_program_is_not_in_order(tmp_path: Path):
     """Exit code 1: what starts next is disarmed for the failure, whose fault latched before the end."""
 
@@ -128,6 +129,7 @@ def test_whoever_ends_in_order_leaves_a_robot_that_is_armed(tmp_path: Path):
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_without_a_folder_there_is_no_memory_and_the_log_says_so(tmp_path: Path):
     """Neither configured nor under systemd: an e-stop goes with the program."""
 

@@ -37,6 +37,7 @@ async def fault_of(robot: SimulatedRobot) -> tuple[str | None, str]:
     return told["fault"], told["reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ROBOTS)
 @pytest.mark.parametrize("stand", sample(list(STANDS)))
 def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
@@ -53,6 +54,7 @@ def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", sample([((0.05, 0.3),), ((0.1, 1.0),)]))
 def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, float]):
     """KHAN's inner wheels are hardly asked to turn and dragged sideways: twelve seconds without a fault."""
@@ -67,6 +69,7 @@ def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, f
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ROBOTS)
 def test_a_healthy_robot_may_creep(robot_name: str):
     """So slowly that friction holds it up first, ahead at 1 cm/s and in place at 0.05 and 0.1 rad/s: nothing latches."""

@@ -8,6 +8,7 @@ import pytest
 from chefbotd.core.record import replace
 from chefbotd.motion import limits
 from chefbotd.safety import encoder_timeout, gate
+from tests.budget import sample
 from tests.scenarios.robots import SKETCHED
 from tests.scenarios.soak import soak
 
@@ -37,20 +38,22 @@ def always_armed(check: Callable[..., Any]) -> Callable[..., Any]:
 
 @pytest.mark.parametrize(
     ("module", "broken", "complaint"),
-    [
-        (
-            gate,
-            {"accept": always_armed(gate.accept), "decide": always_armed(gate.decide)},
-            "on the wire while|because it was armed",
-        ),
-        pytest.param(
-            encoder_timeout,
-            {"is_stale": lambda params, state, now_s: False},
-            "drives without being able to see",
-            marks=pytest.mark.slow,
-        ),
-        (limits, {"advance": lambda axis, speed, rate, aim, dt_s: (aim, 0.0)}, "setpoint changed by"),
-    ],
+    sample(
+        [
+            (
+                gate,
+                {"accept": always_armed(gate.accept), "decide": always_armed(gate.decide)},
+                "on the wire while|because it was armed",
+            ),
+            pytest.param(
+                encoder_timeout,
+                {"is_stale": lambda params, state, now_s: False},
+                "drives without being able to see",
+                marks=pytest.mark.slow,
+            ),
+            (limits, {"advance": lambda axis, speed, rate, aim, dt_s: (aim, 0.0)}, "setpoint changed by"),
+        ]
+    ),
     ids=["modes", "encoders", "ramps"],
 )
 def test_what_does_not_hold_is_told(

@@ -47,6 +47,7 @@ def test_tuning_while_driving_makes_no_bump() -> None:
     assert max(jumps) <= ripple + 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ["chefbot", "khan"])
 def test_gains_far_off_make_no_bump_and_hold_back_no_stop(robot_name: str) -> None:
     """No feedforward from one moment to the next: no bump, and a stop just after it is through within its ramp."""

@@ -49,6 +49,7 @@ def test_a_signal_ends_with_a_stop(tmp_path: Path, number: signal.Signals):
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_nothing_puts_the_daemon_to_sleep_while_the_robot_moves(tmp_path: Path):
     """Ctrl-Z and its like are ignored: the dead-man still stops the robot when its driver says no more."""
 
@@ -62,6 +63,7 @@ def test_nothing_puts_the_daemon_to_sleep_while_the_robot_moves(tmp_path: Path):
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_out_of_memory_in_a_request_stops_nothing(tmp_path: Path):
     """The request gets an error, the robot drives on, and a signal still ends with a stop."""
 
@@ -114,6 +116,7 @@ def test_a_service_that_cannot_run_ends_the_program_with_a_stop(tmp_path: Path):
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_kill_9_leaves_the_motors_running(tmp_path: Path):
     """Nothing that runs in the process can help: the last duty stays in force. Only firmware can cover this."""
 

@@ -81,7 +81,7 @@ async def pose_error(robot: SimulatedRobot) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("robot_name", "wheel"), sample([WHEELS[5], *WHEELS[:5]]))
-@pytest.mark.parametrize("velocity_rad_s", [3.0, -5.0])
+@pytest.mark.parametrize("velocity_rad_s", sample([3.0, -5.0]))
 def test_a_wheel_turns_as_it_is_told_and_the_others_stand(robot_name: str, wheel: str, velocity_rad_s: float):
     """From the third second on within 2 % in sign and size, the others at zero, and at rest after a stop."""
 
@@ -133,6 +133,7 @@ def test_too_fast_wheels_keep_their_ratio():
     on_robot(load(overrides=LIFTED), scenario)
 
 
+@pytest.mark.slow
 def test_wheels_do_not_drive_the_robot_into_a_wall():
     """The guard computes from the wheels where the robot goes: it stands before the wall, and backs off when asked."""
 
@@ -191,7 +192,7 @@ def test_no_duty_follows_the_reset_of_a_driving_robots_board():
 
 
 @pytest.mark.parametrize("wheel", sample([1, 0, 2, 3]))
-@pytest.mark.parametrize("broken", [frozen, slipping])
+@pytest.mark.parametrize("broken", sample([frozen, slipping]))
 def test_a_wheel_that_disagrees_does_not_bend_the_odometry(broken: Callable[[int], Rewrite], wheel: int):
     """KHAN drives on for a second and a half: the wheel is named, and odometry stays within 2 cm and 3 degrees."""
 
@@ -226,6 +227,7 @@ def test_a_dead_encoder_is_named_though_its_mate_stands_in(linear_m_s: float):
     on_robot(load(packaged("khan")), scenario)
 
 
+@pytest.mark.slow
 def test_healthy_wheels_agree():
     """Driving, turning on the spot, curving and reversing, nobody is left out at any time."""
 

@@ -10,6 +10,7 @@ from chefbotd.core import events
 from chefbotd.settings import Settings, load
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import sample
 
 
 def settings_of(sketch: SketchName) -> Settings:
@@ -35,7 +36,7 @@ LOST_M = 0.002
 """Rolled out within the second in which the sketch waits for its reset, 9 mm were lost."""
 
 
-@pytest.mark.parametrize("sketch", PUBLISHED_SKETCHES)
+@pytest.mark.parametrize("sketch", sample(PUBLISHED_SKETCHES))
 def test_an_ordinary_drive_is_read_without_a_complaint(sketch: SketchName):
     """A curve at 0.2 m/s: no jump, no malformed line, no byte lost at the board, no stuck echo, and it stays armed."""
 
@@ -53,7 +54,7 @@ def test_an_ordinary_drive_is_read_without_a_complaint(sketch: SketchName):
     run_virtual(run())
 
 
-@pytest.mark.parametrize("sketch", PUBLISHED_SKETCHES)
+@pytest.mark.parametrize("sketch", sample(PUBLISHED_SKETCHES))
 def test_a_reset_while_driving_stops_first_and_tells_its_end(sketch: SketchName):
     """The robot stands when ``r`` comes, no way is lost by that, and it drives again; the Arduino's goes on."""
 
@@ -87,7 +88,7 @@ def test_a_reset_while_driving_stops_first_and_tells_its_end(sketch: SketchName)
     run_virtual(run())
 
 
-@pytest.mark.parametrize("sketch", [SketchName.DUEMILANOVE, SketchName.TIVA])
+@pytest.mark.parametrize("sketch", sample([SketchName.DUEMILANOVE, SketchName.TIVA]))
 def test_no_byte_overflows_the_buffer_of_a_board_that_waits_for_echoes(sketch: SketchName):
     """One echo in ten is missing, and the loop waits 0.2 s for it; 100 changing commands a second meanwhile.
 

@@ -12,6 +12,7 @@ from chefbotd.link.ring import LineRing
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, Variant, to_board
 from firmware_protocol.decoder import Decoder
+from tests.budget import sample
 from tests.fakes.classic_sketch import duty_in_force
 
 LARGEST_DIGIT = 9
@@ -109,7 +110,7 @@ def test_a_stop_holds_whatever_piece_of_a_line_stands_before_it(variant: Variant
             assert set(understood(variant, line[:cut] + words)) == {(0,) * variant.wheels}
 
 
-@ROBOTS
+@pytest.mark.parametrize("variant", sample([CLASSIC, FOUR_WHEELS]), ids=lambda variant: variant.name)
 def test_one_damaged_byte_does_not_undo_the_shutdown_stop(variant: Variant):
     """After any cut line, any byte lost, doubled or with a bit flipped: zero, or a digit made of one of its zeros."""
     _, line = motion(variant)

@@ -16,6 +16,7 @@ from chefbotd.localization.localizer import (
 from chefbotd.localization.searching import LocalizationMap
 from chefbotd.localization.states import Event, State
 from chefbotd.mapping.poses import Floats, compose
+from tests.budget import sample
 from tests.chefbotd.localization.buildings import PARAMS, Robot, drawn, mirrored, off, twin_rooms
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,
@@ -98,7 +99,7 @@ def test_its_covariance_holds_what_it_promises(flat: LocalizationMap) -> None:
     assert 0.3 < np.mean(squares) < 6
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", sample(range(8), fast=2))
 def test_it_finds_itself_from_any_start(flat: LocalizationMap, seed: int) -> None:
     """Standing anywhere and turning slowly, it is right within 3 s, and never sure of a wrong place."""
     chance, lidar, robot = np.random.default_rng(seed), Lidar(WALLS, seed), Robot(flat)
@@ -113,7 +114,7 @@ def test_it_finds_itself_from_any_start(flat: LocalizationMap, seed: int) -> Non
     assert report.state is State.LOCALIZED
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", sample(range(4)))
 def test_a_kidnapping_is_noticed_and_undone(flat: LocalizationMap, seed: int) -> None:
     """Put into another place, and odometry knows nothing of it: noticed within 3 s, and right again within 10 s."""
     chance, lidar = np.random.default_rng(50 + seed), Lidar(WALLS, seed)
@@ -133,6 +134,7 @@ def test_a_kidnapping_is_noticed_and_undone(flat: LocalizationMap, seed: int) ->
     assert off(report, after)[0] < 0.05
 
 
+@pytest.mark.slow
 def test_people_and_a_moved_chair_do_no_harm(flat: LocalizationMap) -> None:
     """Three people walk about and a box stands where the map has none: it stays localized, within 0.05 m."""
     changed = np.vstack([WALLS, box(2.2, 3.6, 0.5, 0.3, 0.5), box(7.4, 1.5, 0.45, 0.45, 0.2)])
@@ -151,6 +153,7 @@ def test_people_and_a_moved_chair_do_no_harm(flat: LocalizationMap) -> None:
     assert worst < 0.06
 
 
+@pytest.mark.slow
 def test_glass_does_no_harm(flat: LocalizationMap) -> None:
     """The long wall at y = 3.2 turns out to be glass, and beams go through it. The fit falls, the pose holds.
 
@@ -223,6 +226,7 @@ def test_scans_and_odometry_may_be_apart_by_a_tenth_of_a_second(flat: Localizati
     assert np.percentile(degrees, 95) < 1.5
 
 
+@pytest.mark.slow
 def test_a_mirrored_map_is_never_believed() -> None:
     """The map's image is flipped. Rooms are rectangles, so some of it fits; it is not sure anywhere on the way."""
     lidar, way = Lidar(WALLS, 1), TRUTH[:160]

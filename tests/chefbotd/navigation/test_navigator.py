@@ -12,6 +12,7 @@ from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path
 from chefbotd.navigation.reports import Ended, PoseStatus
 from chefbotd.navigation.states import End, State
+from tests.budget import sample
 from tests.chefbotd.mapping.slam.flat import Floats, box, furnished_flat, wall
 from tests.chefbotd.navigation.buildings import office
 from tests.chefbotd.navigation.drives import ROUND, Drive, Person
@@ -43,6 +44,7 @@ def off(drive: Drive, goal: Goal) -> tuple[float, float]:
     return math.hypot(drive.pose.x_m - goal.x_m, drive.pose.y_m - goal.y_m), abs(math.degrees(turned))
 
 
+@pytest.mark.slow
 def test_through_two_doors_into_another_room() -> None:
     """Reached within 0.03 m and 3 degrees, 0.1 m from everything, in the time that was foretold to a third."""
     drive = Drive(FLAT, furnished_flat(), KITCHEN)
@@ -58,6 +60,7 @@ def test_through_two_doors_into_another_room() -> None:
     assert drive.way_m == pytest.approx(path.length_m, rel=0.05)
 
 
+@pytest.mark.slow
 def test_an_oblong_robot_drives_and_turns_without_touching() -> None:
     """KHAN's outline, 0.32 by 0.15 m with the origin in its middle, from desk to desk."""
     building = office(1)
@@ -72,6 +75,7 @@ def test_an_oblong_robot_drives_and_turns_without_touching() -> None:
     assert off(drive, goal)[0] < 0.03
 
 
+@pytest.mark.slow
 def test_a_chair_that_is_not_on_the_map_is_driven_round() -> None:
     """It stands in the middle of the way; 5 cm and more stay free of it, and there is no need to recover."""
     drive = hall(box(3.1, 1.2, 0.45, 0.45, 0.3))
@@ -81,6 +85,7 @@ def test_a_chair_that_is_not_on_the_map_is_driven_round() -> None:
     assert not any("backs out" in said for said in drive.said)
 
 
+@pytest.mark.slow
 def test_a_door_10_cm_wider_than_the_robot_is_driven_through() -> None:
     """0.46 m, at odds with the grid, seen by a lidar with noise."""
     door = np.vstack([wall((3.513, 0), (3.513, 1.237)), wall((3.513, 1.697), (3.513, 3.0))])
@@ -89,7 +94,7 @@ def test_a_door_10_cm_wider_than_the_robot_is_driven_through() -> None:
     assert drive.least_m > 0.0
 
 
-@pytest.mark.parametrize("speed_m_s", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("speed_m_s", sample([0.3, 0.6, 0.9]))
 def test_who_crosses_is_let_pass(speed_m_s: float) -> None:
     """Somebody who looks at nothing walks to and fro across a wide hall: no touch, and the goal is reached."""
     person = Person(np.array([[3.4, 0.5], [3.6, 7.5]]), speed_m_s=speed_m_s, is_blind=True, along_m=2.0)
@@ -99,6 +104,7 @@ def test_who_crosses_is_let_pass(speed_m_s: float) -> None:
     assert drive.least_m > 0.0
 
 
+@pytest.mark.slow
 def test_who_comes_towards_the_robot_in_a_corridor_is_made_way_for() -> None:
     """Somebody blind at 0.2 m/s in a corridor with no room for both: the robot backs off, and is not touched."""
     walls = np.vstack([wall((0, 1.0), (7.0, 1.0)), wall((0, 2.1), (7.0, 2.1))])
@@ -119,6 +125,7 @@ def test_somebody_who_steps_in_front_of_the_robot_is_not_touched() -> None:
     assert drive.least_m > 0.0
 
 
+@pytest.mark.slow
 def test_a_closed_door_with_another_way_is_gone_around() -> None:
     """Of two doors one is shut, which no map says: it takes the other."""
     walls = np.vstack(
@@ -130,6 +137,7 @@ def test_a_closed_door_with_another_way_is_gone_around() -> None:
     assert drive.least_m > 0.0
 
 
+@pytest.mark.slow
 def test_a_closed_door_without_another_way_ends_blocked_and_each_step_is_said() -> None:
     """It looks, looks for another way, waits, asks, and says for how long it was blocked."""
     walls = np.vstack([wall((3.5, 0), (3.5, 1.0)), wall((3.5, 1.8), (3.5, 3.0))])
@@ -143,6 +151,7 @@ def test_a_closed_door_without_another_way_ends_blocked_and_each_step_is_said() 
     assert drive.least_m > 0.05
 
 
+@pytest.mark.slow
 def test_a_goal_that_somebody_stands_on_is_driven_near_to_and_waited_for() -> None:
     """The robot waits beside him and says why; once he has gone, the goal is reached."""
     person = Person(np.array([[6.0, 1.4], [6.0, 0.3]]), speed_m_s=0.0)
@@ -175,6 +184,7 @@ def test_what_the_map_rules_out_is_unreachable_at_once() -> None:
         assert drive.way_m == 0.0
 
 
+@pytest.mark.slow
 def test_a_tolerance_allows_the_nearest_free_place_and_says_so() -> None:
     """0.1 m from the wall: driven to 0.18 m from it, since 0.2 m are allowed."""
     drive = hall()
@@ -269,6 +279,7 @@ def test_without_a_map_no_goal_is_accepted() -> None:
         Navigator(ROUND).navigate_to((Goal(1.0, 1.0),))
 
 
+@pytest.mark.slow
 def test_the_same_drive_is_the_same_bit_for_bit() -> None:
     """Nothing is left to chance."""
     ways = []

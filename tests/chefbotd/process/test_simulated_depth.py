@@ -19,6 +19,7 @@ from tests.scenarios.test_depth_camera import EYE
 pytestmark = pytest.mark.realtime
 
 
+@pytest.mark.slow
 def test_it_draws_what_is_before_the_robot_and_the_things_that_are_put_there() -> None:
     """The dining table's edge 1.0 m ahead; then a chair before it, at 0.7 m. Stamps are of the daemon's clock."""
     sim = {"map_path": "flat", "start_x_m": 2.2, "start_y_m": 1.5, "start_heading_rad": 0.0}

@@ -1,5 +1,6 @@
 """Token files and certificates: what opens the socket, and what is refused before anything is served."""
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,12 @@ def complaint(path: Path) -> str:
     return str(caught.value)
 
 
+@cache
+def keyring() -> Keyring:
+    """The keyring of ``TOKENS``; making one costs as much as trying many tokens."""
+    return Keyring.parse(TOKENS, "tokens")
+
+
 def test_each_token_gives_its_role() -> None:
     """Comments and empty lines are passed over; the wrong token, or half of one, gives nothing."""
     keyring = Keyring.parse(TOKENS, "tokens")
@@ -46,7 +53,7 @@ def test_each_token_gives_its_role() -> None:
 @given(st.text(st.characters(codec="utf-8"), max_size=80))
 def test_nothing_but_the_token_opens(offered: str) -> None:
     """Whatever text is offered, it is a role only if it is the token itself."""
-    assert (Keyring.parse(TOKENS, "tokens").role_of(offered) is None) == (offered not in (ANN, BOB))
+    assert (keyring().role_of(offered) is None) == (offered not in (ANN, BOB))
 
 
 def test_a_keyring_holds_no_token_in_the_clear() -> None:

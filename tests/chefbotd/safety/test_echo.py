@@ -2,6 +2,8 @@
 
 import random
 
+import pytest
+
 from chefbotd.safety import echo
 from chefbotd.safety.echo import UNKNOWN, EchoParameters, EchoState
 from chefbotd.safety.faults import Fault, FaultKind
@@ -56,6 +58,7 @@ def test_an_old_command_that_is_still_in_force_is_found() -> None:
     assert wire.go(100, (91.0, 45.0)) is not None
 
 
+@pytest.mark.slow
 def test_one_line_in_eight_may_be_damaged() -> None:
     """At random, for ten minutes."""
     chance, wire = random.Random(7), Wire()

@@ -11,6 +11,7 @@ from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
 from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
 from chefbotd.safety.outline import Box, Disc, Outline
 from chefbotd.safety.scan_guard import NOT_SEEN, View, limit
+from tests.budget import sample
 
 PARAMS = GuardParameters(deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
 ROUND, LONG = Disc(0.18), Box(0.3, 0.15)
@@ -205,7 +206,7 @@ class Drive:
         self.nearest_m = min(self.nearest_m, float(self.outline.distances(seen[:, 0], seen[:, 1]).min()))
 
 
-@pytest.mark.parametrize("outline", [ROUND, LONG], ids=str)
+@pytest.mark.parametrize("outline", sample([ROUND, LONG]), ids=str)
 @settings(max_examples=30, deadline=None)
 @given(wanted=MOTIONS, disc=DISCS)
 def test_a_disc_in_the_way_is_never_touched(
@@ -218,6 +219,7 @@ def test_a_disc_in_the_way_is_never_touched(
     assert drive.run(wanted, 6.0).nearest_m > 0.005
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(first=MOTIONS, then=MOTIONS, disc=DISCS)
 def test_nor_after_a_change_of_mind_at_speed(

@@ -13,6 +13,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
 from chefbotd.settings.gains_file import save
 from chefbotd.settings.toml_edit import Editor
+from tests.budget import sample
 
 SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 255, "integral_limit_duty": 300.0, "ks": 85}
 """Gains in short and long names, of which one may be off."""
@@ -154,7 +155,7 @@ def test_whatever_the_form(data: st.DataObject) -> None:
             assert path.read_bytes() == saved
 
 
-@pytest.mark.parametrize("pid", pid_forms())
+@pytest.mark.parametrize("pid", sample(list(pid_forms()), fast=3))
 @pytest.mark.parametrize("form", wheel_forms("a", "b"))
 @pytest.mark.parametrize("robot", WHEELS)
 def test_what_it_says_already(robot: str, pid: str, form: str, tmp_path: Path) -> None:

@@ -147,6 +147,7 @@ def test_commands_drive_and_are_echoed() -> None:
     assert launchpad.duty == (300, -200)
 
 
+@pytest.mark.slow
 def test_there_is_no_watchdog() -> None:
     """A minute after the last command the motors still obey it."""
     launchpad = board()
@@ -280,6 +281,7 @@ def test_next_event_is_when_to_come_back() -> None:
     assert sent == lazy.advance(2.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(times=st.lists(st.floats(0, 2), max_size=8))
 def test_how_often_the_board_is_asked_makes_no_difference(times: list[float]) -> None:

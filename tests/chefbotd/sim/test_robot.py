@@ -166,6 +166,7 @@ def test_a_start_inside_a_wall_is_refused() -> None:
         robot_in(NEAR_WALL, Pose2D(0.4, 0.0, 0.0))
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(shares=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6))
 def test_no_drive_leaves_the_room(shares: list[tuple[float, float]]) -> None:

@@ -16,6 +16,7 @@ import pytest
 from chefbotd.sim.simulate import simulate, stdin_lines
 from chefbotd.sim.simulation import Simulation
 from chefbotd.sim_parameters.simulation import SimulationParameters
+from tests.budget import sample
 
 pytestmark = pytest.mark.realtime
 
@@ -110,7 +111,7 @@ def test_a_link_that_cannot_be_made_ends_the_program(tmp_path: Path) -> None:
         session(["quit"], link=tmp_path / "chefbot")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", sample([signal.SIGTERM, signal.SIGINT]))
 def test_signals_end_a_run_without_stdin(tmp_path: Path, number: signal.Signals) -> None:
     """With stdin at its end the program runs on; a signal ends it with status 0 and the link removed."""
     link = tmp_path / "chefbot"

@@ -15,6 +15,7 @@ from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, BoardParameters
 from firmware_protocol.codec import KHAN
+from tests.budget import sample
 
 BANNER = b"Initializing I2C devices...\r\n"
 CYCLES = {"tiva": "teusib", "tiva_bare": "esb", "duemilanove": "teusi", "tiva_second": "tesb"}
@@ -32,7 +33,7 @@ def kinds(launchpad: Launchpad, to_s: float) -> str:
     return "".join(chr(line[0]) for _, line in launchpad.advance(to_s))
 
 
-@pytest.mark.parametrize("sketch", PUBLISHED_SKETCHES)
+@pytest.mark.parametrize("sketch", sample(PUBLISHED_SKETCHES))
 def test_a_cycle_has_its_lines_at_its_rate(sketch: str):
     """The lines of a cycle in their order, as often as measured, within 5 %; ``i`` may be missing."""
     launchpad = board(sketch)
@@ -52,6 +53,7 @@ def test_only_those_with_an_imu_have_a_banner(sketch: str):
     assert (BANNER in sent) == ("i" in CYCLES[sketch])
 
 
+@pytest.mark.slow
 def test_up_to_a_fifth_of_the_quaternions_is_missing():
     """A leaves 19 % out: of 1200 cycles 228, within 4 sigma (54)."""
     sent = kinds(board("tiva"), 60.2)

@@ -21,6 +21,7 @@ from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import environment
 from chefbotd.worker.watch import WorkerState
+from tests.budget import sample
 
 pytestmark = [
     pytest.mark.realtime,
@@ -149,7 +150,7 @@ asyncio.run(Worker(WorkerParameters(), SystemClock(), {}, tell).run())
 """
 
 
-@pytest.mark.parametrize("stopped", [False, True])
+@pytest.mark.parametrize("stopped", sample([False, True]))
 def test_it_dies_with_a_daemon_that_is_killed(stopped: bool) -> None:
     """Kill -9 of the daemon leaves no worker behind, not even a stopped one."""
     with subprocess.Popen([sys.executable, "-c", DAEMON], stdout=subprocess.PIPE, text=True) as daemon:

@@ -4,7 +4,8 @@ import io
 import json
 import math
 import re
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import pytest
 from rich.console import Console
@@ -21,20 +22,38 @@ from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 
-def drive(daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress]) -> CourseResult:
-    """A 2 m square over the socket."""
+def drive(
+    daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress], legs: int = 8
+) -> CourseResult:
+    """A 2 m square over the socket, or the first legs of it."""
 
     async def main() -> CourseResult:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
-            return await CourseDriver(robot, parameters, seen.append).drive_course(square(2.0))
+            return await CourseDriver(robot, parameters, seen.append).drive_course(square(2.0)[:legs])
 
     return daemon.run(main())
 
 
-def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
+@dataclass
+class Driven:
+    """A square that is done, what was told meanwhile, and the daemon that it was driven on."""
+
+    done: CourseResult
+    seen: list[Progress]
+    daemon: FakeDaemon
+
+
+@pytest.fixture(scope="module")
+def driven() -> Iterator[Driven]:
+    """One for all the tests that only look at it."""
+    fake, seen = FakeDaemon(), list[Progress]()
+    yield Driven(drive(fake, CourseParameters(), seen), seen, fake)
+    fake.close()
+
+
+def test_a_square_over_the_socket(driven: Driven) -> None:
     """Eight legs and a rest, each mark where it should be, in less than 75 s, ending with zero and its source free."""
-    seen: list[Progress] = []
-    done = drive(daemon, CourseParameters(), seen)
+    done, daemon = driven.done, driven.daemon
     assert [mark.name for mark in done.marks] == [
         "side 1", "turn 1", "side 2", "turn 2", "side 3", "turn 3", "side 4", "turn 4", "at rest",
     ]  # fmt: skip
@@ -44,17 +63,16 @@ def test_a_square_over_the_socket(daemon: FakeDaemon) -> None:
     assert daemon.twist.linear_m_s == daemon.twist.angular_rad_s == 0
 
 
-def test_truth_is_seen_from_the_start(daemon: FakeDaemon) -> None:
+def test_truth_is_seen_from_the_start(driven: Driven) -> None:
     """The true pose starts elsewhere in its world, and is compared from where the robot started."""
-    end = drive(daemon, CourseParameters(), []).marks[-1]
+    end = driven.done.marks[-1]
     assert end.true is not None
     assert (end.true.x_m, end.true.y_m) == pytest.approx((end.odometric.x_m, end.odometric.y_m), abs=1e-6)
 
 
-def test_progress_is_told(daemon: FakeDaemon) -> None:
+def test_progress_is_told(driven: Driven) -> None:
     """Every leg is reported, and its share grows from nothing to nearly all."""
-    seen: list[Progress] = []
-    drive(daemon, CourseParameters(), seen)
+    seen = driven.seen
     assert {now.leg for now in seen} == set(range(8))
     first = [now.share for now in seen if now.leg == 0]
     assert first == sorted(first)
@@ -62,9 +80,9 @@ def test_progress_is_told(daemon: FakeDaemon) -> None:
     assert first[-1] > 0.99
 
 
-def test_latencies_are_measured(daemon: FakeDaemon) -> None:
+def test_latencies_are_measured(driven: Driven) -> None:
     """Pings go out ten times a second; an event stamped 4 ms before it was sent is 4 ms old on arrival."""
-    done = drive(daemon, CourseParameters(), [])
+    done = driven.done
     assert len(done.latencies.pings) == pytest.approx(10 * done.seconds, rel=0.3)
     assert done.latencies.ages_s()[0] == pytest.approx(0.004)
 
@@ -72,16 +90,16 @@ def test_latencies_are_measured(daemon: FakeDaemon) -> None:
 def test_slip_is_noticed(daemon: FakeDaemon) -> None:
     """Wheels that slip by 10 % leave the robot 20 cm short of a 2 m side, and that is a problem."""
     daemon.slip = 0.1
-    done = drive(daemon, CourseParameters(), [])
+    done = drive(daemon, CourseParameters(), [], legs=1)
     side = replace(done, marks=done.marks[:1])
     assert side.marks[0].odometric.x_m == pytest.approx(2.0, abs=0.005)
     (problem,) = problems(side)
     assert problem.startswith(("the robot really ended 199", "the robot really ended 200"))
 
 
-def test_an_open_square_is_noticed(daemon: FakeDaemon) -> None:
+def test_an_open_square_is_noticed(driven: Driven) -> None:
     """Odometry that ended 10 cm from the goal is a problem of its own."""
-    done = drive(daemon, CourseParameters(), [])
+    done = driven.done
     end = replace(
         done.marks[-1], commanded=done.marks[-1].odometric.compose(Pose2D(0.1, 0.0, 0.1)), true=None
     )

@@ -35,6 +35,7 @@ from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import GateState, Mode, Rearm, SafetyParameters
+from tests.budget import sample
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -379,10 +380,12 @@ def test_a_lost_link_and_a_restarted_board_disarm_until_arm(fault: object):
 
 @pytest.mark.parametrize(
     ("fault", "named"),
-    [
-        (LinkClosed(0.0, "fake", "unplugged"), "link_lost"),
-        (BoardRestarted(0.0, "banner"), "board_restarted"),
-    ],
+    sample(
+        [
+            (LinkClosed(0.0, "fake", "unplugged"), "link_lost"),
+            (BoardRestarted(0.0, "banner"), "board_restarted"),
+        ]
+    ),
     ids=["link", "board"],
 )
 def test_a_flood_of_frames_does_not_push_a_fault_out(fault: object, named: str):

@@ -65,6 +65,7 @@ def test_map_from_odom_holds_when_odometry_begins_elsewhere(tmp_path: Path) -> N
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_the_pose_outlives_the_daemon(tmp_path: Path) -> None:
     """The next daemon uses the same map, tries the kept pose, and is right after three scans, without a search."""
     stored(tmp_path)
@@ -84,6 +85,7 @@ def test_the_pose_outlives_the_daemon(tmp_path: Path) -> None:
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_a_killed_worker_finds_itself_again(tmp_path: Path) -> None:
     """Killed in mid-drive, the next worker gets the map by itself and starts from the pose that was kept."""
     stored(tmp_path)
@@ -103,6 +105,7 @@ def test_a_killed_worker_finds_itself_again(tmp_path: Path) -> None:
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_it_rests_while_a_map_is_made(tmp_path: Path) -> None:
     """SLAM tells the pose then, and a pose that is given is refused; when that map is discarded, it goes on."""
     stored(tmp_path)

@@ -137,6 +137,7 @@ def test_a_map_is_made_and_saved(tmp_path: Path) -> None:
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_a_killed_worker_goes_on_by_itself(tmp_path: Path) -> None:
     """Killed in mid-drive it is back after half a second, in the same map, where the robot is."""
     workers = Workers()
@@ -169,6 +170,7 @@ def test_a_killed_worker_goes_on_by_itself(tmp_path: Path) -> None:
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_a_paused_map_stays_paused_in_the_next_worker(tmp_path: Path) -> None:
     """What the person asked for outlives the worker."""
     workers = Workers()
@@ -186,6 +188,7 @@ def test_a_paused_map_stays_paused_in_the_next_worker(tmp_path: Path) -> None:
     run_virtual(play())
 
 
+@pytest.mark.slow
 def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> None:
     """The next daemon says that a map was never finished, and goes on with it when told to."""
 

@@ -30,6 +30,7 @@ from chefbotd.maps.store import MapStore
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.budget import sample
 from tests.chefbotd.maps.test_store import grid, same
 
 Scenario = Callable[[Client], Awaitable[None]]
@@ -104,14 +105,14 @@ def test_a_map_comes_in_parts_which_fit_together(tmp_path: Path, monkeypatch: py
 
 @pytest.mark.parametrize(
     ("files", "told"),
-    [
+    sample([
         ({}, "x.yaml: cannot be read: No such file or directory"),
         ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "resolution: Input should be greater than 0"),
         ({"x.yaml": b"image: x.pgm\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.pgm: cannot be read: No such file"),
         ({"x.yaml": b"image: x.yaml\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.yaml: cannot be read as an image"),
         ({"x.yaml": b"\xff\xfe\x00"}, "x.yaml: is not text"),
         ({"x.yaml": b"[" * 100}, "x.yaml: not valid YAML"),
-    ],
+    ], fast=2),
 )  # fmt: skip
 def test_files_that_are_no_map_are_refused_with_what_is_wrong(
     tmp_path: Path, files: dict[str, bytes], told: str
@@ -410,7 +411,7 @@ def test_a_cancelled_import_ends_its_program_and_leaves_nothing(tmp_path: Path) 
     with_daemon(folder, scenario)
 
 
-@pytest.mark.parametrize("which", ["x.yaml", "x.pgm"])
+@pytest.mark.parametrize("which", sample(["x.yaml", "x.pgm"]))
 def test_what_is_no_regular_file_is_not_read(tmp_path: Path, which: str) -> None:
     """A FIFO would keep it waiting for ever, a device would never end."""
     write_files(tmp_path, "x", grid(1))

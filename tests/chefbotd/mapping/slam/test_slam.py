@@ -84,6 +84,7 @@ def test_the_same_input_gives_the_same_map_bit_for_bit(tour: Drive) -> None:
     assert again.state.edges.information.tobytes() == tour.state.edges.information.tobytes()
 
 
+@pytest.mark.slow
 def test_a_saved_state_goes_on_as_if_nothing_had_been() -> None:
     """Saved in the middle, restored and driven on, the map is the same bit for bit."""
     middle, lidar, odom = 300, Lidar(WALLS, 5), odometry(TRUTH, 5)
@@ -265,6 +266,7 @@ def test_an_odometry_that_jumps_by_kilometres_is_not_believed() -> None:
     assert max(max(active.grids.likelihood.shape) for active in found.state.active) < 1000
 
 
+@pytest.mark.slow
 def test_no_grid_grows_when_neither_scan_nor_odometry_can_be_believed() -> None:
     """It jumps while the robot is carried away: soon it is lost, and begins anew with a small map."""
     lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 60
