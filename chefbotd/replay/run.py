@@ -42,15 +42,16 @@ class Replayed(Struct, frozen=True):
 
 
 def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
-    """Replay a recording.
+    """Replay a recording, in an event loop of its own.
 
     Raises:
         NotReplayable: the text says why.
     """
     files = RecordingFiles(paths)
+    configuration = files.configuration
     if not wishes.any_version:
         files.require_version()
-    recorded = settings_of(files)
+    recorded = settings_of(configuration)
     settings = recorded if wishes.other is None else other_settings(recorded, wishes.other)
     groups = groups_of(files.messages())
     first = next(groups, None)
@@ -60,32 +61,34 @@ def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
             f"{files.problem or 'it has no entry'}"
         )
     began_s = time.monotonic()
-    outcome = asyncio.run(_replay(settings, first, chain((first,), groups), wishes))
+    outcome = asyncio.run(replay_groups(settings, first, groups, wishes))
     return Replayed(settings.robot.name, outcome, time.monotonic() - began_s, files.problem)
 
 
-async def _replay(settings: Settings, first: Group, groups: Iterable[Group], wishes: Wishes) -> Outcome:
+async def replay_groups(settings: Settings, first: Group, others: Iterable[Group], wishes: Wishes) -> Outcome:
+    """Replay the first entry and the others; shown on a socket, where one is wished for, at the loop's time."""
     entries = ReplayEntries()
     entries.set_time(first.entry.stamp_s)
     started = first.entry if isinstance(first.entry, DaemonStarted) else None
     daemon = replayed_daemon(settings, started, entries, listen=wishes.listen)
     replay = Replay(daemon, entries, own_timers=wishes.other is not None, left_out=settings.recording.without)
     rate = wishes.rate or (1.0 if wishes.listen is not None else None)
-    pace = None if rate is None else Pace(rate, time.monotonic)
+    groups = chain((first,), others)
+    pace = None if rate is None else Pace(rate, asyncio.get_running_loop().time)
     if wishes.listen is None:
         return await replay.run(groups, pace)
     async with Serving(daemon):
         return await replay.run(groups, pace)
 
 
-def settings_of(files: RecordingFiles) -> Settings:
+def settings_of(configuration: str) -> Settings:
     """The configuration in a recording.
 
     Raises:
-        NotReplayable: there is none, or this version does not understand it.
+        NotReplayable: this version does not understand it.
     """
     try:
-        return Settings.model_validate_json(files.configuration, strict=True)
+        return Settings.model_validate_json(configuration, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(each) for each in first["loc"])

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 from chefbotd.app import FeatureBuilder
@@ -16,6 +17,7 @@ from chefbotd.replay.recorded import groups_of, recorded_of
 from chefbotd.replay.replay import Outcome, Replay
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.recording import write_inline
 from chefbotd.testing.worker import no_worker
 from chefbotd.worker.spawn import Spawn
 
@@ -52,6 +54,20 @@ def recorded(script: Script, settings: Settings, spawn_worker: Spawn = no_worker
     recorder = BusRecorder()
     run_virtual(driven(script, settings, recorder.feature, spawn_worker))
     return recorder.events()
+
+
+def recorded_file(script: Script, settings: Settings, folder: Path, **recording: object) -> Path:
+    """The first file of a recording that begins with the daemon, unless ``auto_start`` is False."""
+    wanted = {"folder": folder, "auto_start": True, "ring_s": 0.0, "min_free_mb": 0.0, **recording}
+    chosen = settings.recording.model_copy(update=wanted)
+    made = settings.model_copy(update={"recording": chosen})
+
+    async def run() -> None:
+        async with simulated_robot(made, start_writer=write_inline) as robot:
+            await script(robot)
+
+    run_virtual(run())
+    return min(folder.glob("*.mcap"), key=lambda path: len(path.name))
 
 
 def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False) -> Outcome:
