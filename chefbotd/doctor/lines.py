@@ -150,6 +150,20 @@ def check_clock(heard: LinesHeard) -> Finding:
     )
 
 
+def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
+    """Motors that were on when a port was opened on which no daemon runs: whoever drove them has died."""
+    if not any(duty):
+        return []
+    told = " ".join(f"{each:g}" for each in duty)
+    return [
+        problem(
+            "motors_left_on",
+            f"the motors were on (s {told}) though no daemon runs",
+            "keep clear; whatever drove the robot ended without stopping it: 'journalctl -u chefbotd -n 50' may say why",
+        )
+    ]
+
+
 def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
     """Whether the motors are off and the wheels stand while nobody drives."""
     if not heard.is_board:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from chefbotd.cli.doctor.asking import YES
 from chefbotd.cli.doctor.collecting import Snapshot, snapshot
-from chefbotd.cli.doctor.visit import Visit
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.doctor.finding import Finding, skipped
@@ -23,107 +23,113 @@ AHEAD_WITHIN_RAD = math.radians(30)
 LEAVE_OUT = "Type skip to leave it out."
 
 
-async def examine_with_help(visit: Visit, robot: Client) -> None:
+async def examine_with_help(diagnosis: Diagnosis, robot: Client) -> None:
     """All four, each with a question of its own."""
-    await _push(visit, robot)
-    await _turn(visit, robot)
-    await _place_ahead(visit, robot)
-    await _lift(visit, robot)
+    await _push(diagnosis, robot)
+    await _turn(diagnosis, robot)
+    await _place_ahead(diagnosis, robot)
+    await _lift(diagnosis, robot)
 
 
 async def _moved(
-    visit: Visit, robot: Client, what: str, by_itself: str, twist: tuple[float, float, float]
+    diagnosis: Diagnosis, robot: Client, what: str, by_itself: str, twist: tuple[float, float, float]
 ) -> bool:
     """Whether somebody moved the robot, or had it drive: ``twist`` is for how long, forward and to the left."""
-    offer = f" Or clear the way, and type yes: it then {by_itself}." if visit.motors else ""
-    answer = await visit.asker.ask(f"{what}, and press Enter.{offer} {LEAVE_OUT}")
+    offer = f" Or clear the way, and type yes: it then {by_itself}." if diagnosis.motors else ""
+    answer = await diagnosis.asker.ask(f"{what}, and press Enter.{offer} {LEAVE_OUT}")
     if answer is None or answer.lower() == SKIP:
         return False
-    if answer == YES and visit.motors:
+    if answer == YES and diagnosis.motors:
         try:
             await robot.drive_for(*twist)
         except CallError as error:
-            visit.find(
+            diagnosis.find(
                 skipped("drive", f"the robot refused to drive: {error.message}", "'chefbotctl arm' first")
             )
             return False
     return True
 
 
-async def _push(visit: Visit, robot: Client) -> None:
+async def _push(diagnosis: Diagnosis, robot: Client) -> None:
     before = await snapshot(robot)
     what = "Push the robot straight ahead on the floor by about 30 cm"
     by_itself = f"drives {FORWARD_M:g} m ahead at {FORWARD_M_S:g} m/s"
-    if not await _moved(visit, robot, what, by_itself, (FORWARD_M / FORWARD_M_S, FORWARD_M_S, 0.0)):
-        visit.find(
+    if not await _moved(diagnosis, robot, what, by_itself, (FORWARD_M / FORWARD_M_S, FORWARD_M_S, 0.0)):
+        diagnosis.find(
             skipped("encoders", "the robot was not pushed", "run the doctor with somebody beside the robot")
         )
         return
     after = await snapshot(robot)
-    visit.find_all(check_push(visit.wheels, _turned(before, after)))
+    diagnosis.find_all(check_push(diagnosis.wheels, _turned(before, after)))
     motion = _motion(before, after)
-    visit.find_all(_lidar_motion(before, after, motion))
-    answer = await visit.asker.ask("How far did it go, in centimetres? Press Enter if you did not measure.")
+    diagnosis.find_all(_lidar_motion(before, after, motion))
+    answer = await diagnosis.asker.ask(
+        "How far did it go, in centimetres? Press Enter if you did not measure."
+    )
     real_m = _number(answer) / 100
-    visit.find(check_distance(motion.x_m, real_m, visit.settings.encoders.counts_per_turn))
+    diagnosis.find(check_distance(motion.x_m, real_m, diagnosis.settings.encoders.counts_per_turn))
 
 
-async def _turn(visit: Visit, robot: Client) -> None:
+async def _turn(diagnosis: Diagnosis, robot: Client) -> None:
     before = await snapshot(robot)
     what = (
         "Turn the robot on the spot to the left (counter-clockwise, seen from above) by about a quarter turn"
     )
     by_itself = f"turns by itself at {TURN_RAD_S:g} rad/s"
-    if not await _moved(visit, robot, what, by_itself, (TURN_RAD / TURN_RAD_S, 0.0, TURN_RAD_S)):
-        visit.find(
+    if not await _moved(diagnosis, robot, what, by_itself, (TURN_RAD / TURN_RAD_S, 0.0, TURN_RAD_S)):
+        diagnosis.find(
             skipped("turn", "the robot was not turned", "run the doctor with somebody beside the robot")
         )
         return
     after = await snapshot(robot)
     motion = _motion(before, after)
-    visit.find(check_turn(motion.heading_rad, visit.wheels, _turned(before, after)))
-    if visit.settings.imu is not None:
-        visit.find(check_imu_turn(_imu_turned(before, after), motion.heading_rad))
-    visit.find_all(_lidar_motion(before, after, motion))
+    diagnosis.find(check_turn(motion.heading_rad, diagnosis.wheels, _turned(before, after)))
+    if diagnosis.settings.imu is not None:
+        diagnosis.find(check_imu_turn(_imu_turned(before, after), motion.heading_rad))
+    diagnosis.find_all(_lidar_motion(before, after, motion))
 
 
-async def _place_ahead(visit: Visit, robot: Client) -> None:
-    mounts = visit.settings.range_mounts()
+async def _place_ahead(diagnosis: Diagnosis, robot: Client) -> None:
+    mounts = diagnosis.settings.range_mounts()
     sensors = [name for name, mount in mounts.items() if abs(mount.heading_rad) <= AHEAD_WITHIN_RAD]
     before = await snapshot(robot)
     sensors = [name for name in sensors if name in before.beams_m]
     if not sensors and not before.scans:
         return
-    answer = await visit.asker.ask(
+    answer = await diagnosis.asker.ask(
         f"Place a box (as high as the lidar, as wide as two hands) {AHEAD_M:g} m straight ahead of the robot's middle, "
         f"step aside, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        visit.find(
+        diagnosis.find(
             skipped("ahead", "nothing was placed ahead", "run the doctor with somebody beside the robot")
         )
         return
     after = await snapshot(robot)
-    visit.find_all(check_beam_ahead(each, before.beams_m[each], after.beams_m.get(each)) for each in sensors)
+    diagnosis.find_all(
+        check_beam_ahead(each, before.beams_m[each], after.beams_m.get(each)) for each in sensors
+    )
     both = before.scans.keys() & after.scans.keys()
-    visit.find_all(check_ahead(name, before.scans[name], after.scans[name], AHEAD_M) for name in sorted(both))
+    diagnosis.find_all(
+        check_ahead(name, before.scans[name], after.scans[name], AHEAD_M) for name in sorted(both)
+    )
 
 
-async def _lift(visit: Visit, robot: Client) -> None:
-    if visit.settings.imu is None:
+async def _lift(diagnosis: Diagnosis, robot: Client) -> None:
+    if diagnosis.settings.imu is None:
         return
     before = await snapshot(robot)
     if before.attitude is None:
         return
-    answer = await visit.asker.ask(
+    answer = await diagnosis.asker.ask(
         f"Lift the front of the robot by a hand's breadth, hold it still, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        visit.find(
+        diagnosis.find(
             skipped("imu_tilt", "the robot was not lifted", "run the doctor with somebody beside the robot")
         )
         return
-    visit.find(check_imu_lift(before.attitude, (await snapshot(robot)).attitude))
+    diagnosis.find(check_imu_lift(before.attitude, (await snapshot(robot)).attitude))
 
 
 def _turned(before: Snapshot, after: Snapshot) -> Mapping[str, float]:

@@ -115,8 +115,12 @@ def contents(
     }
 
 
-def write_bundle(path: Path, files: Mapping[str, str], redactor: Redactor) -> None:
+def write_bundle(
+    path: Path, files: Mapping[str, str], redactor: Redactor, recordings: Iterable[Path] = ()
+) -> None:
     """Write the files to a new archive that only its owner can read.
+
+    ``recordings`` go in as they are: the recorder keeps the parameters of no request that holds a secret.
 
     Raises:
         ProgramError: it is there already, or cannot be written.
@@ -131,6 +135,8 @@ def write_bundle(path: Path, files: Mapping[str, str], redactor: Redactor) -> No
                     entry = tarfile.TarInfo(f"{folder}/{name}")
                     entry.size, entry.mtime, entry.mode = len(data), int(now_s), 0o600
                     archive.addfile(entry, io.BytesIO(data))
+                for recording in recordings:
+                    archive.add(recording, f"{folder}/{recording.name}")
     except FileExistsError as error:
         raise ProgramError(Exit.FAILED, f"{path}: already there, and not overwritten") from error
     except OSError as error:

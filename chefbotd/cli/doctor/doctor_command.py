@@ -13,9 +13,8 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
     from chefbotd.cli.doctor.configuration import RunningDaemon
+    from chefbotd.cli.doctor.diagnosis import Diagnosis
     from chefbotd.cli.doctor.own_log import LogKept
-    from chefbotd.cli.doctor.visit import Visit
-    from chefbotd.client import Client
     from chefbotd.settings import Settings
 
 LISTEN_S = click.FloatRange(1.0, 600.0)
@@ -65,27 +64,29 @@ def doctor(
     if bundle is not None and bundle.exists():
         raise ProgramError(Exit.FAILED, f"{bundle}: already there, and not overwritten")
     settings, told = asyncio.run(_settings(path, device, context.address))
-    visit = _visit(settings, context.as_json, quiet=quiet)
-    visit.seconds, visit.motors = seconds, motors
-    context.run(_walk_and_bundle(visit, context, told, bundle, keep_log()))
+    diagnosis = _diagnosis(settings, context.as_json, quiet=quiet)
+    diagnosis.seconds, diagnosis.motors = seconds, motors
+    context.run(_walk_and_bundle(diagnosis, context, told, bundle, keep_log()))
     if context.as_json:
-        echo(view.as_json(visit.findings))
+        echo(view.as_json(diagnosis.findings))
     else:
-        echo(f"\n{view.summary(visit.findings)}.")
+        echo(f"\n{view.summary(diagnosis.findings)}.")
         if bundle is not None:
             echo(f"Wrote {bundle}: look through it before you send it.")
-    ctx.exit(view.exit_code(visit.findings))
+    ctx.exit(view.exit_code(diagnosis.findings))
 
 
-def _visit(settings: "Settings", as_json: bool, *, quiet: bool) -> "Visit":
+def _diagnosis(settings: "Settings", as_json: bool, *, quiet: bool) -> "Diagnosis":
     from chefbotd.cli.doctor import view
     from chefbotd.cli.doctor.asking import Nobody, TerminalAsker
-    from chefbotd.cli.doctor.visit import Visit
+    from chefbotd.cli.doctor.diagnosis import Diagnosis
     from chefbotd.clock import SystemClock
     from chefbotd.link.port import open_port
 
     asker = Nobody() if quiet else TerminalAsker()
-    return Visit(settings, asker, (lambda finding: None) if as_json else view.show, open_port, SystemClock())
+    return Diagnosis(
+        settings, asker, (lambda finding: None) if as_json else view.show, open_port, SystemClock()
+    )
 
 
 async def _settings(path: Path | None, device: str | None, where: Address) -> tuple["Settings", str]:
@@ -124,34 +125,13 @@ def _daemon_at(where: Address) -> "RunningDaemon | None":
 
 
 async def _walk_and_bundle(
-    visit: "Visit", context: CommandContext, told: str, bundle: Path | None, log: "LogKept"
+    diagnosis: "Diagnosis", context: CommandContext, told: str, bundle: Path | None, log: "LogKept"
 ) -> None:
+    from chefbotd.cli.doctor.gather_bundle import gather_bundle
     from chefbotd.cli.doctor.walk import walk
 
     try:
-        await walk(visit, context, told)
+        await walk(diagnosis, context, told)
     finally:
         if bundle is not None:
-            await _write_bundle(visit, context, bundle, log)
-
-
-async def _write_bundle(visit: "Visit", context: CommandContext, bundle: Path, kept: "LogKept") -> None:
-    from chefbotd.cli.doctor import host, view
-    from chefbotd.cli.doctor.bundle import LOG_LINES, Redactor, contents, secrets_in, write_bundle
-
-    api = visit.settings.api
-    try:
-        stats, state = await context.with_client(_figures)
-    except ProgramError as failure:
-        stats, state = {"not_asked": str(failure)}, {"not_asked": str(failure)}
-    log = await host.command_output("journalctl", "--unit=chefbotd", f"--lines={LOG_LINES}", "--no-pager")
-    files = contents(
-        view.as_data(visit.findings), visit.settings.model_dump(mode="json", by_alias=True), stats, state, log
-    )
-    files["doctor.txt"] = kept.text()
-    secrets = [context.credentials.token or "", *secrets_in(api.token_file, api.tls_key)]
-    write_bundle(bundle, files, Redactor(secrets))
-
-
-async def _figures(robot: "Client") -> tuple[object, object]:
-    return await robot.call("get_stats"), await robot.call("get_state")
+            await gather_bundle(diagnosis.settings, diagnosis.findings, context, bundle, log.text())

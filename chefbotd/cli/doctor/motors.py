@@ -5,7 +5,7 @@ from typing import Any
 
 from chefbotd.cli.doctor.asking import YES
 from chefbotd.cli.doctor.collecting import collected, of_topic
-from chefbotd.cli.doctor.visit import Visit
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.cli.drive.pilot import release_source
 from chefbotd.client import CallError, Client, Event
 from chefbotd.core.record import replace
@@ -21,6 +21,7 @@ from chefbotd.doctor.wheels import (
     check_scale,
 )
 from chefbotd.link.line_survey import echo_delays_s, line_bytes
+from chefbotd.safety.faults import FaultKind
 
 PERIOD_S = 0.05
 CREEP, STEADY, HARD = (0.1, 0.8), (0.3, 1.0), (0.8, 1.0)
@@ -28,6 +29,11 @@ CREEP, STEADY, HARD = (0.1, 0.8), (0.3, 1.0), (0.8, 1.0)
 board with another scale is noticed at a creep; one that did not is asked for the third, so that friction is overcome."""
 
 STANDSTILL_S = 0.8
+
+PROVOKED = frozenset(
+    {FaultKind.OVERSPEED, FaultKind.WHEEL_STALLED, FaultKind.WHEEL_REVERSED, FaultKind.ENCODER_JUMPS}
+)
+"""What wrong signs, plugs and scales lead to, and what is over when the wheel stands. Any other fault ends the test."""
 
 QUESTION = """\
 The doctor can turn each wheel forward, slowly, one after the other, for two seconds each.
@@ -47,36 +53,41 @@ ANSWERS = {
 }
 
 
-async def examine_motors(visit: Visit, robot: Client) -> None:
+async def examine_motors(diagnosis: Diagnosis, robot: Client) -> None:
     """Ask, drive each wheel, ask what was seen, and conclude."""
-    if (why := await _why_not(visit, robot)) is not None:
-        visit.find(skipped("motors", *why))
+    if (why := await _why_not(diagnosis, robot)) is not None:
+        diagnosis.find(skipped("motors", *why))
         return
     runs: list[WheelRun] = []
     delays_s: list[float] = []
     try:
-        for wheel in visit.wheels:
-            if not await _ready(robot, runs):
+        for wheel in diagnosis.wheels:
+            if (stopped := await _not_ready(robot, runs)) is not None:
+                diagnosis.find(
+                    skipped(f"motor {wheel.name}", f"it was not driven: {stopped}", "mend that, then 'arm'")
+                )
                 break
-            run, lines = await run_wheel(visit, robot, wheel)
-            delays_s += echo_delays_s(lines, len(visit.wheels))
-            run = replace(run, seen=await _ask_what_was_seen(visit, wheel.name))
+            run, lines = await run_wheel(diagnosis, robot, wheel)
+            delays_s += echo_delays_s(lines, len(diagnosis.wheels))
+            run = replace(run, seen=await _ask_what_was_seen(diagnosis, wheel.name))
             runs.append(run)
-            visit.find(check_motor(visit.wheels, run))
+            diagnosis.find(check_motor(diagnosis.wheels, run))
     finally:
         if robot.connected:
             await release_source(robot)
-    drive = visit.settings.drive
-    visit.find(
-        check_scale(visit.wheels, runs, max_duty=drive.max_duty, max_rim_speed_m_s=drive.max_rim_speed_m_s),
+    drive = diagnosis.settings.drive
+    diagnosis.find(
+        check_scale(
+            diagnosis.wheels, runs, max_duty=drive.max_duty, max_rim_speed_m_s=drive.max_rim_speed_m_s
+        ),
         check_echo(delays_s),
         *check_faults(runs),
     )
 
 
-async def _why_not(visit: Visit, robot: Client) -> tuple[str, str] | None:
+async def _why_not(diagnosis: Diagnosis, robot: Client) -> tuple[str, str] | None:
     """Why the wheels are not driven, and what to do; None: somebody has typed yes, and they may be."""
-    if not visit.motors:
+    if not diagnosis.motors:
         return (
             "the motors were not driven",
             "'chefbotctl doctor --motors' does so, on blocks, once you have typed yes",
@@ -87,27 +98,27 @@ async def _why_not(visit: Visit, robot: Client) -> tuple[str, str] | None:
     if safety.control:
         who = ", ".join(safety.control.values())
         return f"{who} drives the robot", "have them let go first"
-    if await visit.asker.ask(QUESTION) != YES:
+    if await diagnosis.asker.ask(QUESTION) != YES:
         return "nobody typed yes", "run it again with somebody beside the robot"
     return None
 
 
-async def _ready(robot: Client, runs: list[WheelRun]) -> bool:
-    """Arm again after a fault of the run before; what somebody else has stopped stays stopped."""
+async def _not_ready(robot: Client, runs: list[WheelRun]) -> str | None:
+    """Arm again after a fault that the run before has provoked; else why the next wheel is not driven."""
     safety = (await robot.get_state()).safety
     if safety.armed:
-        return True
-    if not runs or safety.fault is None or safety.fault != runs[-1].fault:
-        return False
+        return None
+    if not runs or safety.fault not in PROVOKED or safety.fault != runs[-1].fault:
+        return f"the robot is {safety.mode}: {safety.reason}"
     await robot.arm()
-    return True
+    return None
 
 
 async def run_wheel(
-    visit: Visit, robot: Client, wheel: WheelSetting
+    diagnosis: Diagnosis, robot: Client, wheel: WheelSetting
 ) -> tuple[WheelRun, list[tuple[float, bool, bytes]]]:
     """Drive one wheel: what all wheels did, and the lines on the wire meanwhile. Zero is commanded on every exit."""
-    top_rad_s = visit.settings.drive.max_rim_speed_m_s / wheel.radius_m
+    top_rad_s = diagnosis.settings.drive.max_rim_speed_m_s / wheel.radius_m
     async with collected(robot, ("wheels", "raw", "safety")) as events:
         try:
             if await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1]):
@@ -165,8 +176,8 @@ def _lines(events: list[Event[Any]]) -> list[tuple[float, bool, bytes]]:
     ]
 
 
-async def _ask_what_was_seen(visit: Visit, name: str) -> str:
-    answer = await visit.asker.ask(
+async def _ask_what_was_seen(diagnosis: Diagnosis, name: str) -> str:
+    answer = await diagnosis.asker.ask(
         f"{name} was driven forward. What did you see? Type yes (it turned forward), back (it turned backward), "
         "other (another wheel turned) or none (nothing turned); Enter if you did not look."
     )

@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any
 
 from chefbotd.cli.doctor.collecting import attitude, collected, of_topic, scan
-from chefbotd.cli.doctor.visit import Visit
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import Client, Event
 from chefbotd.client.state import State
 from chefbotd.doctor.battery import check_battery
@@ -25,45 +25,45 @@ TOPICS = ("raw", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stat
 PINGS, PING_EVERY_S = 50, 0.02
 
 
-async def examine_robot(visit: Visit, robot: Client, *, rate_is_known: bool = False) -> LinesHeard:
-    """Listen for ``visit.seconds``, and say what was found; what was heard of the board.
+async def examine_robot(diagnosis: Diagnosis, robot: Client, *, rate_is_known: bool = False) -> LinesHeard:
+    """Listen for ``diagnosis.seconds``, and say what was found; what was heard of the board.
 
     ``rate_is_known``: the baud rate has been found out already.
     """
     state = await robot.get_state()
     async with collected(robot, TOPICS) as events:
-        await asyncio.sleep(visit.seconds)
-    heard = _survey(visit, of_topic(events, "raw"))
+        await asyncio.sleep(diagnosis.seconds)
+    heard = _survey(diagnosis, of_topic(events, "raw"))
     if state.link.state != "up":
-        visit.find(
+        diagnosis.find(
             problem(
                 "link", f"the daemon has no link to the board: {state.link.reason}", "see the findings above"
             )
         )
     else:
         if not rate_is_known:
-            visit.find(_rate(visit, heard, state))
-        visit.find(*line_findings(visit, heard))
-    visit.find(_safety(state))
-    visit.find(*_sensor_findings(visit, heard, events))
-    visit.find(_odometry(of_topic(events, "odometry"), visit.seconds))
-    visit.find(check_latency(await _round_trips_s(robot), _loop_lag_s(of_topic(events, "stats"))))
+            diagnosis.find(_rate(diagnosis, heard, state))
+        diagnosis.find(*line_findings(diagnosis, heard))
+    diagnosis.find(_safety(state))
+    diagnosis.find(*_sensor_findings(diagnosis, heard, events))
+    diagnosis.find(_odometry(of_topic(events, "odometry"), diagnosis.seconds))
+    diagnosis.find(check_latency(await _round_trips_s(robot), _loop_lag_s(of_topic(events, "stats"))))
     return heard
 
 
-def _survey(visit: Visit, lines: Sequence[Event[Any]]) -> LinesHeard:
+def _survey(diagnosis: Diagnosis, lines: Sequence[Event[Any]]) -> LinesHeard:
     inward = [event for event in lines if event.data.direction == "in"]
     if not inward:
-        return LinesHeard(seconds=visit.seconds)
-    survey = LineSurvey(visit.settings.robot.wire, inward[-1].stamp_s - visit.seconds)
+        return LinesHeard(seconds=diagnosis.seconds)
+    survey = LineSurvey(diagnosis.settings.robot.wire, inward[-1].stamp_s - diagnosis.seconds)
     for event in inward:
         survey.feed(line_bytes(event.data.line), event.stamp_s)
     return survey.heard(inward[-1].stamp_s)
 
 
-def expected(visit: Visit) -> Expected:
+def expected(diagnosis: Diagnosis) -> Expected:
     """What the configuration takes for granted of the board."""
-    settings = visit.settings
+    settings = diagnosis.settings
     return Expected(
         settings.robot.wire,
         len(settings.chassis.wheels),
@@ -72,8 +72,8 @@ def expected(visit: Visit) -> Expected:
     )
 
 
-def _rate(visit: Visit, heard: LinesHeard, state: State) -> Finding:
-    baud = visit.settings.link.baud
+def _rate(diagnosis: Diagnosis, heard: LinesHeard, state: State) -> Finding:
+    baud = diagnosis.settings.link.baud
     if heard.is_garbled or state.link.condition == "wrong_baud":
         return problem(
             "baud",
@@ -83,15 +83,15 @@ def _rate(visit: Visit, heard: LinesHeard, state: State) -> Finding:
     return check_baud(baud, baud if heard.is_board else None, heard_anything=heard.bytes > 0)
 
 
-def line_findings(visit: Visit, heard: LinesHeard) -> list[Finding]:
+def line_findings(diagnosis: Diagnosis, heard: LinesHeard) -> list[Finding]:
     """What the lines themselves say."""
     return [
         check_heard(heard),
         check_damaged(heard),
         check_sketch(heard),
-        check_expected(heard, expected(visit)),
+        check_expected(heard, expected(diagnosis)),
         check_clock(heard),
-        check_at_rest(heard, visit.settings.encoders.counts_per_turn),
+        check_at_rest(heard, diagnosis.settings.encoders.counts_per_turn),
     ]
 
 
@@ -106,15 +106,15 @@ def _safety(state: State) -> Finding:
     )
 
 
-def _sensor_findings(visit: Visit, heard: LinesHeard, events: Sequence[Event[Any]]) -> list[Finding]:
-    settings, found = visit.settings, [_battery(visit, heard, of_topic(events, "battery"))]
+def _sensor_findings(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> list[Finding]:
+    settings, found = diagnosis.settings, [_battery(diagnosis, heard, of_topic(events, "battery"))]
     attitudes = [attitude(event.data) for event in of_topic(events, "imu")]
     found.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu="i" in heard.kinds))
     beams = _beams(of_topic(events, "ranges"))
     if settings.ultrasonic is not None:
         found.append(check_ultrasonic(settings.ultrasonic.name, beams, sends="u" in heard.kinds))
     found += [check_beams(each.name, beams.get(each.name), kind="infrared") for each in settings.infrared]
-    return [*found, *_lidars(visit, events)]
+    return [*found, *_lidars(diagnosis, events)]
 
 
 def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:
@@ -126,13 +126,13 @@ def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Find
     return check_beams(name, beams.get(name), kind="ultrasonic")
 
 
-def _battery(visit: Visit, heard: LinesHeard, told: Sequence[Event[Any]]) -> Finding:
-    parameters = visit.settings.battery
+def _battery(diagnosis: Diagnosis, heard: LinesHeard, told: Sequence[Event[Any]]) -> Finding:
+    parameters = diagnosis.settings.battery
     return check_battery(
         told[-1].data.voltage_v if told else None,
         told[-1].data.status if told else "",
         sends_battery="b" in heard.kinds,
-        absent_below_v=visit.settings.safety.battery.absent_below_v,
+        absent_below_v=diagnosis.settings.safety.battery.absent_below_v,
         low_v=parameters.low_v,
         critical_v=parameters.critical_v,
     )
@@ -152,10 +152,10 @@ def _beams(told: Sequence[Event[Any]]) -> dict[str, Beams]:
     }
 
 
-def _lidars(visit: Visit, events: Sequence[Event[Any]]) -> list[Finding]:
+def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]]) -> list[Finding]:
     conditions = {each.lidar: each for event in of_topic(events, "lidars") for each in event.data.lidars}
     found = []
-    for lidar in visit.settings.lidar:
+    for lidar in diagnosis.settings.lidar:
         turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]
         condition = conditions.get(lidar.name)
         how, why = "healthy" if turns else "silent", ""
@@ -165,7 +165,7 @@ def _lidars(visit: Visit, events: Sequence[Event[Any]]) -> list[Finding]:
         if turns:
             ranges = scan(turns[-1].data).range_m
             covered = sum(each > 0 for each in ranges) / max(len(ranges), 1)
-        found.append(check_lidar(lidar.name, how, why, len(turns) / visit.seconds, covered))
+        found.append(check_lidar(lidar.name, how, why, len(turns) / diagnosis.seconds, covered))
     return found
 
 

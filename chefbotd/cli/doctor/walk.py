@@ -9,9 +9,9 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.doctor import host, port
 from chefbotd.cli.doctor.asked import examine_with_help
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.cli.doctor.motors import examine_motors
 from chefbotd.cli.doctor.passive import examine_robot, line_findings
-from chefbotd.cli.doctor.visit import Visit
 from chefbotd.client import Client
 from chefbotd.doctor.finding import problem, skipped
 from chefbotd.doctor.host import (
@@ -21,6 +21,7 @@ from chefbotd.doctor.host import (
     check_socket,
     check_time_sync,
 )
+from chefbotd.doctor.lines import check_left_on
 from chefbotd.process.own_daemon import own_daemon
 from chefbotd.rpc.parameters import is_loopback
 
@@ -28,53 +29,57 @@ NAME = "chefbotctl doctor"
 LOOK_AGAIN_S = 0.05
 
 
-async def walk(visit: Visit, context: CommandContext, configuration: str) -> None:
+async def walk(diagnosis: Diagnosis, context: CommandContext, configuration: str) -> None:
     """All of it; ``configuration`` says where the settings are from."""
     where = str(context.address)
 
     async def with_daemon(robot: Client) -> None:
-        visit.find(
+        diagnosis.find(
             check_configuration(
-                configuration, wanted_robot=visit.settings.robot.name, robot=robot.hello.robot
+                configuration, wanted_robot=diagnosis.settings.robot.name, robot=robot.hello.robot
             ),
             check_socket(where, f"{robot.hello.robot}, protocol {robot.hello.protocol}", ""),
         )
-        await _examine_computer(visit, context, robot)
-        await examine(visit, robot)
+        await _examine_computer(diagnosis, context, robot)
+        await examine(diagnosis, robot)
 
     try:
         await context.with_client(with_daemon, name=NAME)
     except ProgramError as failure:
         if failure.code is not Exit.CANNOT_CONNECT:
             raise
-        visit.find(
-            check_configuration(configuration, wanted_robot=visit.settings.robot.name, robot=""),
+        diagnosis.find(
+            check_configuration(configuration, wanted_robot=diagnosis.settings.robot.name, robot=""),
             check_socket(where, "", "" if "refused" in str(failure) else f" ({failure})"),
         )
-        await _without_daemon(visit, context)
+        await _without_daemon(diagnosis, context)
 
 
-async def examine(visit: Visit, robot: Client, *, rate_is_known: bool = False) -> None:
+async def examine(diagnosis: Diagnosis, robot: Client, *, rate_is_known: bool = False) -> None:
     """A robot whose daemon answers: listen, drive its wheels if that is wanted, ask."""
-    await examine_robot(visit, robot, rate_is_known=rate_is_known)
+    await examine_robot(diagnosis, robot, rate_is_known=rate_is_known)
     if (await robot.get_state()).link.state != "up":
-        visit.find(skipped("asked", "nothing was asked for and nothing driven: the board is not connected"))
+        diagnosis.find(
+            skipped("asked", "nothing was asked for and nothing driven: the board is not connected")
+        )
         return
-    await examine_motors(visit, robot)
-    await examine_with_help(visit, robot)
+    await examine_motors(diagnosis, robot)
+    await examine_with_help(diagnosis, robot)
 
 
-async def _examine_computer(visit: Visit, context: CommandContext, robot: Client | None) -> bool:
+async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot: Client | None) -> bool:
     """The computer that the robot is on, if that is ours; whether the board's port could be opened."""
     if robot is not None and not is_loopback(context.address.host):
         told = f"the robot is on {context.address.host}, another computer"
-        visit.find(skipped("computer", told, "run the doctor there for its port, its service and its clock"))
+        diagnosis.find(
+            skipped("computer", told, "run the doctor there for its port, its service and its clock")
+        )
         return False
-    link = visit.settings.link
+    link = diagnosis.settings.link
     if robot is not None:
         link = link.model_copy(update={"device": (await robot.get_state()).link.device})
-    is_free = port.look(visit, host.look_at_port(link), daemon_answers=robot is not None)
-    visit.find(
+    is_free = port.look(diagnosis, host.look_at_port(link), daemon_answers=robot is not None)
+    diagnosis.find(
         check_service(await host.service_unit()),
         check_governor(host.governors()),
         check_time_sync(await host.is_synchronized()),
@@ -82,23 +87,24 @@ async def _examine_computer(visit: Visit, context: CommandContext, robot: Client
     return is_free
 
 
-async def _without_daemon(visit: Visit, context: CommandContext) -> None:
-    if not await _examine_computer(visit, context, None):
-        visit.find(
+async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None:
+    if not await _examine_computer(diagnosis, context, None):
+        diagnosis.find(
             skipped("board", "the board's port cannot be opened: mend that first, then ask the doctor again")
         )
         return
-    found = await port.find_baud(visit)
+    found = await port.find_baud(diagnosis)
     if found is None:
         return
     baud, heard = found
-    fits = heard.is_board and heard.wheels == len(visit.settings.chassis.wheels)
-    async with _daemon_at(visit, baud) if fits else _none() as robot:
+    diagnosis.find_all(check_left_on(heard.duty))
+    fits = heard.is_board and heard.wheels == len(diagnosis.settings.chassis.wheels)
+    async with _daemon_at(diagnosis, baud) if fits else _none() as robot:
         if robot is None:
-            visit.find(*line_findings(visit, heard))
-            visit.find(skipped("board", "no more is asked of a board that is not the configured one"))
+            diagnosis.find(*line_findings(diagnosis, heard))
+            diagnosis.find(skipped("board", "no more is asked of a board that is not the configured one"))
         else:
-            await examine(visit, robot, rate_is_known=True)
+            await examine(diagnosis, robot, rate_is_known=True)
 
 
 @contextlib.asynccontextmanager
@@ -107,16 +113,16 @@ async def _none() -> AsyncIterator[None]:
 
 
 @contextlib.asynccontextmanager
-async def _daemon_at(visit: Visit, heard_baud: int) -> AsyncIterator[Client]:
+async def _daemon_at(diagnosis: Diagnosis, heard_baud: int) -> AsyncIterator[Client]:
     """A daemon of our own on the port, at the rate at which the board was understood."""
-    link = visit.settings.link.model_copy(update={"baud": heard_baud})
-    settings = visit.settings.model_copy(update={"link": link})
+    link = diagnosis.settings.link.model_copy(update={"baud": heard_baud})
+    settings = diagnosis.settings.model_copy(update={"link": link})
     try:
-        async with own_daemon(settings, name=NAME, opener=visit.opener) as robot:
-            await _until_linked(robot, visit.settings.link.health_after_s)
+        async with own_daemon(settings, name=NAME, opener=diagnosis.opener) as robot:
+            await _until_linked(robot, diagnosis.settings.link.health_after_s)
             yield robot
     except OSError as error:
-        visit.find(problem("open", f"the board's port was lost: {error}", "look at its cable"))
+        diagnosis.find(problem("open", f"the board's port was lost: {error}", "look at its cable"))
 
 
 async def _until_linked(robot: Client, patience_s: float) -> None:

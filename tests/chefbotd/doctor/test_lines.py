@@ -4,7 +4,14 @@ import pytest
 
 from chefbotd.core.record import replace
 from chefbotd.doctor.finding import Verdict
-from chefbotd.doctor.lines import LinesHeard, check_at_rest, check_clock, check_damaged, check_heard
+from chefbotd.doctor.lines import (
+    LinesHeard,
+    check_at_rest,
+    check_clock,
+    check_damaged,
+    check_heard,
+    check_left_on,
+)
 
 GOOD = LinesHeard(
     seconds=5.0,
@@ -79,6 +86,14 @@ def test_motors_that_are_on_while_nobody_drives():
     finding = check_at_rest(replace(GOOD, duty=(0.0, -40.0)), 4200)
     assert finding.verdict is Verdict.PROBLEM
     assert "s 0 -40" in finding.measured
+
+
+def test_motors_that_a_dead_program_left_on():
+    """Without a daemon an echo of a duty is one that nobody will take back: said; zeros say nothing."""
+    (finding,) = check_left_on((0.0, 55.0))
+    assert finding.verdict is Verdict.PROBLEM
+    assert "s 0 55" in finding.measured
+    assert not check_left_on((0.0, 0.0))
 
 
 def test_an_encoder_that_counts_at_rest():

@@ -6,7 +6,7 @@ import random
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 
-from chefbotd.cli.doctor.visit import Visit
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import CallTimeout, Client
 from chefbotd.clock import LoopClock
 from chefbotd.doctor.finding import Finding
@@ -63,18 +63,20 @@ def configured(robot: str | None = None, **overrides: object) -> Settings:
     return load(path, overrides={key.replace("__", "."): value for key, value in overrides.items()})
 
 
-def visit_of(settings: Settings, asker: Answers, *, seconds: float = 3.0, motors: bool = False) -> Visit:
-    """A visit that opens no real port."""
-    return Visit(settings, asker, _quiet, FakeSerialDevice().open, LoopClock(), seconds, motors)
+def diagnosis_of(
+    settings: Settings, asker: Answers, *, seconds: float = 3.0, motors: bool = False
+) -> Diagnosis:
+    """A diagnosis that opens no real port."""
+    return Diagnosis(settings, asker, _quiet, FakeSerialDevice().open, LoopClock(), seconds, motors)
 
 
 def _quiet(_finding: Finding) -> None:
     """Print nothing."""
 
 
-def found(visit: Visit) -> dict[str, Finding]:
+def found(diagnosis: Diagnosis) -> dict[str, Finding]:
     """The findings by their checks."""
-    return {finding.check: finding for finding in visit.findings}
+    return {finding.check: finding for finding in diagnosis.findings}
 
 
 @contextlib.asynccontextmanager

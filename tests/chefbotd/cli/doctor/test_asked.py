@@ -9,7 +9,7 @@ from chefbotd.cli.doctor.asked import examine_with_help
 from chefbotd.clock import run_virtual
 from chefbotd.doctor.finding import Finding, Verdict
 from chefbotd.settings import Settings, load
-from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, found, visit_of
+from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, diagnosis_of, found
 
 pytestmark = pytest.mark.slow
 
@@ -32,10 +32,10 @@ def with_lidar(yaw_rad: float, *, upside_down: bool = False) -> Settings:
 
 
 def helped(believed: Settings, real: Settings, asker: Answers) -> dict[str, Finding]:
-    """The findings of a visit with somebody who lets the robot drive itself, and puts a box before it."""
+    """The findings of a diagnosis with somebody who lets the robot drive itself, and puts a box before it."""
 
     async def scenario() -> dict[str, Finding]:
-        visit = visit_of(believed, asker, motors=True)
+        diagnosis = diagnosis_of(believed, asker, motors=True)
         async with bench(believed, real) as robot:
 
             async def place() -> None:
@@ -45,8 +45,8 @@ def helped(believed: Settings, real: Settings, asker: Answers) -> dict[str, Find
                 await asyncio.sleep(0.3)
 
             asker.doing["Place a box"] = place
-            await examine_with_help(visit, robot.robot)
-        return found(visit)
+            await examine_with_help(diagnosis, robot.robot)
+        return found(diagnosis)
 
     return run_virtual(scenario())
 
@@ -91,12 +91,12 @@ def test_nobody_is_there():
     """All of it is skipped, and says so; the robot has not moved."""
 
     async def scenario() -> None:
-        visit = visit_of(configured(), Answers(), motors=True)
+        diagnosis = diagnosis_of(configured(), Answers(), motors=True)
         async with bench(configured()) as robot:
             before = robot.board.truth(0.0).world_from_base
-            await examine_with_help(visit, robot.robot)
+            await examine_with_help(diagnosis, robot.robot)
             assert robot.board.truth(0.0).world_from_base == before
-        assert {each.verdict for each in visit.findings} == {Verdict.SKIPPED}
+        assert {each.verdict for each in diagnosis.findings} == {Verdict.SKIPPED}
 
     run_virtual(scenario())
 
@@ -106,13 +106,13 @@ def test_a_yes_without_motors_moves_nothing():
 
     async def scenario() -> None:
         asker = Answers({"straight ahead": "yes", "on the spot": "yes"})
-        visit = visit_of(configured(), asker)
+        diagnosis = diagnosis_of(configured(), asker)
         async with bench(configured()) as robot:
-            await examine_with_help(visit, robot.robot)
+            await examine_with_help(diagnosis, robot.robot)
             assert robot.board.duty == (0, 0)
         assert not any("type yes" in question for question in asker.asked)
         assert (
-            found(visit)["encoder left_wheel"].verdict is Verdict.PROBLEM
+            found(diagnosis)["encoder left_wheel"].verdict is Verdict.PROBLEM
         )  # nothing was pushed, though Enter says so
 
     run_virtual(scenario())

@@ -113,6 +113,18 @@ def test_a_bundle_that_is_there_already_stays(tmp_path: Path):
     assert path.read_bytes() == b"mine"
 
 
+def test_a_recording_goes_in_as_it_is(tmp_path: Path):
+    """Byte for byte, under its own name."""
+    recording = tmp_path / "doctor_1.mcap"
+    recording.write_bytes(b"\x89MCAP\r\n\x00\xff")
+    path = tmp_path / "robot.tar.gz"
+    write_bundle(path, {"log.txt": "well"}, Redactor([]), [recording])
+    with tarfile.open(path) as archive:
+        member = archive.extractfile("robot/doctor_1.mcap")
+        assert member is not None
+        assert member.read() == b"\x89MCAP\r\n\x00\xff"
+
+
 def test_versions_and_fault_lines():
     """The program's own version is the first, and lines without a fault are none."""
     assert versions().startswith("chefbotd ")

@@ -8,7 +8,7 @@ from chefbotd.cli.doctor.motors import examine_motors, run_wheel
 from chefbotd.clock import run_virtual
 from chefbotd.doctor.finding import Finding, Verdict
 from chefbotd.settings import Settings
-from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, found, straight, visit_of
+from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, diagnosis_of, found, straight
 
 pytestmark = pytest.mark.slow
 
@@ -37,12 +37,12 @@ def examined(
     """The findings after somebody typed yes, and said the same of every wheel."""
 
     async def scenario() -> dict[str, Finding]:
-        visit = visit_of(believed, Answers({BLOCKS: "yes", SEEN: seen}), motors=True)
+        diagnosis = diagnosis_of(believed, Answers({BLOCKS: "yes", SEEN: seen}), motors=True)
         async with bench(believed, real, outward=outward) as robot:  # type: ignore[arg-type]
-            await examine_motors(visit, robot.robot)
+            await examine_motors(diagnosis, robot.robot)
             await asyncio.sleep(1.0)
             assert robot.board.duty == (0, 0)
-        return found(visit)
+        return found(diagnosis)
 
     return run_virtual(scenario())
 
@@ -127,12 +127,12 @@ def test_nothing_moves_without_a_yes(answer: str | None):
 
     async def scenario() -> None:
         asker = Answers({} if answer is None else {BLOCKS: answer})
-        visit = visit_of(on_blocks(), asker, motors=True)
+        diagnosis = diagnosis_of(on_blocks(), asker, motors=True)
         async with bench(on_blocks()) as robot:
             before = robot.board.truth(0.0)
             written = len(robot.device.written)
-            await examine_motors(visit, robot.robot)
-            assert found(visit)["motors"].verdict is Verdict.SKIPPED
+            await examine_motors(diagnosis, robot.robot)
+            assert found(diagnosis)["motors"].verdict is Verdict.SKIPPED
             assert len(robot.device.written) == written
             assert robot.board.truth(0.0).world_from_base == before.world_from_base
 
@@ -144,11 +144,11 @@ def test_no_question_where_motors_were_not_asked_for():
 
     async def scenario() -> None:
         asker = Answers({BLOCKS: "yes"})
-        visit = visit_of(on_blocks(), asker)
+        diagnosis = diagnosis_of(on_blocks(), asker)
         async with bench(on_blocks()) as robot:
-            await examine_motors(visit, robot.robot)
+            await examine_motors(diagnosis, robot.robot)
         assert not asker.asked
-        assert found(visit)["motors"].verdict is Verdict.SKIPPED
+        assert found(diagnosis)["motors"].verdict is Verdict.SKIPPED
 
     run_virtual(scenario())
 
@@ -158,9 +158,9 @@ def test_a_cancelled_run_stops_the_motors():
 
     async def scenario() -> None:
         settings = on_blocks()
-        visit = visit_of(settings, Answers(), motors=True)
+        diagnosis = diagnosis_of(settings, Answers(), motors=True)
         async with bench(settings) as robot:
-            run = asyncio.create_task(run_wheel(visit, robot.robot, visit.wheels[0]))
+            run = asyncio.create_task(run_wheel(diagnosis, robot.robot, diagnosis.wheels[0]))
             await asyncio.sleep(0.6)
             assert robot.board.duty[0] > 0
             run.cancel()
@@ -182,9 +182,10 @@ def test_a_stop_of_somebody_else_ends_the_run_for_good():
                 await robot.robot.estop("the button")
 
             asker = Answers({BLOCKS: "yes"}, {"left_wheel was driven": press})
-            visit = visit_of(settings, asker, motors=True)
-            await examine_motors(visit, robot.robot)
-            assert "motor right_wheel" not in found(visit)
+            diagnosis = diagnosis_of(settings, asker, motors=True)
+            await examine_motors(diagnosis, robot.robot)
+            assert found(diagnosis)["motor right_wheel"].verdict is Verdict.SKIPPED
+            assert "estopped: the button" in found(diagnosis)["motor right_wheel"].measured
             assert (await robot.robot.get_state()).safety.mode == "estopped"
 
     run_virtual(scenario())

@@ -7,7 +7,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.doctor.finding import Finding, Verdict
 from chefbotd.settings import Settings
 from chefbotd.sim.faults import BadCable, CableParameters
-from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, found, straight, visit_of
+from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, diagnosis_of, found, straight
 
 pytestmark = pytest.mark.slow
 
@@ -15,13 +15,13 @@ pytestmark = pytest.mark.slow
 def heard(
     believed: Settings, real: Settings | None = None, *, seconds: float = 3.0, inward: object = straight
 ) -> dict[str, Finding]:
-    """The findings of one visit that touches nothing."""
+    """The findings of one diagnosis that touches nothing."""
 
     async def scenario() -> dict[str, Finding]:
-        visit = visit_of(believed, Answers(), seconds=seconds)
+        diagnosis = diagnosis_of(believed, Answers(), seconds=seconds)
         async with bench(believed, real, inward=inward) as robot:  # type: ignore[arg-type]
-            await examine_robot(visit, robot.robot)
-        return found(visit)
+            await examine_robot(diagnosis, robot.robot)
+        return found(diagnosis)
 
     return run_virtual(scenario())
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from chefbotd.cli.doctor import host, port
+from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.cli.doctor.ports import Behind, look_behind
-from chefbotd.cli.doctor.visit import Visit
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.doctor.finding import Verdict
 from chefbotd.link.port_list import SerialPort
 from chefbotd.sim.lidar_faults import heard_at
 from firmware_protocol.lidar import rplidar
-from tests.chefbotd.cli.doctor.bench import Answers, configured, found, visit_of
+from tests.chefbotd.cli.doctor.bench import Answers, configured, diagnosis_of, found
 from tests.chefbotd.link.test_listener import Talker
 from tests.fakes.lidar import ld19_bytes, noisy_box
 
@@ -26,23 +26,23 @@ CYCLES = b"".join(
 GARBAGE = heard_at(CYCLES, 0.5)
 
 
-def visit_at(says: Mapping[int, bytes], **overrides: object) -> tuple[Visit, Talker]:
-    """A visit of a port that says so at each rate."""
+def diagnosis_at(says: Mapping[int, bytes], **overrides: object) -> tuple[Diagnosis, Talker]:
+    """A diagnosis of a port that says so at each rate."""
     device = Talker(says, every_s=0.5)
-    visit = visit_of(configured(**overrides), Answers())
-    visit.opener = device.open
-    return visit, device
+    diagnosis = diagnosis_of(configured(**overrides), Answers())
+    diagnosis.opener = device.open
+    return diagnosis, device
 
 
 def test_the_configured_rate():
     """A board that is understood at once is listened to once, and told nothing."""
 
     async def scenario() -> None:
-        visit, device = visit_at({115_200: CYCLES})
-        result = await port.find_baud(visit)
+        diagnosis, device = diagnosis_at({115_200: CYCLES})
+        result = await port.find_baud(diagnosis)
         assert result is not None
         assert result[0] == 115_200
-        assert found(visit)["baud"].verdict is Verdict.OK
+        assert found(diagnosis)["baud"].verdict is Verdict.OK
         assert not device.written
 
     run_virtual(scenario())
@@ -52,11 +52,11 @@ def test_a_wrong_rate_is_found_out():
     """57600 is configured and gives garbage; at 115200 the board is understood, and that is said."""
 
     async def scenario() -> None:
-        visit, device = visit_at({57_600: GARBAGE, 115_200: CYCLES}, link__baud=57_600)
-        result = await port.find_baud(visit)
+        diagnosis, device = diagnosis_at({57_600: GARBAGE, 115_200: CYCLES}, link__baud=57_600)
+        result = await port.find_baud(diagnosis)
         assert result is not None
         assert result[0] == 115_200
-        finding = found(visit)["baud"]
+        finding = found(diagnosis)["baud"]
         assert finding.verdict is Verdict.PROBLEM
         assert finding.advice == "set [link] baud = 115200"
         assert not device.written
@@ -68,10 +68,10 @@ def test_garbage_at_every_rate_and_silence():
     """Neither is a board; after silence no other rate is tried."""
 
     async def scenario() -> None:
-        visit, _ = visit_at(dict.fromkeys((9_600, 57_600, 115_200, 230_400), GARBAGE))
-        assert await port.find_baud(visit) is not None
-        assert found(visit)["baud"].verdict is Verdict.PROBLEM
-        silent, _ = visit_at({})
+        diagnosis, _ = diagnosis_at(dict.fromkeys((9_600, 57_600, 115_200, 230_400), GARBAGE))
+        assert await port.find_baud(diagnosis) is not None
+        assert found(diagnosis)["baud"].verdict is Verdict.PROBLEM
+        silent, _ = diagnosis_at({})
         began_s = asyncio.get_running_loop().time()
         await port.find_baud(silent)
         assert asyncio.get_running_loop().time() - began_s < port.LISTEN_S + 0.5
@@ -84,10 +84,10 @@ def test_a_port_that_cannot_be_opened():
     """The reason is a finding, not an error."""
 
     async def scenario() -> None:
-        visit, device = visit_at({})
+        diagnosis, device = diagnosis_at({})
         device.unplug()
-        assert await port.find_baud(visit) is None
-        assert found(visit)["open"].verdict is Verdict.PROBLEM
+        assert await port.find_baud(diagnosis) is None
+        assert found(diagnosis)["open"].verdict is Verdict.PROBLEM
 
     run_virtual(scenario())
 
@@ -99,16 +99,16 @@ def test_a_port_that_another_program_holds(tmp_path: Path):
     """The program is named with its pid, and the port is not opened."""
     device = tmp_path / "board"
     device.touch()
-    visit, _ = visit_at({}, link__device=str(device))
+    diagnosis, _ = diagnosis_at({}, link__device=str(device))
     with subprocess.Popen(
         [sys.executable, "-c", HOLD, str(device)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as other:
         assert other.stdout is not None
         other.stdout.readline()
         name = Path(f"/proc/{other.pid}/comm").read_text().strip()
-        is_free = port.look(visit, host.look_at_port(visit.settings.link), daemon_answers=False)
+        is_free = port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
     assert not is_free
-    finding = found(visit)["holder"]
+    finding = found(diagnosis)["holder"]
     assert finding.verdict is Verdict.PROBLEM
     assert f"held by {name} (pid {other.pid})" in finding.measured
 
@@ -116,14 +116,14 @@ def test_a_port_that_another_program_holds(tmp_path: Path):
 def test_a_port_that_is_not_there_or_not_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Absent: which ones are there. Forbidden: what gives permission. Neither is opened."""
     device = tmp_path / "board"
-    visit, _ = visit_at({}, link__device=str(device))
-    assert not port.look(visit, host.look_at_port(visit.settings.link), daemon_answers=False)
-    assert "serial port" in found(visit)["device"].measured
+    diagnosis, _ = diagnosis_at({}, link__device=str(device))
+    assert not port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
+    assert "serial port" in found(diagnosis)["device"].measured
     device.touch()
     monkeypatch.setattr("chefbotd.link.port_list.os.access", lambda *_: False)
-    visit, _ = visit_at({}, link__device=str(device))
-    assert not port.look(visit, host.look_at_port(visit.settings.link), daemon_answers=False)
-    assert found(visit)["permission"].verdict is Verdict.PROBLEM
+    diagnosis, _ = diagnosis_at({}, link__device=str(device))
+    assert not port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
+    assert found(diagnosis)["permission"].verdict is Verdict.PROBLEM
 
 
 def test_a_governor_is_read(tmp_path: Path):

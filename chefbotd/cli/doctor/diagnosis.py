@@ -1,13 +1,11 @@
-"""One visit of the doctor: what it may use, whom it may ask, and what it has found so far."""
+"""One diagnosis of the doctor: what it may use, whom it may ask, and what it has found so far."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from chefbotd.cli.doctor.asking import Asker
-from chefbotd.client import Client
 from chefbotd.clock import Clock
 from chefbotd.doctor.finding import Finding
-from chefbotd.doctor.lines import LinesHeard
 from chefbotd.doctor.wheels import WheelSetting
 from chefbotd.link.reconnect import Opener
 from chefbotd.settings import Settings
@@ -16,7 +14,7 @@ Report = Callable[[Finding], None]
 
 
 @dataclass(slots=True)
-class Visit:
+class Diagnosis:
     """``seconds`` is how long the robot is listened to; with ``motors`` the wheels may be driven, once asked."""
 
     settings: Settings
@@ -48,11 +46,3 @@ class Visit:
             )
             for wheel in chassis.wheels
         ]
-
-
-@dataclass(slots=True)
-class Patient:
-    """A robot whose daemon answers, and what was heard of its board."""
-
-    robot: Client
-    heard: LinesHeard
