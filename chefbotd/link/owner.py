@@ -5,10 +5,14 @@ for root. So a daemon is found by its lock, and any other program where we may l
 """
 
 import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
 PROC = Path("/proc")
+PTS_MAJORS = range(136, 144)
+"""The kernel's numbers of pseudo-terminals (its devices.txt)."""
+
 UNKNOWN = "an unknown process"
 
 
@@ -33,17 +37,29 @@ def _lockers(device: str, proc: Path) -> Iterator[int]:
 def _openers(device: str, proc: Path) -> Iterator[int]:
     real = os.path.realpath(device)
     for process in proc.iterdir():
-        if process.name.isdecimal() and real in _open_files(process):
+        if process.name.isdecimal() and any(_is_same(real, file) for file in _open_files(process, real)):
             yield int(process.name)
 
 
-def _open_files(process: Path) -> Iterator[str]:
-    """Processes and files come and go while we look, and some are not for us to see."""
+def _open_files(process: Path, real: str) -> Iterator[Path]:
+    """Those of this name. Processes and files come and go while we look, and some are not for us to see."""
     try:
         for descriptor in (process / "fd").iterdir():
-            yield str(descriptor.readlink())
+            if str(descriptor.readlink()) == real:
+                yield descriptor
     except OSError:
         return
+
+
+def _is_same(real: str, descriptor: Path) -> bool:
+    """Whether it is our file of this name: a sandboxed service may have pseudo-terminals of its own, numbered alike."""
+    try:
+        ours, theirs = Path(real).stat(), descriptor.stat()
+    except OSError:
+        return True
+    if stat.S_ISCHR(ours.st_mode) and os.major(ours.st_rdev) not in PTS_MAJORS:
+        return ours.st_rdev == theirs.st_rdev
+    return (ours.st_dev, ours.st_ino) == (theirs.st_dev, theirs.st_ino)
 
 
 def _program(pid: int, proc: Path) -> str:

@@ -58,3 +58,18 @@ def test_nobody_to_be_seen_is_an_unknown_process(device: Path):
     with device.open() as ours:
         fcntl.flock(ours, fcntl.LOCK_EX)
         assert owner_of(str(device)) == UNKNOWN
+
+
+@pytest.mark.parametrize("there", ["board", "another"])
+def test_a_file_of_the_same_name_in_another_namespace_is_not_ours(
+    device: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: str
+):
+    """A sandboxed service has a /dev of its own: its descriptor bears our device's name, and leads to another file."""
+    (tmp_path / "another").touch()
+    proc = tmp_path / "proc"
+    (proc / "9" / "fd").mkdir(parents=True)
+    (proc / "9" / "comm").write_text("chefbotd\n")
+    (proc / "locks").touch()
+    (proc / "9" / "fd" / "3").symlink_to(tmp_path / there)
+    monkeypatch.setattr(Path, "readlink", lambda _self: device)
+    assert owner_of(str(device), proc) == ("chefbotd (pid 9)" if there == "board" else UNKNOWN)
