@@ -150,4 +150,4 @@ def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:
             f"the daemon drives {robot!r}, and {told} describes {wanted_robot!r}",
             "give the daemon's own with --config: what follows compares with a wrong one",
         )
-    return ok("configuration", f"compared with {told} ({wanted_robot})")
+    return ok("configuration", f"the robot is compared with {told} ({wanted_robot})")

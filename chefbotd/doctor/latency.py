@@ -29,7 +29,7 @@ def check_latency(round_trips_s: Sequence[float], loop_lag_s: float | None) -> F
     return warning(
         "latency",
         told,
-        "look what else runs ('top'), set the CPU governor to performance, and drive over a cable rather than Wi-Fi",
+        "see what else runs ('top'), set the CPU governor to performance, and use a cable rather than Wi-Fi",
     )
 
 

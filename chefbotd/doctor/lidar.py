@@ -26,7 +26,8 @@ BETTER_SHARE = 0.75
 
 LEAST_MOVED_M, LEAST_TURNED_RAD = 0.1, 0.3
 APPEARED_M = 0.25
-LEAST_BEAMS = 3
+NEAREST_M, FARTHEST_M = 0.2, 0.9
+LEAST_BEAMS = 5
 
 
 class ScanTaken(Record, frozen=True):
@@ -144,6 +145,7 @@ def _appeared_at_rad(before: ScanTaken, after: ScanTaken) -> float | None:
     distance, old_distance = (np.hypot(points[:, 0], points[:, 1]) for points in (new, old))
     apart = np.abs(np.angle(np.exp(1j * (bearing[:, None] - old_bearing[None, :]))))
     shorter = old_distance[apart.argmin(axis=1)] - distance > APPEARED_M
+    shorter &= (distance > NEAREST_M) & (distance < FARTHEST_M)  # somebody walks about, farther off
     if shorter.sum() < LEAST_BEAMS:
         return None
     return float(np.angle(np.exp(1j * bearing[shorter]).mean()))

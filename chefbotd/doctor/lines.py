@@ -138,7 +138,11 @@ def check_clock(heard: LinesHeard) -> Finding:
     if "t" not in heard.kinds:
         return ok("board_clock", "the board tells no time (no 't' lines): the daemon goes by its own clock")
     if heard.clock_ppm is None or heard.clock_s < LEAST_CLOCK_S:
-        return skipped("board_clock", "too few 't' lines to compare clocks", "listen longer: --seconds 20")
+        return skipped(
+            "board_clock",
+            "the 't' lines came too few or too unevenly to compare clocks",
+            "listen longer: --seconds 20",
+        )
     way = "fast" if heard.clock_ppm > 0 else "slow"
     told = f"the board's clock is {abs(heard.clock_ppm):.0f} ppm {way} over {heard.clock_s:.1f} s"
     if abs(heard.clock_ppm) <= DRIFT_PPM:

@@ -73,7 +73,7 @@ def check_beam_ahead(name: str, before_m: float | None, after_m: float | None) -
     return problem(
         check,
         told,
-        "does it look ahead, is it plugged in as configured, and are [ultrasonic] mount or [[infrared]] curve right?",
+        "does it look ahead, and is it plugged in where the configuration says?",
     )
 
 
@@ -93,7 +93,7 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
         return warning(
             "imu",
             "no 'i' lines come",
-            "the sketch has no IMU, or did not find it (see its banner): its plug, SDA and SCL; else remove [imu]",
+            "the sketch has none, or did not find it: look at its plug, SDA and SCL; where there is none, remove [imu]",
         )
     told = f"{len(attitudes)} readings"
     gravity = attitudes[-1].acceleration_m_s2

@@ -49,7 +49,8 @@ class Sample(Record, frozen=True):
 class WheelRun(Record, frozen=True):
     """One wheel was asked to turn forward: what all wheels did.
 
-    ``fault`` and ``reason`` are what ended it (empty: nothing), ``held_by`` what slowed it. ``seen`` is what somebody
+    ``fault`` and ``reason`` are what ended it (empty: nothing), ``held_by`` what slowed it, ``refused`` why
+    the daemon took no command. ``seen`` is what somebody
     saw: ``forward``, ``backward``, ``other``, ``nothing``, or empty where nobody looked.
     """
 
@@ -58,6 +59,7 @@ class WheelRun(Record, frozen=True):
     fault: str = ""
     reason: str = ""
     held_by: str = ""
+    refused: str = ""
     seen: str = ""
 
     def turned_rad(self, name: str) -> float:
@@ -69,6 +71,14 @@ class WheelRun(Record, frozen=True):
 
 def check_push(wheels: Sequence[WheelSetting], turned_rad: Speeds) -> list[Finding]:
     """The encoders' signs: the robot went forward, so every wheel must have."""
+    if all(abs(turned_rad.get(wheel.name, 0.0)) <= TURNED_RAD for wheel in wheels):
+        return [
+            problem(
+                "encoders",
+                "no wheel counted anything as the robot was pushed",
+                "was it pushed on its wheels, by 30 cm? If so, the encoders have no 5 V, or their plugs are out",
+            )
+        ]
     return [_check_pushed(wheel, turned_rad.get(wheel.name, 0.0)) for wheel in wheels]
 
 
@@ -117,15 +127,17 @@ def check_turn(turned_rad: float, wheels: Sequence[WheelSetting], by_wheel_rad: 
         return problem(
             "turn", f"{told}: the left and right encoders are exchanged ({sides})", "exchange their plugs"
         )
-    return problem("turn", f"{told}: it was not noticed", "turn it farther; else look at the encoders")
+    return problem("turn", f"{told}: it noticed nothing", "was it turned so far? If so, look at the encoders")
 
 
 def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     """A motor's direction and its place, by the encoders and by what somebody saw."""
     wheel = next(each for each in wheels if each.name == run.wheel)
     check = f"motor {wheel.name}"
-    if not run.samples:
-        return skipped(check, f"{wheel.name} was not driven{_because(run)}")
+    if not any(sample.duty[wheel.name] for sample in run.samples):
+        return skipped(
+            check, f"{wheel.name} was not driven{_because(run)}", "see to that, and ask the doctor again"
+        )
     own = run.turned_rad(wheel.name)
     others = [each.name for each in wheels if each is not wheel and _outran(run.turned_rad(each.name), own)]
     told = f"{wheel.name} was asked to turn forward: its encoder says {own:+.2f} rad"
@@ -189,10 +201,6 @@ def _exchanged(check: str, told: str, wheel: WheelSetting, others: list[str], ru
 
 def _still(check: str, told: str, run: WheelRun) -> Finding:
     most = max(abs(sample.duty[run.wheel]) for sample in run.samples)
-    if run.held_by and not most:
-        return skipped(
-            check, f"the robot did not let it turn: {run.held_by}", "clear what holds it up, and try again"
-        )
     if run.seen in ("forward", "backward"):
         return problem(
             check,
@@ -207,7 +215,8 @@ def _still(check: str, told: str, run: WheelRun) -> Finding:
 
 
 def _because(run: WheelRun) -> str:
-    return f" ({run.reason})" if run.reason else ""
+    told = run.reason or run.refused or run.held_by
+    return f" ({told})" if told else ""
 
 
 def _seen(seen: str) -> str:
@@ -263,12 +272,12 @@ def check_scale(
     if max_duty > scale:
         return problem(
             "duty_scale",
-            f"{told}: the board is on {known}, and the robot drives much faster than asked",
+            f"{told}: most likely it is {known}, and the robot drives much faster than asked",
             gains,
         )
     return problem(
         "duty_scale",
-        f"{told}: the board is on {known}, and the robot hardly moves or never gets up to speed",
+        f"{told}: most likely it is {known}, and the robot hardly moves or never gets up to speed",
         gains,
     )
 

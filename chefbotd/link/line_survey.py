@@ -1,5 +1,6 @@
 """What a board's port says, summed up for people: which kinds of line, how often, how many damaged, whose wire."""
 
+import math
 from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Any
@@ -26,6 +27,7 @@ ORDER = "teusibaq"
 """As a cycle sends them."""
 
 TEXTS_KEPT, SAMPLE_BYTES = 20, 48
+UNSTEADY_PPM = 3000.0
 MICROS_SPAN = 1 << 32
 LONGEST_STEP_US = 10_000_000
 TEXT_BYTES = frozenset((*range(0x20, 0x7F), *b"\t\r\n"))
@@ -139,14 +141,22 @@ def _between(first: tuple[int, ...], last: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _drift(clock: list[tuple[float, float]]) -> float | None:
-    """By a straight line through all readings: how much faster the board's seconds go, in millionths."""
-    if len(clock) < 3 or clock[-1][1] <= clock[0][1]:
+    """How much faster the board's seconds go, in millionths, by those readings of each third that were least late.
+
+    A computer that is busy reads late, and never early. None where the thirds do not agree: it was too busy to tell.
+    """
+    third = len(clock) // 3
+    if third < 1:
         return None
-    middle_s = sum(host_s for _, host_s in clock) / len(clock)
-    board_s = sum(each for each, _ in clock) / len(clock)
-    spread = sum((host_s - middle_s) ** 2 for _, host_s in clock)
-    slope = sum((host_s - middle_s) * (each - board_s) for each, host_s in clock) / spread
-    return (slope - 1.0) * 1e6
+    parts = clock[:third], clock[third:-third], clock[-third:]
+    first, middle, last = (min(part, key=lambda each: each[1] - each[0]) for part in parts)
+    early, late = _apart_ppm(first, middle), _apart_ppm(middle, last)
+    return _apart_ppm(first, last) if abs(late - early) <= UNSTEADY_PPM else None
+
+
+def _apart_ppm(first: tuple[float, float], last: tuple[float, float]) -> float:
+    board_s, host_s = last[0] - first[0], last[1] - first[1]
+    return (board_s / host_s - 1.0) * 1e6 if host_s > 0 else math.inf
 
 
 def line_bytes(shown: str) -> bytes:

@@ -44,7 +44,11 @@ async def _moved(
             await robot.drive_for(*twist)
         except CallError as error:
             diagnosis.find(
-                skipped("drive", f"the robot refused to drive: {error.message}", "'chefbotctl arm' first")
+                skipped(
+                    "drive",
+                    f"the robot refused to drive: {error.message}",
+                    "see its reason, and ask the doctor again",
+                )
             )
             return False
     return True

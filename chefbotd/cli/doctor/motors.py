@@ -24,6 +24,9 @@ from chefbotd.link.line_survey import echo_delays_s, line_bytes
 from chefbotd.safety.faults import FaultKind
 
 PERIOD_S = 0.05
+TOO_OLD = "too_old"
+"""The kind of refusal of a command that was under way for too long."""
+
 CREEP, STEADY, HARD = (0.1, 0.8), (0.3, 1.0), (0.8, 1.0)
 """Shares of ``max_rim_speed_m_s``, and for how long. A wheel that turned at the first goes on with the second, so that a
 board with another scale is noticed at a creep; one that did not is asked for the third, so that friction is overcome."""
@@ -121,9 +124,10 @@ async def run_wheel(
     top_rad_s = diagnosis.settings.drive.max_rim_speed_m_s / wheel.radius_m
     async with collected(robot, ("wheels", "raw", "safety")) as events:
         try:
-            if await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1]):
+            refused = await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1])
+            if not refused:
                 share, seconds = STEADY if _turned(events) else HARD
-                await _turn(robot, wheel.name, share * top_rad_s, seconds)
+                refused = await _turn(robot, wheel.name, share * top_rad_s, seconds)
             samples = _samples(events)
         finally:
             if robot.connected:
@@ -132,21 +136,39 @@ async def run_wheel(
         await asyncio.sleep(STANDSTILL_S)
     held = {event.data.limited_by for event in of_topic(events, "safety")} - {None}
     fault = safety.fault or ""
-    run = WheelRun(wheel.name, samples, fault, safety.reason if fault else "", ", ".join(sorted(held)))
+    run = WheelRun(
+        wheel.name,
+        samples,
+        fault=fault,
+        reason=safety.reason if fault else "",
+        held_by=", ".join(sorted(held)),
+        refused=refused,
+    )
     return run, _lines(events)
 
 
-async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) -> bool:
-    """Repeat the command within the dead-man's time; False where the daemon refuses, as after a fault."""
+async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) -> str:
+    """Repeat the command within the dead-man's time; why the daemon refuses it, as after a fault (empty: it does not).
+
+    A command that came too late on a busy computer is sent again.
+    """
     loop = asyncio.get_running_loop()
     ends_s = loop.time() + seconds
     try:
         while loop.time() < ends_s:
-            await robot.set_wheel_velocities({name: speed_rad_s})
+            await _command(robot, name, speed_rad_s)
             await asyncio.sleep(PERIOD_S)
-    except CallError:
-        return False
-    return True
+    except CallError as error:
+        return error.message
+    return ""
+
+
+async def _command(robot: Client, name: str, speed_rad_s: float) -> None:
+    try:
+        await robot.set_wheel_velocities({name: speed_rad_s})
+    except CallError as error:
+        if error.kind != TOO_OLD:
+            raise
 
 
 def _samples(events: list[Event[Any]]) -> tuple[Sample, ...]:

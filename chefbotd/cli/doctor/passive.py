@@ -121,7 +121,9 @@ def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Find
     """A sketch without an ultrasonic sends no line of it."""
     if not sends and name not in beams:
         return skipped(
-            f"ultrasonic {name}", "the board sends no 'u' lines", "sketches B and D have none: remove it"
+            f"ultrasonic {name}",
+            "the board sends no 'u' lines",
+            "sketches B and D have none: then remove [ultrasonic] from the configuration",
         )
     return check_beams(name, beams.get(name), kind="ultrasonic")
 

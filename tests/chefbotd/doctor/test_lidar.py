@@ -81,6 +81,13 @@ def test_a_box_ahead():
     assert check_ahead("lidar", before, before, 0.5).verdict is Verdict.WARNING
 
 
+def test_somebody_who_walks_by_farther_off_is_no_box():
+    """What appears 1.2 m away is not what was placed at half a metre."""
+    before = scan(Pose2D(), believed_yaw_rad=0.7, real_yaw_rad=0.7)
+    after = scan(Pose2D(), believed_yaw_rad=0.7, real_yaw_rad=0.7, box=1.2)
+    assert check_ahead("lidar", before, after, 0.5).verdict is Verdict.WARNING
+
+
 def test_a_lidars_link():
     """Its own condition is passed on; one that is healthy and sends nothing is none."""
     assert check_lidar("lidar", "healthy", "", 10.0, 0.8).verdict is Verdict.OK

@@ -37,6 +37,9 @@ def test_a_push_forward():
     assert left.verdict is Verdict.PROBLEM
     assert "encoder_sign = 1 for left" in left.advice
     assert right.verdict is Verdict.OK
+    (nothing,) = check_push(BOTH, {"right": 0.01})
+    assert nothing.check == "encoders"
+    assert nothing.verdict is Verdict.PROBLEM
     still, _ = check_push(BOTH, {"right": 6.3})
     assert still.verdict is Verdict.PROBLEM
     assert "counts nothing" in still.measured
@@ -83,6 +86,7 @@ def test_a_turn_to_the_left():
         (run(seen="forward"), Verdict.PROBLEM, "look at the encoder's plug"),
         (run(seen="nothing"), Verdict.PROBLEM, "has the bridge power"),
         (WheelRun("left", ()), Verdict.SKIPPED, ""),
+        (run(duty=0, seen="nothing"), Verdict.SKIPPED, ""),
     ],
 )
 def test_a_wheel_that_was_driven_forward(driven: WheelRun, verdict: Verdict, advice: str):
@@ -113,3 +117,11 @@ def test_the_scale_that_is_configured(max_duty: int, duty: int, verdict: Verdict
     finding = check_scale(BOTH, [driven], max_duty=max_duty, max_rim_speed_m_s=0.36)
     assert finding.verdict is verdict
     assert advice in finding.advice
+
+
+def test_a_wheel_that_was_never_driven():
+    """The daemon refused, or an obstacle held it: said, and no wire is blamed."""
+    refused = check_motor(BOTH, WheelRun("left", (), refused="somebody else drives"))
+    held = check_motor(BOTH, WheelRun("left", run(duty=0).samples, held_by="obstacle:front"))
+    assert "(somebody else drives)" in refused.measured
+    assert "(obstacle:front)" in held.measured

@@ -42,6 +42,22 @@ def test_kinds_rates_counts_and_clock():
     assert not heard.damaged
 
 
+def test_a_busy_computer_is_no_drifting_clock():
+    """Two of three reads are up to 90 ms late, more of them towards the end: the least late ones tell 400 millionths."""
+    chance = random.Random(5)
+    pieces = [
+        (at_s + (0.0 if index % 3 == 0 else chance.random() * 0.09 * index / 100), piece)
+        for index, (at_s, piece) in enumerate(cycles(101, board_hz=10.0, ppm=400.0))
+    ]
+    assert heard_of(pieces).clock_ppm == pytest.approx(400.0, abs=20.0)
+
+
+def test_a_computer_that_is_later_and_later_tells_no_drift():
+    """Every read from the middle on is later than the one before: that is no clock, and nothing is told."""
+    pieces = [(at_s + max(0, index - 50) * 0.01, piece) for index, (at_s, piece) in enumerate(cycles(101))]
+    assert heard_of(pieces).clock_ppm is None
+
+
 def test_four_wheels_on_a_wire_that_is_configured_for_two():
     """The variant that understands is told, with its wheels; the configured one wins where both do."""
     heard = heard_of(cycles(20, wheels=4))

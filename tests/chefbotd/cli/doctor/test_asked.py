@@ -112,7 +112,7 @@ def test_a_yes_without_motors_moves_nothing():
             assert robot.board.duty == (0, 0)
         assert not any("type yes" in question for question in asker.asked)
         assert (
-            found(diagnosis)["encoder left_wheel"].verdict is Verdict.PROBLEM
+            found(diagnosis)["encoders"].verdict is Verdict.PROBLEM
         )  # nothing was pushed, though Enter says so
 
     run_virtual(scenario())

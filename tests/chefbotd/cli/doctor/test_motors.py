@@ -61,7 +61,7 @@ def test_a_board_of_255_that_is_believed_to_be_of_1023():
     """The wheel is much faster than asked: full on is said to be about 255, and what to set."""
     finding = examined(on_blocks(**WRONG_SCALE_UP), on_blocks())["duty_scale"]
     assert finding.verdict is Verdict.PROBLEM
-    assert "the board is on 255" in finding.measured
+    assert "most likely it is 255" in finding.measured
     assert "max_duty = 255" in finding.advice
     assert "0.249" in finding.advice  # 255 / 1023
 
@@ -70,7 +70,7 @@ def test_a_board_of_1023_that_is_believed_to_be_of_255():
     """The wheel hardly turns: full on is said to be about 1023."""
     finding = examined(on_blocks(), on_blocks(sim__board__pwm_full_scale=1023))["duty_scale"]
     assert finding.verdict is Verdict.PROBLEM
-    assert "the board is on 1023" in finding.measured
+    assert "most likely it is 1023" in finding.measured
     assert "max_duty = 1023" in finding.advice
 
 
