@@ -69,7 +69,9 @@ def check_beam_ahead(name: str, before_m: float | None, after_m: float | None) -
     check, near, far = f"ahead {name}", *AHEAD_BAND_M
     told = f"{name} says {_metres(after_m)} to what stands {AHEAD_M:g} m ahead (before: {_metres(before_m)})"
     if after_m is not None and near <= after_m <= far:
-        return ok(check, told)
+        if before_m is None or abs(before_m - after_m) > NOTICED_M:
+            return ok(check, told)
+        return warning(check, f"{told}: that was there before", "clear the way ahead for 2 m, and try again")
     return problem(
         check,
         told,

@@ -291,6 +291,6 @@ def check_faults(runs: Sequence[WheelRun]) -> list[Finding]:
         warning(
             "stopped_by_daemon",
             f"the daemon stopped the motors on its own: {'; '.join(stopped)}",
-            "so it should; the findings on motors and duty say why",
+            "it was right to: mend what it names, unless the findings on motors and duty scale explain it",
         )
     ]

@@ -47,7 +47,7 @@ async def _moved(
                 skipped(
                     "drive",
                     f"the robot refused to drive: {error.message}",
-                    "see its reason, and ask the doctor again",
+                    "mend what it names, and ask the doctor again",
                 )
             )
             return False

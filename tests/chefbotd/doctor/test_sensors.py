@@ -33,6 +33,8 @@ def test_a_box_half_a_metre_ahead():
     """The front sensor must see it at about that."""
     assert check_beam_ahead("front", 2.5, 0.36).verdict is Verdict.OK
     assert check_beam_ahead("front", 2.5, 2.5).verdict is Verdict.PROBLEM
+    assert check_beam_ahead("front", None, 0.5).verdict is Verdict.OK
+    assert check_beam_ahead("front", 0.69, 0.7).verdict is Verdict.WARNING
     assert check_beam_ahead("front", None, None).verdict is Verdict.PROBLEM
 
 
