@@ -3,14 +3,14 @@
 from chefbotd.link.line_load import BITS_A_BYTE
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
 from chefbotd.sensing.infrared import InfraredParameters
-from chefbotd.sensing.lidar import LidarModel, LidarParameters
+from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.sim import infrared
 from chefbotd.sim.battery import Divider
 from chefbotd.sim.chassis import Chassis, Wheel
-from chefbotd.sim.ld19 import LidarMount
 from chefbotd.sim.sensors import UltrasonicMount
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
+from chefbotd.sim.spinning import LidarMount, LidarWire
 from firmware_protocol.codec import VARIANTS
 
 
@@ -67,17 +67,11 @@ def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
 
 
 def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
-    """Where the real one is.
-
-    Raises:
-        ValueError: its bytes are not simulated.
-    """
-    if not real.model.is_ldrobot:
-        known = " or ".join(model for model in LidarModel if model.is_ldrobot)
-        raise ValueError(f"lidar {real.name!r} is an {real.model}, only an {known} can be simulated")
+    """Which one the real one is, and where; an LD06 has the LD19's wire."""
     if real.mount_z_m is not None:
         height_m = real.mount_z_m
-    return LidarMount(real.name, real.base_from_lidar, real.upside_down, height_m)
+    wire = LidarWire.LD19 if real.model.is_ldrobot else LidarWire(real.model)
+    return LidarMount(real.name, real.base_from_lidar, real.upside_down, height_m, wire)
 
 
 def _infrared(real: InfraredParameters) -> infrared.InfraredParameters:

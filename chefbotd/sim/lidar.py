@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.ld19 import SimulatedLd19
 from chefbotd.sim.lidar_faults import LidarFault, LidarLine
+from chefbotd.sim.spinning import SpinningLidar
 
 
 class LidarRunner:
@@ -18,7 +18,7 @@ class LidarRunner:
 
     def __init__(
         self,
-        lidar: SimulatedLd19,
+        lidar: SpinningLidar,
         board: BoardRunner,
         send: Callable[[bytes], None],
         clock: Clock,
@@ -28,7 +28,7 @@ class LidarRunner:
     ) -> None:
         self._lidar, self._board, self._send, self._clock = lidar, board, send, clock
         self._handover_s = handover_s
-        self._line = LidarLine(seed)
+        self._line = LidarLine(seed, lidar.turn_packets)
 
     @property
     def fault(self) -> LidarFault | None:
@@ -43,6 +43,12 @@ class LidarRunner:
         elif self._line.fault is LidarFault.STALLED:
             self._lidar.release(now_s)
         self._line.fault = fault
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host; the lidar answers at once, or not at all."""
+        answer = self._lidar.hear(data)
+        if answer and (carried := self._line.carry_answer(answer)):
+            self._send(carried)
 
     def turn(self, by_rad: float) -> None:
         """Turn the lidar in its mount, which no configuration knows of."""

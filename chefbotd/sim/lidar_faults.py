@@ -30,9 +30,9 @@ class LidarFault(StrEnum):
 class LidarLine:
     """Carries packets to the host, as the ``fault`` in force lets it."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, turn_packets: int = TURN_PACKETS) -> None:
         self._chance = random.Random(seed)
-        self._last_turn: deque[bytes] = deque(maxlen=TURN_PACKETS)
+        self._last_turn: deque[bytes] = deque(maxlen=turn_packets)
         self.fault: LidarFault | None = None
 
     def carry(self, packets: Sequence[bytes]) -> bytes:
@@ -53,6 +53,20 @@ class LidarLine:
                 return b"".join(self._again(packet) for packet in packets)
             case LidarFault.WRONG_BAUD:
                 return heard_at(b"".join(packets), 0.5)
+
+    def carry_answer(self, answer: bytes) -> bytes:
+        """What arrives of an answer: it is no packet, so it neither comes twice nor again."""
+        match self.fault:
+            case LidarFault.SILENT:
+                return b""
+            case LidarFault.GARBAGE:
+                return self._chance.randbytes(len(answer))
+            case LidarFault.CUT:
+                return self._cut(answer)
+            case LidarFault.WRONG_BAUD:
+                return heard_at(answer, 0.5)
+            case _:
+                return answer
 
     def _cut(self, packet: bytes) -> bytes:
         begin = self._chance.randrange(len(packet))

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from chefbotd.clock import Clock
@@ -34,11 +35,14 @@ class PluggedLidars:
             if board_path is not None:
                 told = name if PLAIN.fullmatch(name) else str(number)
                 self.devices[name] = board_path.with_name(f"{board_path.name}-{told}")
-            pty = self._ptys[name] = PtyBoard(_pass_over, self.devices.get(name))
+            pty = self._ptys[name] = PtyBoard(self._receiver(name), self.devices.get(name))
             handover_s = simulation.parameters.lidar.handover_s
             self.runners[name] = LidarRunner(
                 lidar, board, pty.send, clock, handover_s=handover_s, seed=number
             )
+
+    def _receiver(self, name: str) -> Callable[[bytes], None]:
+        return lambda data: self.runners[name].receive(data)
 
     def plug(self, name: str | None = None) -> dict[str, Path]:
         """Make the devices of all lidars, or of this one, and return their paths.
@@ -60,7 +64,3 @@ class PluggedLidars:
         async with asyncio.TaskGroup() as group:
             for runner in self.runners.values():
                 group.create_task(runner.run())
-
-
-def _pass_over(_: bytes) -> None:
-    """An LD19 does not listen."""

@@ -9,13 +9,15 @@ from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.ld19 import LidarMount, SimulatedLd19
+from chefbotd.sim.ld19 import SimulatedLd19
 from chefbotd.sim.opening import FirstLineCut
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
+from chefbotd.sim.rplidar import SimulatedRplidar
 from chefbotd.sim.sensors import Ultrasonic, UltrasonicMount
 from chefbotd.sim.sight import Sight
+from chefbotd.sim.spinning import LidarMount, LidarWire, SpinningLidar
 from chefbotd.sim.wiring import Wiring
 from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
@@ -29,7 +31,7 @@ RANGE_SENSORS_M = 0.15
 class Simulation:
     """A robot to simulate: its wire, wheels and sensors, and all else; a sensor that is None is not wired to the board.
 
-    Each of ``lidars`` is an LD19 on a line of its own.
+    Each of ``lidars`` is on a line of its own.
 
     Raises:
         ValueError: the wire is another robot's or another sketch's, or no two wheels of a side share the wheelbase.
@@ -104,7 +106,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 
 
-def build_lidars(simulation: Simulation, seed: int | None = None) -> dict[str, SimulatedLd19]:
+def build_lidars(simulation: Simulation, seed: int | None = None) -> dict[str, SpinningLidar]:
     """The robot's lidars by their names, at time 0.
 
     Raises:
@@ -117,7 +119,7 @@ def build_lidars(simulation: Simulation, seed: int | None = None) -> dict[str, S
     seed = parameters.seed if seed is None else seed
     scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
     return {
-        mount.name: SimulatedLd19(
+        mount.name: (SimulatedLd19 if mount.wire is LidarWire.LD19 else SimulatedRplidar)(
             parameters.lidar, mount, Sight(scene, mount.height_m, parameters.lidar), seed + number
         )
         for number, mount in enumerate(simulation.lidars)

@@ -17,9 +17,9 @@ from chefbotd.process.build import build
 from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.ld19 import SimulatedLd19
 from chefbotd.sim.lidar import LidarRunner
 from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
+from chefbotd.sim.spinning import SpinningLidar
 from chefbotd.testing.depth import depth_spawn
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import no_worker
@@ -139,15 +139,14 @@ async def simulated_robot(
             await _end(task)
 
 
-def _in_memory(lidar: SimulatedLd19, board: BoardRunner, settings: Settings) -> SimulatedLidar:
+def _in_memory(lidar: SpinningLidar, board: BoardRunner, settings: Settings) -> SimulatedLidar:
     device = FakeSerialDevice()
     handover_s, seed = settings.sim.lidar.handover_s, settings.sim.seed
-    return SimulatedLidar(
-        device,
-        LidarRunner(
-            lidar, board, lambda data: device.feed(data), LoopClock(), handover_s=handover_s, seed=seed
-        ),
+    runner = LidarRunner(
+        lidar, board, lambda data: device.feed(data), LoopClock(), handover_s=handover_s, seed=seed
     )
+    device.on_write = runner.receive
+    return SimulatedLidar(device, runner)
 
 
 @contextlib.asynccontextmanager

@@ -8,8 +8,8 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of
 from chefbotd.settings import load, packaged
 from chefbotd.sim.chassis import Wheel
-from chefbotd.sim.ld19 import LidarMount
 from chefbotd.sim.simulation import build_launchpad
+from chefbotd.sim.spinning import LidarMount
 from firmware_protocol.codec import KHAN
 
 
@@ -131,9 +131,9 @@ def test_lidars_are_simulated_where_the_real_ones_are() -> None:
     )
 
 
-def test_a_lidar_that_is_not_simulated_is_told() -> None:
-    """Its name, its model, and which there are."""
-    lidar = [{"name": "scan", "model": "rplidar_a1", "device": "/dev/a"}]
-    told = "lidar 'scan' is an rplidar_a1, only an ld06 or ld19 can be simulated"
-    with pytest.raises(CannotSimulateError, match=told):
-        checked_simulation(load(overrides={"lidar": lidar}))
+def test_every_lidar_is_simulated_by_its_own_wire() -> None:
+    """Slamtec's as themselves, an LD06 as the LD19 whose packets it sends."""
+    models = ("ld06", "rplidar_a1", "rplidar_a2")
+    lidars = [{"name": model, "model": model, "device": f"/dev/{model}"} for model in models]
+    simulated = simulation_of(load(overrides={"lidar": lidars})).lidars
+    assert [str(mount.wire) for mount in simulated] == ["ld19", "rplidar_a1", "rplidar_a2"]

@@ -11,11 +11,11 @@ from chefbotd.clock import LoopClock, SystemClock, run_virtual
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.embedded import EmbeddedBoard
-from chefbotd.sim.ld19 import LidarMount
 from chefbotd.sim.lidar import LidarRunner
 from chefbotd.sim.lidar_faults import LidarFault
 from chefbotd.sim.simulate import simulate
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
+from chefbotd.sim.spinning import LidarMount
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.lidar.ld19 import Ld19Decoder
 

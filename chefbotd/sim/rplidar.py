@@ -1,0 +1,119 @@
+"""A simulated RPLIDAR A1 or A2: it answers requests, and sends the nodes of a standard scan while one is asked for.
+
+It tells a firmware before 1.17, which offers no express scan. An A1's motor is switched by DTR, which nobody sees over a
+pseudo-terminal: it turns always. An A2's turns when it is told to. Points and turns a second are those of Slamtec's
+data sheets for the standard scan (A1M8: 2000 and 5.5; A2M8 at 115200 baud: 2000 and 10); so many nodes fit the wire.
+"""
+
+from functools import reduce
+from operator import xor
+from typing import Final
+
+import numpy as np
+
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.sight import Sight
+from chefbotd.sim.spinning import LidarMount, LidarWire, SpinningLidar
+from chefbotd.sim_parameters.lidar import LidarFlaws
+from firmware_protocol.lidar.rplidar import (
+    BAUD,
+    FULL_TURN_Q6,
+    SET_MOTOR_PWM,
+    START,
+    Health,
+    Request,
+    ScanNode,
+    descriptor,
+    encode_node,
+)
+
+NODE_BYTES: Final = 5
+INFO, HEALTH, SCAN = 0x04, 0x06, 0x81
+"""The kinds of its answers."""
+
+POINTS_PER_S: Final = 2000.0
+TURNS_PER_S: Final = {LidarWire.RPLIDAR_A1: 5.5, LidarWire.RPLIDAR_A2: 10.0}
+MODEL: Final = {LidarWire.RPLIDAR_A1: 0x18, LidarWire.RPLIDAR_A2: 0x28}
+NEAREST_M: Final = 0.15
+FIRMWARE_MINOR, FIRMWARE_MAJOR, HARDWARE = 15, 1, 5
+BOOT_TEXT: Final = b"RP LIDAR System.\r\nFirmware Ver 1.15, HW Ver 5\r\n"
+"""What an A1 prints after a reset (assumed)."""
+
+FARTHEST_Q2: Final = 0xFFFF
+
+
+class SimulatedRplidar(SpinningLidar):
+    """``health`` is what it says of itself; with an error it does not scan before a reset."""
+
+    points = 1
+    transmission_s = NODE_BYTES * 10 / BAUD
+
+    def __init__(self, flaws: LidarFlaws, mount: LidarMount, sight: Sight, seed: int) -> None:
+        rates = {"points_per_s": POINTS_PER_S, "turns_per_s": TURNS_PER_S[mount.wire]}
+        nearest_m = max(flaws.min_range_m, NEAREST_M)
+        super().__init__(flaws.model_copy(update={**rates, "min_range_m": nearest_m}), mount, sight, seed)
+        self._unread = b""
+        self._is_scanning = False
+        self._turns_motor = mount.wire is LidarWire.RPLIDAR_A1
+        self._turn: int | None = None
+        self._serial = bytes((seed + index) % 256 for index in range(16))
+        self.health = Health.GOOD
+
+    @property
+    def sends(self) -> bool:
+        """It was asked for a scan, and its motor turns: one that stands gives no points (assumed)."""
+        return self._is_scanning and self._turns_motor and not self.is_stalled
+
+    def hear(self, data: bytes) -> bytes:
+        """Requests, in whatever pieces; bytes that begin none are passed over."""
+        self._unread += data
+        answers = b""
+        while (size := self._request_size()) is not None:
+            if size:
+                answers += self._answer(self._unread[:size])
+            self._unread = self._unread[max(size, 1) :]
+        return answers
+
+    def _request_size(self) -> int | None:
+        """How long the request is that begins here; 0: none does; None: the rest is still to come."""
+        unread = self._unread
+        if unread and unread[0] != START:
+            return 0
+        if len(unread) < 2:
+            return None
+        if unread[1] < 0x80:
+            return 2
+        if len(unread) < 3 or len(unread) < unread[2] + 4:
+            return None
+        size = unread[2] + 4
+        return size if reduce(xor, unread[: size - 1]) == unread[size - 1] else 0
+
+    def _answer(self, request: bytes) -> bytes:
+        match request[1]:
+            case Request.STOP:
+                self._is_scanning = False
+            case Request.RESET:
+                self._is_scanning, self.health = False, Health.GOOD
+                return BOOT_TEXT
+            case Request.GET_INFO:
+                told = bytes((MODEL[self._mount.wire], FIRMWARE_MINOR, FIRMWARE_MAJOR, HARDWARE))
+                return descriptor(INFO) + told + self._serial
+            case Request.GET_HEALTH:
+                return descriptor(HEALTH) + bytes((self.health, 0, 0))
+            case Request.SCAN if self.health is not Health.ERROR:
+                self._is_scanning, self._turn = True, None
+                return descriptor(SCAN)
+            case code if code == SET_MOTOR_PWM and self._mount.wire is LidarWire.RPLIDAR_A2:
+                self._turns_motor = any(request[3:5])
+        return b""
+
+    def _packed(self, point_s: Vector, turned: Vector, distance_m: Vector, intensity: Vector) -> list[bytes]:
+        angle_q6 = (np.floor(turned * FULL_TURN_Q6) % FULL_TURN_Q6).astype(int).tolist()
+        distance_q2 = np.minimum(np.rint(distance_m * 4000), FARTHEST_Q2).astype(int).tolist()
+        quality = (intensity.astype(int) >> 2).tolist()
+        turns = np.floor(turned).astype(int).tolist()
+        nodes = []
+        for turn, angle, distance, good in zip(turns, angle_q6, distance_q2, quality, strict=True):
+            starts, self._turn = self._turn is not None and turn != self._turn, turn
+            nodes.append(encode_node(ScanNode(starts, min(good, 0x3F), angle, distance)))
+        return nodes

@@ -1,0 +1,165 @@
+"""A lidar that spins on the robot: each point measured from where the lidar is at that instant; its bytes are a wire's.
+
+The motor turns clockwise seen from above. Chance and angles depend on a point's number alone, so how often the lidar is
+asked changes nothing.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import ClassVar
+
+import numpy as np
+
+from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.sim.arrays import Vector
+from chefbotd.sim.sight import Seen, Sight
+from chefbotd.sim_parameters.lidar import LidarFlaws
+
+LONGEST_GAP_S = 0.4
+"""What was not asked for within this time is not measured: the robot's trail is not kept for longer."""
+
+
+class LidarWire(StrEnum):
+    """Whose bytes it sends."""
+
+    LD19 = "ld19"
+    RPLIDAR_A1 = "rplidar_a1"
+    RPLIDAR_A2 = "rplidar_a2"
+
+
+@dataclass(frozen=True, slots=True)
+class LidarMount:
+    """Where a lidar sits: its name, its axis seen from the base, and the height at which it looks; which one it is.
+
+    The heading is where its zero mark points, seen from above, also if it hangs upside down.
+    """
+
+    name: str = "lidar"
+    base_from_lidar: Pose2D = ORIGIN
+    upside_down: bool = False
+    height_m: float = 0.2
+    wire: LidarWire = LidarWire.LD19
+
+
+class SpinningLidar(ABC):
+    """Powered on at time 0, at full speed. ``packets_skipped`` counts those that were asked for too late.
+
+    ``points`` are in a packet, which takes ``transmission_s`` on the wire.
+    """
+
+    points: ClassVar[int]
+    transmission_s: ClassVar[float]
+    turn_packets: int
+    """About so many packets are a turn."""
+
+    def __init__(self, flaws: LidarFlaws, mount: LidarMount, sight: Sight, seed: int) -> None:
+        self._flaws, self._mount, self._sight = flaws, mount, sight
+        self._noise, self._luck, drawn = (np.random.default_rng((seed, number)) for number in range(3))
+        self._rate_hz = flaws.turns_per_s * (1 + flaws.rate_error_share * float(drawn.standard_normal()))
+        self._first_turn = float(drawn.random())
+        self._packets = 0
+        self._stalled_s, self._stalled_at_s = 0.0, math.inf
+        self.packets_skipped = 0
+        self.turn_packets = math.ceil(flaws.points_per_s / flaws.turns_per_s / self.points)
+
+    def hear(self, data: bytes) -> bytes:
+        """Bytes from the host, and what it answers at once: most say nothing and send unasked."""
+        return b""
+
+    def stall(self, at_s: float) -> None:
+        """Something holds the motor from now on."""
+        self._stalled_at_s = min(at_s, self._stalled_at_s)
+
+    def release(self, at_s: float) -> None:
+        """The motor turns again."""
+        self._stalled_s += max(at_s - self._stalled_at_s, 0.0)
+        self._stalled_at_s = math.inf
+
+    @property
+    def is_stalled(self) -> bool:
+        """Whether something holds the motor."""
+        return math.isfinite(self._stalled_at_s)
+
+    def turn(self, by_rad: float) -> None:
+        """Somebody has turned it in its mount: its zero mark points elsewhere from now on (CCW positive)."""
+        mount = self._mount
+        turned = mount.base_from_lidar.compose(Pose2D(0.0, 0.0, by_rad))
+        self._mount = replace(mount, base_from_lidar=turned)
+
+    @property
+    def measured_s(self) -> float:
+        """When the next point is measured."""
+        return self._packets * self.points / self._flaws.points_per_s
+
+    def packets_left(self, to_s: float) -> int:
+        """How many packets have left the lidar by then."""
+        points = (to_s - self.transmission_s) * self._flaws.points_per_s + 1
+        return max(math.floor(points / self.points + 1e-9), 0)
+
+    def advance(self, to_s: float, trail: Vector, discs: Vector) -> list[bytes]:
+        """The packets that left since the last call.
+
+        Args:
+            to_s: the time, from power-on.
+            trail: where the robot was: rows of time, x, y, heading (not wrapped), with rising times.
+            discs: who and what stands about now (D x 3: x, y, radius).
+        """
+        end = self.packets_left(to_s)
+        begin = max(self._packets, self.packets_left(to_s - LONGEST_GAP_S))
+        self.packets_skipped += begin - self._packets
+        self._pass_over((begin - self._packets) * self.points)
+        self._packets = max(end, begin)
+        if end <= begin:
+            return []
+        if not self.sends:
+            self._pass_over((end - begin) * self.points)
+            return []
+        point_s = np.arange(begin * self.points, end * self.points) / self._flaws.points_per_s
+        turned = self._turned(point_s)
+        seen = self._look(point_s, turned, trail, discs)
+        distance_m = self._distances_m(seen)
+        return self._packed(point_s, turned, distance_m, np.where(distance_m > 0, seen.intensity, 0))
+
+    @property
+    def sends(self) -> bool:
+        """Whether it sends what it measures."""
+        return True
+
+    @abstractmethod
+    def _packed(self, point_s: Vector, turned: Vector, distance_m: Vector, intensity: Vector) -> list[bytes]:
+        """Points as packets: when, after how many turns, how far (0: no reading) and how bright."""
+
+    def _pass_over(self, points: int) -> None:
+        """Spend the chance of points that nobody sees, so that later ones are the same."""
+        if points:
+            self._noise.standard_normal(points)
+            self._luck.random(points)
+
+    def _turned(self, at_s: Vector) -> Vector:
+        """How many turns the motor has made."""
+        running_s = np.minimum(at_s, self._stalled_at_s) - self._stalled_s
+        pace = math.tau / self._flaws.wobble_s
+        wobble_s = self._flaws.rate_wobble_share / pace * (1 - np.cos(pace * running_s))
+        turned: Vector = self._first_turn + self._rate_hz * (running_s + wobble_s)
+        return turned
+
+    def _look(self, point_s: Vector, turned: Vector, trail: Vector, discs: Vector) -> Seen:
+        x, y, base_rad = (np.interp(point_s, trail[:, 0], trail[:, column]) for column in (1, 2, 3))
+        mount, cos, sin = self._mount.base_from_lidar, np.cos(base_rad), np.sin(base_rad)
+        origins = np.empty((len(x), 2))
+        origins[:, 0] = x + cos * mount.x_m - sin * mount.y_m
+        origins[:, 1] = y + sin * mount.x_m + cos * mount.y_m
+        sense = 1.0 if self._mount.upside_down else -1.0
+        bearings = base_rad + mount.heading_rad + sense * math.tau * (turned - math.floor(turned[0]))
+        return self._sight.look(origins, bearings, discs)
+
+    def _distances_m(self, seen: Seen) -> Vector:
+        """As it measures them: 0 is no reading."""
+        count, flaws = len(seen.range_m), self._flaws
+        range_m = seen.range_m + flaws.noise_m * self._noise.standard_normal(count)
+        lost = self._luck.random(count) < flaws.lost_share
+        lost |= (range_m < flaws.min_range_m) | (range_m > flaws.max_range_m)
+        measured: Vector = np.where(lost, 0.0, range_m)
+        return measured

@@ -1,0 +1,179 @@
+"""The simulated RPLIDAR: its bytes, read by the decoder that reads the real one's, and the daemon in front of it."""
+
+import asyncio
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.core.geometry import Pose2D
+from chefbotd.settings import load, packaged
+from chefbotd.sim import scene
+from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.rplidar import SimulatedRplidar
+from chefbotd.sim.sight import Sight
+from chefbotd.sim.spinning import LidarMount, LidarWire
+from chefbotd.sim_parameters.lidar import LidarFlaws
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from firmware_protocol.lidar.rplidar import (
+    FULL_TURN_Q6,
+    Answer,
+    DeviceHealth,
+    DeviceInfo,
+    Health,
+    Request,
+    RplidarDecoder,
+    ScanNode,
+    express_request,
+    motor_request,
+    request,
+)
+
+PERFECT: dict[str, Any] = {"noise_m": 0, "lost_share": 0, "rate_error_share": 0, "rate_wobble_share": 0}
+ROOM = scene.of_walls(np.array([[2, -3, 2, 3], [2, 3, -4, 3], [-4, 3, -4, -3], [-4, -3, 2, -3]], np.float64))
+STANDING = np.array([[0.0, 0.0, 0.0, 0.0]])
+NOBODY = np.zeros((0, 3))
+
+
+class Conversation:
+    """A lidar in a room of 6 by 6 m, and what it has answered and sent."""
+
+    def __init__(self, wire: LidarWire = LidarWire.RPLIDAR_A1, **flaws: Any) -> None:
+        parameters = LidarFlaws.model_validate({**PERFECT, **flaws})
+        mount = LidarMount(base_from_lidar=Pose2D(0.1, -0.05, 0.3), wire=wire)
+        self.lidar = SimulatedRplidar(parameters, mount, Sight(ROOM, 0.2, parameters), 3)
+        self.decoder, self.now_s = RplidarDecoder(), 0.0
+
+    def say(self, data: bytes, chunk: int = 100) -> list[Answer]:
+        """Bytes in pieces; the answers."""
+        pieces = [data[at : at + chunk] for at in range(0, len(data), chunk)]
+        return self.decoder.feed_bytes(b"".join(self.lidar.hear(piece) for piece in pieces))
+
+    def wait(self, seconds: float) -> list[ScanNode]:
+        """The nodes of so long a time."""
+        nodes: list[Answer] = []
+        for _ in range(round(seconds / 0.01)):
+            self.now_s += 0.01
+            nodes += self.decoder.feed_bytes(b"".join(self.lidar.advance(self.now_s, STANDING, NOBODY)))
+        return [node for node in nodes if isinstance(node, ScanNode)]
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 100])
+@pytest.mark.parametrize(("wire", "model"), [(LidarWire.RPLIDAR_A1, 0x18), (LidarWire.RPLIDAR_A2, 0x28)])
+def test_it_says_what_it_is_and_how_it_is(wire: LidarWire, model: int, chunk: int) -> None:
+    """In whatever pieces it is asked, with other bytes before; its firmware offers no express scan."""
+    device = Conversation(wire)
+    (info,) = device.say(b"\x00\x17" + request(Request.GET_INFO), chunk)
+    assert isinstance(info, DeviceInfo)
+    assert (info.model, info.firmware) == (model, (1, 15))
+    assert device.say(request(Request.GET_HEALTH), chunk) == [DeviceHealth(Health.GOOD, 0)]
+    assert device.say(express_request(), chunk) == []
+    assert device.wait(0.2) == []
+
+
+def test_angles_grow_clockwise_and_distances_are_those_of_the_walls() -> None:
+    """2000 nodes a second, 5.5 turns; each distance is the one from the lidar, 0.3 rad turned, to its wall."""
+    device = Conversation()
+    device.say(request(Request.SCAN))
+    nodes = device.wait(2.0)
+    assert len(nodes) == pytest.approx(4000, abs=3)
+    assert sum(node.starts_turn for node in nodes) == 11
+    assert not device.decoder.refused
+    turns = [index for index, node in enumerate(nodes) if node.starts_turn]
+    assert {b - a for a, b in pairwise(turns)} <= {363, 364}
+    for node in nodes[::37]:
+        bearing = 0.3 - node.angle_q6 * math.tau / FULL_TURN_Q6
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        ahead_m = ((2 - 0.1) if cos > 0 else (4 + 0.1)) / max(abs(cos), 1e-9)
+        aside_m = ((3 + 0.05) if sin > 0 else (3 - 0.05)) / max(abs(sin), 1e-9)
+        assert node.distance_q2 / 4000 == pytest.approx(min(ahead_m, aside_m), abs=0.003)
+
+
+def test_it_sends_only_what_it_is_asked_for() -> None:
+    """Nothing before a scan is asked for, nothing after a stop or a reset; a held motor gives no points."""
+    device = Conversation()
+    assert device.wait(0.3) == []
+    device.say(request(Request.SCAN))
+    assert len(device.wait(0.3)) > 590
+    device.lidar.stall(device.now_s)
+    assert device.wait(0.3) == []
+    device.lidar.release(device.now_s)
+    assert len(device.wait(0.3)) > 590
+    for ending in (Request.STOP, Request.RESET):
+        device.say(request(ending))
+        device.decoder.reset()
+        assert device.wait(0.3) == []
+        device.say(request(Request.SCAN))
+        assert len(device.wait(0.3)) > 590
+
+
+def test_out_of_order_it_scans_after_a_reset_only() -> None:
+    """As the maker's manual says of its health."""
+    device = Conversation()
+    device.lidar.health = Health.ERROR
+    assert device.say(request(Request.GET_HEALTH)) == [DeviceHealth(Health.ERROR, 0)]
+    device.say(request(Request.SCAN))
+    assert device.wait(0.1) == []
+    assert device.lidar.hear(request(Request.RESET)).startswith(b"RP LIDAR")
+    device.say(request(Request.SCAN))
+    assert len(device.wait(0.3)) > 590
+
+
+def test_an_a2_turns_when_it_is_told_to() -> None:
+    """By its own motor request, 10 turns a second; a damaged one does nothing."""
+    device = Conversation(LidarWire.RPLIDAR_A2)
+    device.say(request(Request.SCAN))
+    device.say(motor_request(660)[:-1] + b"\x00")
+    assert device.wait(0.2) == []
+    device.say(motor_request(660))
+    assert sum(node.starts_turn for node in device.wait(1.0)) == 10
+    device.say(motor_request(0))
+    assert device.wait(0.2) == []
+
+
+def test_near_and_far_there_is_no_reading() -> None:
+    """The wall at 3.05 m is beyond 3 m of range: distance 0, quality 0."""
+    device = Conversation(max_range_m=2.0)
+    device.say(request(Request.SCAN))
+    nodes = device.wait(0.4)
+    none = [node for node in nodes if node.distance_q2 == 0]
+    assert 0.4 < len(none) / len(nodes) < 0.95
+    assert {node.quality for node in none} == {0}
+
+
+@pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_a2"])
+def test_the_daemon_sees_by_it_stops_by_it_and_gets_over_its_faults(model: str) -> None:
+    """Healthy with whole turns; the guard holds the robot off a bag; silent and unplugged it is told, and comes back."""
+    lidar = {"name": "scan", "model": model, "device": "/dev/rp", "mount_x_m": 0.04, "mount_yaw_rad": 0.6}
+    start = {"sim.world.start_x_m": 2.5, "sim.world.start_y_m": 2.4, "sim.world.start_heading_rad": 1.8}
+    ahead = {"x_m": 2.5 + 1.0 * math.cos(1.8), "y_m": 2.4 + 1.0 * math.sin(1.8), "radius_m": 0.1}
+    overrides = {"lidar": [lidar], "sim.world.map_path": "flat", "sim.things": [ahead], **start}
+
+    async def condition(robot: SimulatedRobot) -> str:
+        return str((await robot.client.get_state()).topics["lidars"].data.lidars[0].condition)
+
+    async def play() -> None:
+        async with simulated_robot(load(packaged("chefbot"), overrides=overrides)) as robot:
+            await asyncio.sleep(4.0)
+            assert await condition(robot) == "healthy"
+            for _ in range(120):
+                await robot.client.drive(0.2, 0.0)
+                await asyncio.sleep(0.05)
+                assert not robot.board.truth(0.0).in_contact
+            assert abs(robot.board.truth(0.0).twist.linear_m_s) < 0.01, "it stands before the bag"
+            robot.lidars["scan"].runner.fault = LidarFault.SILENT
+            await asyncio.sleep(3.0)
+            assert await condition(robot) == "silent"
+            robot.lidars["scan"].runner.fault = None
+            await asyncio.sleep(8.0)
+            assert await condition(robot) == "healthy"
+            robot.lidars["scan"].device.unplug()
+            await asyncio.sleep(1.0)
+            robot.lidars["scan"].device.plug()
+            await asyncio.sleep(8.0)
+            assert await condition(robot) == "healthy"
+
+    run_virtual(play())
