@@ -8,58 +8,32 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
-from chefbotd.rpc.event import EventPayload
-from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import Connection
-from chefbotd.transport.unread import UnreadSockets
 from tests.chefbotd.rpc.test_lenient import STOPS
-from tests.fakes.api import new_server
-from tests.fakes.robot import FakeRobot
-from tests.fakes.transport import FakeTransport
+from tests.chefbotd.transport.connected import (
+    ARM,
+    BEHIND,
+    DESCRIBE,
+    ESTOP,
+    ESTOPPED,
+    PING,
+    STOP,
+    answers,
+    connected,
+    kinds,
+    text,
+)
 
-PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
-STOP = b'{"jsonrpc":"2.0","id":2,"method":"stop"}\n'
-DESCRIBE = b'{"jsonrpc":"2.0","id":3,"method":"describe"}\n'
-ESTOP = b'{"jsonrpc":"2.0","id":4,"method":"estop","params":{"reason":"smoke"}}\n'
-ARM = b'{"jsonrpc":"2.0","id":5,"method":"arm"}\n'
 DRIVE = b'{"jsonrpc":"2.0","id":6,"method":"drive","params":{"linear_m_s":%.1f,"angular_rad_s":0}}\n'
 TURN = (
     b'{"jsonrpc":"2.0","id":7,"method":"set_wheel_velocities",'
     b'"params":{"name":["left"],"velocity_rad_s":[1.0]}}\n'
 )
-ESTOPPED = ("estop", "smoke")
-BEHIND = b"x" * 5000  # more than the buffer takes before it pauses, and less than twice as much
 
 
 def drove(linear_m_s: float) -> tuple[object, ...]:
     """The call that ``DRIVE`` leads to."""
     return ("drive", "teleop", Twist2D(linear_m_s, 0.0))
-
-
-def connected(plain: socket.socket | None = None) -> tuple[Connection, FakeTransport, FakeRobot]:
-    """A greeted connection to a fake robot; one turn is 16 requests, and ``describe`` overfills the buffer."""
-    server, robot, _ = new_server(requests_per_turn=16, write_buffer_bytes=4096)
-    transport = FakeTransport()
-    session = server.connections.admit("127.0.0.1", 50000)
-    assert isinstance(session, Session)
-    connection = Connection(server.connections, UnreadSockets(), session, plain)
-    transport.pause_writing = connection.pause_writing
-    transport.resume_writing = connection.resume_writing
-    connection.connection_made(transport)
-    transport.written.clear()
-    return connection, transport, robot
-
-
-def text(data: bytes) -> EventPayload:
-    """An event of the topic ``text``."""
-    return EventPayload("text", 1, 0.0, 0.0, data)
-
-
-def answers(transport: FakeTransport) -> int:
-    """How many messages were written."""
-    return len(transport.written)
 
 
 def test_small_messages_are_not_held_back_and_kernel_buffers_are_small() -> None:
@@ -113,12 +87,6 @@ def test_many_requests_at_once_do_not_keep_the_loop() -> None:
         assert served == [(16, True), (32, True), (40, True)]
 
     run_virtual(scenario())
-
-
-def kinds(transport: FakeTransport) -> list[str]:
-    """What was written: ``ok``, or the kind of error."""
-    messages = [json.loads(line) for line in transport.written]
-    return [message["error"]["data"]["kind"] if "error" in message else "ok" for message in messages]
 
 
 def test_who_reads_no_answers_is_asked_no_more_and_loses_nothing() -> None:
@@ -327,199 +295,5 @@ def test_a_stuck_client_is_cut_off() -> None:
         assert robot.calls == [("stop",)]
         await asyncio.sleep(0.1)
         assert transport.aborted
-
-    run_virtual(scenario())
-
-
-def test_a_lost_connection_leaves_nothing_behind() -> None:
-    """Of the requests that waited none but a stop is served, and no timer is left."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        connection.data_received(PING * 16 + ARM + STOP[:-5])
-        connection.data_received(STOP[-5:].strip() + ARM)
-        connection.connection_lost(None)
-        await asyncio.sleep(60.0)
-        assert (robot.calls, transport.aborted, answers(transport)) == ([], False, 16)
-
-        connection, transport, robot = connected()
-        connection.data_received(PING * 16 + ARM + STOP.strip())
-        connection.connection_lost(None)
-        await asyncio.sleep(60.0)
-        assert (robot.calls, transport.aborted, answers(transport)) == ([("stop",)], False, 16)
-
-    run_virtual(scenario())
-
-
-def test_what_is_ended_is_looked_through_for_a_while() -> None:
-    """0.2 s, so that a stop behind what ended the connection is carried out; then nothing is listened to any more."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        connection.data_received(PING + b"x" * 5000)
-        assert (kinds(transport), transport.closed) == (["ok", "request_too_large"], False)
-        await asyncio.sleep(0)
-        connection.data_received(b"x\n" + ARM + STOP)
-        assert (robot.calls, answers(transport)) == ([("stop",)], 2)
-        await asyncio.sleep(0.3)
-        assert transport.closed
-        connection.data_received(STOP)
-        assert robot.calls == [("stop",)]
-
-    run_virtual(scenario())
-
-
-def test_what_is_ended_is_not_looked_through_without_end() -> None:
-    """Half a megabyte is more than can have been on its way; then the connection is closed."""
-
-    async def scenario() -> None:
-        connection, transport, _ = connected()
-        connection.data_received(PING + b"x" * 5000)
-        await asyncio.sleep(0)
-        for _ in range(8):
-            assert not transport.closed
-            connection.data_received(b"x" * 65536)
-        connection.data_received(b"x")
-        assert transport.closed
-
-    run_virtual(scenario())
-
-
-def test_what_is_ended_is_not_worth_any_effort() -> None:
-    """Of the same stop a thousand times one is carried out, and a thousand lines that look like one are enough."""
-
-    async def scenario() -> None:
-        connection, _, robot = connected()
-        connection.data_received(PING * 16 + STOP * 999)
-        connection.connection_lost(None)
-        await asyncio.sleep(1.0)
-        before_the_loss = 1
-        assert len(robot.calls) == before_the_loss + 1
-
-        connection, _, robot = connected()
-        connection.data_received(PING * 16 + b'"stop"\n' * 1100 + STOP)
-        connection.connection_lost(None)
-        await asyncio.sleep(1.0)
-        assert robot.calls == []
-
-    run_virtual(scenario())
-
-
-@pytest.mark.parametrize("at_once", [False, True])
-@pytest.mark.parametrize(
-    ("first", "calls"),
-    [
-        (b"", [ESTOPPED]),
-        (b"oops\n", [ESTOPPED]),
-        (b"POST / HTTP/1.1\r\n\r\n", []),
-        (b"GET /" + b"x" * 5000 + b" HTTP/1.1\r\n\r\n", []),
-    ],
-)
-def test_a_last_look_at_who_has_not_spoken_yet(
-    first: bytes, calls: list[tuple[object, ...]], at_once: bool
-) -> None:
-    """A web page that comes when its connection is being ended cannot stop the robot either; others can."""
-
-    async def scenario() -> None:
-        ours, theirs = socket.socketpair()
-        with ours, theirs:
-            ours.setblocking(False)
-            connection, transport, robot = connected(ours)
-            if at_once:
-                theirs.send(first + ESTOP)
-            connection.end(Failure(ErrorKind.TIMED_OUT, "too slow"), at_once=at_once)
-            for i in range(0 if at_once else len(first + ESTOP)):
-                await asyncio.sleep(0)
-                connection.data_received((first + ESTOP)[i : i + 1])
-        await asyncio.sleep(0.3)
-        assert (robot.calls, transport.closed) == (calls, True)
-
-    run_virtual(scenario())
-
-
-def test_what_comes_later_is_asked_for_again() -> None:
-    """In a last look, too, a stop that comes after another was carried out is carried out."""
-
-    async def scenario() -> None:
-        connection, _, robot = connected()
-        connection.data_received(PING + b"x" * 5000)
-        await asyncio.sleep(0)
-        connection.data_received(b"\n" + ESTOP + ESTOP)
-        connection.data_received(ESTOP)
-        assert robot.calls == [ESTOPPED] * 2
-
-    run_virtual(scenario())
-
-
-def test_who_is_stuck_while_being_ended_is_still_looked_through() -> None:
-    """That its patience ends in that very moment does not cut the last look short."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        transport.client_reads = False
-        connection.data_received(DESCRIBE)
-        await asyncio.sleep(4.9)
-        connection.end(Failure(ErrorKind.TIMED_OUT, "for another reason"))
-        await asyncio.sleep(0.15)
-        connection.data_received(STOP)
-        assert (robot.calls, transport.closed, transport.aborted) == ([("stop",)], False, False)
-        await asyncio.sleep(0.1)
-        assert (transport.closed, transport.aborted) == (True, False)
-        await asyncio.sleep(5.0)
-        assert transport.aborted
-
-    run_virtual(scenario())
-
-
-def test_the_end_of_the_requests_waits_for_those_that_wait() -> None:
-    """A client that half-closes while it is behind gets every answer as it reads, and then our side closes."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        transport.client_reads = False
-        connection.send_event(text(BEHIND), latest=True)
-        connection.data_received(PING + ARM + STOP.strip())
-        connection.eof_received()
-        assert (robot.calls, transport.closed) == ([("stop",)], False)
-        transport.client_takes(1_000_000)
-        del transport.written[0]
-        assert (kinds(transport), transport.closed) == (["ok", "ok", "overtaken"], True)
-
-    run_virtual(scenario())
-
-
-def test_the_end_of_the_requests_closes_after_the_answers() -> None:
-    """When the client closes its side, what it asked has been answered and our side closes."""
-
-    async def scenario() -> None:
-        connection, transport, _ = connected()
-        connection.data_received(PING)
-        assert connection.eof_received() is False
-        assert (json.loads(transport.written[0])["id"], transport.closed) == (1, True)
-
-    run_virtual(scenario())
-
-
-def test_the_end_of_the_requests_ends_the_last_one() -> None:
-    """A stop without a line end, as ``printf`` sends it, is carried out and answered."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        connection.data_received(PING + STOP.strip())
-        connection.eof_received()
-        assert (robot.calls, answers(transport), transport.closed) == ([("stop",)], 2, True)
-
-    run_virtual(scenario())
-
-
-def test_half_a_request_is_none_also_at_the_end() -> None:
-    """What was cut off in the middle is told to be no JSON, and does nothing."""
-
-    async def scenario() -> None:
-        connection, transport, robot = connected()
-        connection.data_received(STOP[:-4])
-        connection.eof_received()
-        error = json.loads(transport.written[0])["error"]
-        assert (robot.calls, error["data"]["kind"], transport.closed) == ([], "parse_error", True)
 
     run_virtual(scenario())

@@ -10,7 +10,7 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import Rearm, SafetyParameters
-from tests.chefbotd.features.driving.test_service import CHASSIS
+from tests.chefbotd.features.driving.rig import CHASSIS
 
 
 class Kept:

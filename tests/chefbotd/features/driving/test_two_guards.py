@@ -14,7 +14,7 @@ from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.gate import Command, Decision, SafetyParameters
 from chefbotd.safety.guard import GuardParameters
-from tests.chefbotd.features.driving.test_service import CHASSIS
+from tests.chefbotd.features.driving.rig import CHASSIS
 
 Limit = Callable[[Twist2D], tuple[Twist2D, str | None]]
 
