@@ -7,7 +7,8 @@ VENV ?= .venv
 ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
-EXTRAS := teleop,tune,joystick,navigation,page,recording
+EXTRAS := teleop,tune,joystick,discovery,navigation,page,recording
+DEB_EXTRAS ?= discovery,page,recording,teleop,tune
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 JOBS_OF_FAULTS ?= 2
@@ -18,7 +19,7 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map test test-again test-all coverage check audit lint format wheel wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: docs run serve map test test-again test-all coverage check audit lint format wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -69,6 +70,12 @@ format: $(VENV)/ready  ## Format the code, and mend what can be mended
 wheel: $(VENV)/ready  ## Build the wheel into dist
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist
+
+# For this computer's architecture and Debian's own Python; with DEB_EXTRAS, which are extras of pyproject.toml.
+deb: $(VENV)/ready  ## Build the Debian package into dist (DEB_EXTRAS=page,teleop,...)
+	rm -rf build/deb-wheel
+	$(BIN)/python -m build --wheel --outdir build/deb-wheel
+	packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
 
 # The tests, run against the installed wheel in an environment of its own, away from the sources.
 wheel-test: wheel  ## Run the tests against the installed wheel

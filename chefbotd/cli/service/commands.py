@@ -37,11 +37,12 @@ root = click.option(
 @click.command()
 @click.option("--robot", metavar="NAME", help="The packaged robot to begin with; chefbot by default.")
 @click.option("--config", metavar="FILE", type=configuration, help="Or a configuration of your own, copied.")
+@click.option("--no-start", is_flag=True, help="Neither start it at boot nor now; what runs goes on.")
 @dry_run
 @root
 @click.pass_context
 def install_service(
-    ctx: click.Context, robot: str | None, config: Path | None, dry_run: bool, root: Path
+    ctx: click.Context, robot: str | None, config: Path | None, no_start: bool, dry_run: bool, root: Path
 ) -> None:
     """Install chefbotd as a systemd service, and start it.
 
@@ -60,7 +61,7 @@ def install_service(
     _require_root(program, root, dry_run=dry_run)
     if root == Path("/"):
         _require_reachable(program)
-    wanted = plan.Wanted(program, robot or "chefbot", config)
+    wanted = plan.Wanted(program, robot or "chefbot", config, start=not no_start)
     try:
         steps = plan.install(Host(root), wanted)
     except SettingsError as error:

@@ -23,11 +23,15 @@ TOKEN_MODE = 0o600
 
 
 class Wanted(Struct, frozen=True):
-    """What to install: ``program`` is started with the configuration of ``robot``, or a copy of the file ``config``."""
+    """What to install: ``program`` is started with the configuration of ``robot``, or a copy of the file ``config``.
+
+    ``start`` is whether to start it, now and at each boot.
+    """
 
     program: Path
     robot: str = "chefbot"
     config: Path | None = None
+    start: bool = True
 
 
 def install(host: Host, wanted: Wanted) -> list[Step]:
@@ -51,7 +55,7 @@ def install(host: Host, wanted: Wanted) -> list[Step]:
             )
         )
     unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), wanted.program))
-    return [*steps, unit, *_started(host, changed=unit.act is not None)]
+    return [*steps, unit, *_told(host, unit), *(_started(host, unit) if wanted.start else ())]
 
 
 def _user(host: Host) -> Step:
@@ -103,7 +107,12 @@ def _tokens(host: Host) -> Step:
     return Step(f"{texts.TOKENS}: unchanged")
 
 
-def _started(host: Host, *, changed: bool) -> Iterator[Step]:
+def _told(host: Host, unit: Step) -> Iterator[Step]:
+    if host.is_running and unit.act is not None:
+        yield command(host, "have systemd read the unit", "systemctl", "daemon-reload")
+
+
+def _started(host: Host, unit: Step) -> Iterator[Step]:
     enabled = host.path(WANTED_BY).is_symlink()
     if not host.is_running:
         if enabled:
@@ -111,15 +120,13 @@ def _started(host: Host, *, changed: bool) -> Iterator[Step]:
         else:
             yield command(host, "start it at boot", "systemctl", f"--root={host.root}", "enable", SERVICE)
         return
-    if changed:
-        yield command(host, "have systemd read the unit", "systemctl", "daemon-reload")
     if enabled:
         yield Step(f"{SERVICE} starts at boot: unchanged")
     else:
         yield command(host, "start it at boot", "systemctl", "enable", SERVICE)
     if not host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "start it now", "systemctl", "start", SERVICE)
-    elif changed:
+    elif unit.act is not None:
         yield command(
             host, "start it anew, with the robot stopped meanwhile", "systemctl", "restart", SERVICE
         )
