@@ -19,6 +19,7 @@ WANTED_BY = f"/etc/systemd/system/multi-user.target.wants/{SERVICE}"
 RULE = "/etc/udev/rules.d/60-chefbot.rules"
 SYSUSERS = "/etc/sysusers.d/chefbotd.conf"
 FOLDER, STATE, CACHE, RUNTIME = "/etc/chefbotd", "/var/lib/chefbotd", "/var/cache/chefbotd", "/run/chefbotd"
+UDEV = "/run/udev/control"
 TOKEN_MODE = 0o600
 
 
@@ -47,15 +48,21 @@ def install(host: Host, wanted: Wanted) -> list[Step]:
     templates = packaged().parent
     rule = file(host, RULE, (templates / "60-chefbot.rules").read_text(encoding="utf-8"))
     steps.append(rule)
-    if rule.act is not None and host.is_running:
-        steps.append(command(host, "have udev read the rule", "udevadm", "control", "--reload"))
-        steps.append(
-            command(
-                host, "name the boards that are plugged in", *("udevadm", "trigger", "--subsystem-match=tty")
-            )
-        )
+    steps += _named(host, rule)
     unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), wanted.program))
     return [*steps, unit, *_told(host, unit), *(_started(host, unit) if wanted.start else ())]
+
+
+def _named(host: Host, rule: Step) -> Iterator[Step]:
+    """Have udev obey a new rule, for boards that are plugged in as well; in a container there is none to tell."""
+    if rule.act is None or not host.is_running:
+        return
+    if not host.path(UDEV).exists():
+        yield Step("udev does not run here: its rule counts where it does")
+        return
+    yield command(host, "have udev read the rule", "udevadm", "control", "--reload")
+    told = "name the boards that are plugged in"
+    yield command(host, told, "udevadm", "trigger", "--subsystem-match=tty", "--action=add")
 
 
 def _user(host: Host) -> Step:
@@ -153,7 +160,7 @@ def _removed(host: Host) -> Iterator[Step]:
     yield from steps.values()
     if host.is_running and steps[UNIT].act is not None:
         yield command(host, "have systemd forget the unit", "systemctl", "daemon-reload")
-    if host.is_running and steps[RULE].act is not None:
+    if host.is_running and steps[RULE].act is not None and host.path(UDEV).exists():
         yield command(host, "have udev forget the rule", "udevadm", "control", "--reload")
 
 

@@ -243,6 +243,8 @@ class Running(Host):
 def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(tmp_path: Path):
     """Once: the second time it runs, and nothing is told to anybody."""
     (tmp_path / "etc").mkdir()
+    (tmp_path / "run/udev").mkdir(parents=True)
+    (tmp_path / "run/udev/control").touch()
     computer = Computer(tmp_path)
 
     def run(command: tuple[str, ...]) -> Ended:
@@ -268,6 +270,25 @@ def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(
     assert [step.told for step in moved if step.act is not None][-1].endswith(
         "systemctl restart chefbotd.service"
     )
+
+
+def test_where_udev_does_not_run_it_is_told_nothing(tmp_path: Path):
+    """In a container: the rule is there all the same, and its step says so."""
+    (tmp_path / "etc").mkdir()
+    computer = Computer(tmp_path)
+    steps = plan.install(Running(tmp_path, computer.run, computer.chown), plan.Wanted(PROGRAM))
+    carry_out(steps, lambda step: None)
+    assert "udev does not run here: its rule counts where it does" in [step.told for step in steps]
+    assert not any(command[0] == "udevadm" for command in computer.ran)
+
+
+def test_without_a_start_nothing_is_enabled_and_what_runs_goes_on(tmp_path: Path):
+    """An upgrade of a package: the unit is new and read, and whether it runs is as it was."""
+    (tmp_path / "etc").mkdir()
+    computer = Computer(tmp_path)
+    host = Running(tmp_path, computer.run, computer.chown)
+    carry_out(plan.install(host, plan.Wanted(PROGRAM, start=False)), lambda step: None)
+    assert [command[:2] for command in computer.ran][-1] == ("systemctl", "daemon-reload")
 
 
 def test_a_path_is_quoted_as_systemd_reads_it():
