@@ -168,6 +168,7 @@ class Daemon:
         )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
         self.page = _page(settings, self.rpc, guard, self.metrics)
+        self.features += _discovery(settings, self.server, self.page)
         self._add_metrics()
 
     def _own_features(self, settings: Settings, *, simulated: bool) -> list[Feature]:
@@ -338,9 +339,13 @@ def _page(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) ->
     """Loaded only where it is served."""
     if not settings.page.enabled:
         return None
+    parameters = settings.page
+    if settings.discovery.enabled:
+        own = f"{settings.discovery.label(settings.robot.name)}.local".lower()
+        parameters = parameters.model_copy(update={"allowed_hosts": (*parameters.allowed_hosts, own)})
     from chefbotd.transport.web.server import PageServer
 
-    return PageServer(rpc, settings.page, guard, metrics)
+    return PageServer(rpc, parameters, guard, metrics)
 
 
 def _recording(
@@ -373,6 +378,17 @@ def _recording(
     make = recorder_maker(parameters, folder, made, clock.now_s())
     writer = start_writer(make, round(parameters.queue_mb * 1e6))
     return [recording(RecordingService(bus, clock, parameters, folder, writer))]
+
+
+def _discovery(settings: Settings, server: TcpServer, page: "PageServer | None") -> list[Feature]:
+    """Loaded only where the robot is to be found."""
+    if not settings.discovery.enabled:
+        return []
+    from chefbotd.features.discovery.feature import discovery
+
+    where = None if page is None else page.address
+    encrypted = settings.api.tls_certificate is not None
+    return [discovery(settings.discovery, settings.robot.name, server.address, where, encrypted=encrypted)]
 
 
 def _lidars(settings: Settings, bus: Bus, clock: Clock, opener: Opener, rng: random.Random) -> list[Feature]:

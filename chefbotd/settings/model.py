@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
+from chefbotd.features.discovery.parameters import DiscoveryParameters
 from chefbotd.features.driving.service import ControlParameters
 from chefbotd.link.port import LinkParameters
 from chefbotd.localization.section import LocalizationSection
@@ -103,6 +104,7 @@ class Settings(Parameters):
     recording: RecordingParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
+    discovery: DiscoveryParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()
 

@@ -4,11 +4,13 @@ import ssl
 from typing import TextIO
 
 import click
+from click.core import ParameterSource
 
 from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, Credentials, Runner, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
+from chefbotd.cli.discovery.robots import address_of, robots
 from chefbotd.cli.doctor.doctor_command import doctor
 from chefbotd.cli.doctor.ports_command import ports
 from chefbotd.cli.drive import commands as driving
@@ -48,6 +50,12 @@ EXITS = list(MEANING)
     help="Where the daemon listens.",
 )
 @click.option(
+    "--robot",
+    "name",
+    metavar="NAME",
+    help="Instead of --connect: the robot of this name on the local network (see robots).",
+)
+@click.option(
     "--token-file",
     type=TOKEN,
     envvar="CHEFBOTCTL_TOKEN_FILE",
@@ -63,9 +71,15 @@ EXITS = list(MEANING)
 )
 @click.version_option(__version__, prog_name="chefbotctl")
 @click.pass_context
-def main(ctx: click.Context, where: Address, token_file: TextIO | None, ca: str | None) -> None:
+def main(
+    ctx: click.Context, where: Address, name: str | None, token_file: TextIO | None, ca: str | None
+) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
     run: Runner = ctx.obj or run_until_signalled
+    if name is not None:
+        if ctx.get_parameter_source("where") is ParameterSource.COMMANDLINE:
+            raise click.UsageError("--robot and --connect exclude each other: both say where the daemon is")
+        where = address_of(name, run)
     ctx.obj = CommandContext(where, wants_json(ctx), run, _credentials(token_file, ca))
 
 
@@ -102,6 +116,7 @@ COMMANDS: tuple[click.Command, ...] = (
     looking.watch,
     scan,
     looking.describe,
+    robots,
     doctor,
     ports,
     driving.drive,

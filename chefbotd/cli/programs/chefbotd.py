@@ -95,6 +95,9 @@ def run(
         if settings.page.enabled:
             with extra("page", "aiohttp", "websockets", "prometheus_client"):
                 pass
+        if settings.discovery.enabled:
+            with extra("discovery", "zeroconf", "ifaddr"):
+                import zeroconf  # noqa: F401 - what is missing is told before the robot is touched
         from chefbotd.process import logs
         from chefbotd.process import run as process
         from chefbotd.settings import load

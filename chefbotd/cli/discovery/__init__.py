@@ -1,0 +1,1 @@
+"""Robots on the local network, by name."""

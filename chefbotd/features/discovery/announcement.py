@@ -1,0 +1,54 @@
+"""What a robot says of itself on the network, as a DNS-SD service (RFC 6763), and how it is read."""
+
+from collections.abc import Mapping
+
+from chefbotd.core.record import Record
+
+SERVICE_TYPE = "_chefbotd._tcp.local."
+
+
+class Announcement(Record, frozen=True):
+    """A robot by its name on the network; a port is None where only its own computer reaches it."""
+
+    name: str
+    addresses: tuple[str, ...]
+    port: int | None
+    page_port: int | None
+    robot: str
+    version: str
+    encrypted: bool = False
+
+    @property
+    def instance(self) -> str:
+        """The service's full name."""
+        return f"{self.name}.{SERVICE_TYPE}"
+
+    @property
+    def host(self) -> str:
+        """The host's name, which the addresses belong to."""
+        return f"{self.name}.local."
+
+    def properties(self) -> dict[str, str]:
+        """The TXT record: what is not known has no key."""
+        told = {"robot": self.robot, "version": self.version, "tls": "1" if self.encrypted else "0"}
+        return told if self.page_port is None else {**told, "page": str(self.page_port)}
+
+
+def read(
+    instance: str, addresses: tuple[str, ...], port: int | None, properties: Mapping[bytes, bytes | None]
+) -> Announcement:
+    """What somebody on the network announces, who may announce anything: what cannot be read is left out."""
+    texts = {
+        key.decode(errors="replace"): (value or b"").decode(errors="replace")
+        for key, value in properties.items()
+    }
+    page = texts.get("page", "")
+    return Announcement(
+        instance.removesuffix(f".{SERVICE_TYPE}"),
+        addresses,
+        port or None,
+        int(page) if page.isascii() and page.isdigit() and 0 < int(page) <= 65535 else None,
+        texts.get("robot", ""),
+        texts.get("version", ""),
+        texts.get("tls") == "1",
+    )

@@ -1,0 +1,110 @@
+"""Announces the robot on the local network while the daemon runs, and takes it back at the end."""
+
+import asyncio
+import ipaddress
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+import structlog
+
+from chefbotd import __version__
+from chefbotd.features.discovery.announcement import Announcement
+from chefbotd.rpc.parameters import is_loopback
+
+log = structlog.get_logger(component="discovery")
+
+AGAIN_S = 60.0
+"""After a name clash, or a network that is not there yet."""
+
+Listening = Callable[[], Awaitable[tuple[str, int]]]
+"""Waits until a server listens: its address."""
+
+
+class NameTaken(Exception):
+    """Another one on the network has this name."""
+
+
+class Network(Protocol):
+    """Multicast DNS, or a test's."""
+
+    async def announce(self, announcement: Announcement) -> None:
+        """Say it, after nobody else has claimed the name; raises ``NameTaken`` or ``OSError``."""
+        ...
+
+    async def withdraw(self) -> None:
+        """Take back what was said, and say nothing more; harmless where nothing was."""
+        ...
+
+
+class DiscoveryService:
+    """``label`` is the name on the network, ``robot`` the robot's own; ``page`` is None where none is served."""
+
+    def __init__(
+        self,
+        label: str,
+        robot: str,
+        server: Listening,
+        page: Listening | None,
+        network: Network,
+        *,
+        encrypted: bool,
+    ) -> None:
+        self._label, self._robot, self._encrypted = label, robot, encrypted
+        self._server, self._page, self._network = server, page, network
+
+    async def run(self) -> None:
+        """Announce the robot until cancelled; one that only its own computer reaches is not announced."""
+        server = await self._server()
+        page = None if self._page is None else await self._page()
+        reachable = [host for host, _ in (server, page or server) if not is_loopback(host)]
+        if not reachable:
+            log.warning(
+                "the robot is not announced: only this computer reaches its sockets",
+                hint="set api.host or page.host, with tokens: docs/service.md",
+            )
+            await asyncio.Event().wait()
+        announcement = Announcement(
+            self._label,
+            tuple([host for host in dict.fromkeys(reachable) if not _is_any(host)]),
+            _port(server),
+            None if page is None else _port(page),
+            self._robot,
+            __version__,
+            self._encrypted,
+        )
+        try:
+            await self._announce(announcement)
+        finally:
+            await self._network.withdraw()
+
+    async def _announce(self, announcement: Announcement) -> None:
+        """Until it is said; then wait for the end."""
+        while True:
+            try:
+                await self._network.announce(announcement)
+            except NameTaken:
+                log.warning(
+                    "the robot is not announced: another one on the network has its name",
+                    name=announcement.name,
+                    hint="give this one another: [discovery] name",
+                )
+            except OSError as error:
+                log.warning("the robot cannot be announced", error=str(error))
+            else:
+                log.info("announced", name=announcement.name, port=announcement.port)
+                await asyncio.Event().wait()
+            await asyncio.sleep(AGAIN_S)
+
+
+def _port(address: tuple[str, int]) -> int | None:
+    """The port, if others reach it."""
+    host, port = address
+    return None if is_loopback(host) else port
+
+
+def _is_any(host: str) -> bool:
+    """Whether this stands for every address of the computer."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
