@@ -253,7 +253,8 @@ class Daemon:
             localization_messages.SKILL: located.model_dump_json().encode(),
             navigation_messages.SKILL: navigated.model_dump_json().encode(),
         }
-        feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker)
+        mounts = settings.range_mounts()
+        feed = WorkerService(self.bus, self._clock, settings.worker, skills, spawn_worker, mounts)
         self.worker = feed.worker
         finder = LocalizationService(self.bus, self._clock, feed)
         made = MappingService(self.bus, self._clock, feed, stored.use_saved)

@@ -1,7 +1,7 @@
 """The daemon's end of the socket to the worker: never waits, never grows.
 
 What is to be sent is queued, and written when the present turn of the loop is over, so that no control step pays for
-it. Where the worker does not read, the oldest scans and odometry give way and are counted.
+it. Where the worker does not read, the oldest of what was measured gives way and is counted.
 """
 
 import asyncio
@@ -17,6 +17,7 @@ from chefbotd.worker.messages import (
     FromWorker,
     NotAMessage,
     OdometrySeen,
+    RangeSeen,
     ScanSeen,
     ToWorker,
     decoded,
@@ -31,7 +32,7 @@ KERNEL_BYTES: Final = 1 << 15
 
 CLOSED: Final = "it closed its socket"
 
-GIVES_WAY: Final = (ScanSeen, OdometrySeen)
+GIVES_WAY: Final = (ScanSeen, OdometrySeen, RangeSeen)
 
 
 class Channel:

@@ -52,6 +52,16 @@ class OdometrySeen(Message, frozen=True, tag="odometry"):
     angular_rad_s: float
 
 
+class RangeSeen(Message, frozen=True, tag="range"):
+    """An echo of an ultrasonic or infrared sensor; ``mount`` is ``base_from_sensor`` (x, y, heading)."""
+
+    stamp_s: float
+    sensor: str
+    mount: tuple[float, float, float]
+    range_m: float
+    field_of_view_rad: float
+
+
 class Request(Message, frozen=True, tag="request"):
     """Something for a skill to do. It must answer, or report progress, within ``deadline_s``."""
 
@@ -124,7 +134,7 @@ class Told(Message, frozen=True, tag="told"):
     body: bytes
 
 
-ToWorker: TypeAlias = Configure | ScanSeen | OdometrySeen | Request | Cancel
+ToWorker: TypeAlias = Configure | ScanSeen | OdometrySeen | RangeSeen | Request | Cancel
 FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | Progress | Failed | Told
 
 ENCODER: Final = msgspec.msgpack.Encoder()

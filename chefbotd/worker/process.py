@@ -21,7 +21,7 @@ from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
 from chefbotd.entries import entries_of
 from chefbotd.worker import messages
 from chefbotd.worker.channel import CLOSED, Channel
-from chefbotd.worker.messages import FromWorker, OdometrySeen, ScanSeen, packed
+from chefbotd.worker.messages import FromWorker, OdometrySeen, RangeSeen, ScanSeen, packed
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child, Spawn, spawn
 from chefbotd.worker.watch import (
@@ -111,7 +111,7 @@ class Worker:
 
     @property
     def dropped(self) -> int:
-        """Scans and odometry that gave way to newer ones."""
+        """What was measured and gave way to what is newer."""
         return self._dropped + (self._channel.dropped if self._channel is not None else 0)
 
     @property
@@ -127,7 +127,7 @@ class Worker:
         """Call ``handler`` each time a worker has become ready: what the one before it knew has to be told again."""
         self._on_ready.append(handler)
 
-    def send(self, message: ScanSeen | OdometrySeen) -> None:
+    def send(self, message: ScanSeen | OdometrySeen | RangeSeen) -> None:
         """Send what was measured, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
             self._channel.send(message)

@@ -11,7 +11,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, ToWorker, packed
 from chefbotd.worker.skills.registry import CannotLoad, loaded
-from chefbotd.worker.skills.skill import Job, Meets, Skill
+from chefbotd.worker.skills.skill import Hears, Job, Meets, Skill
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -53,6 +53,10 @@ class Runner:
             case messages.OdometrySeen():
                 for name, skill in self._skills.items():
                     yield from self._telling(name, "odometry", skill.take_odometry(message))
+            case messages.RangeSeen():
+                for name, skill in self._skills.items():
+                    if isinstance(skill, Hears):
+                        yield from self._telling(name, "a range", skill.take_range(message))
             case messages.Request():
                 yield from self._begin(message)
             case messages.Cancel():

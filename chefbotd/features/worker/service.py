@@ -1,4 +1,4 @@
-"""Feeds the worker: every scan and every odometry goes to it, in a frame that never jumps."""
+"""Feeds the worker: every scan, echo and odometry goes to it, the last in a frame that never jumps."""
 
 from collections.abc import Mapping
 
@@ -6,19 +6,22 @@ import numpy as np
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events import OdometryReset, OdometryUpdated
+from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.entries import entries_of
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import Spawn, spawn
 
 
 class WorkerService:
-    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there."""
+    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there.
+
+    ``mounts`` are the ultrasonic and infrared sensors: ``base_from_sensor`` by name.
+    """
 
     def __init__(
         self,
@@ -27,13 +30,16 @@ class WorkerService:
         parameters: WorkerParameters,
         skills: Mapping[str, bytes],
         start: Spawn | None = None,
+        mounts: Mapping[str, Pose2D] | None = None,
     ) -> None:
-        self._bus, self._entries = bus, entries_of(clock)
+        self._bus, self._entries, self._mounts = bus, entries_of(clock), dict(mounts or {})
         self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
         self._steady_from_odom = ORIGIN
         bus.add_handler(self._send_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self._send_scan, ScanMeasured)
+        if self._mounts:
+            bus.add_handler(self._send_range, RangeMeasured)
 
     @property
     def steady_from_odom(self) -> Pose2D:
@@ -68,6 +74,16 @@ class WorkerService:
             OdometrySeen(
                 event.stamp_s, pose.x_m, pose.y_m, pose.heading_rad, twist.linear_m_s, twist.angular_rad_s
             )
+        )
+
+    def _send_range(self, event: RangeMeasured) -> None:
+        """Only an echo says where something is."""
+        mount = self._mounts.get(event.sensor)
+        if mount is None or event.status is not RangeStatus.OK or event.range_m is None:
+            return
+        placed = (mount.x_m, mount.y_m, mount.heading_rad)
+        self.worker.send(
+            RangeSeen(event.stamp_s, event.sensor, placed, event.range_m, event.field_of_view_rad)
         )
 
     def _send_scan(self, event: ScanMeasured) -> None:

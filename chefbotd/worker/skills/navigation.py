@@ -19,7 +19,7 @@ from chefbotd.navigation.planner import Goal, NoPath, Path
 from chefbotd.navigation.reports import PoseStatus, Seen, Step
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.skills import navigation_messages as messages
 from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.navigation_messages import (
@@ -84,6 +84,14 @@ class NavigationSkill:
     def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
         """Where the robot is by odometry; the newest counts."""
         self._odometry = odometry
+        return ()
+
+    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+        """An echo, where it is known where the robot was; the newest odometry is at most a reading older."""
+        pose, status = self._pose(self._clock.now_s())
+        if pose is not None and status is not PoseStatus.LOST:
+            sensor, view_rad = Pose2D(*measured.mount), measured.field_of_view_rad
+            self._navigator.take_range(measured.stamp_s, pose, sensor, measured.range_m, view_rad)
         return ()
 
     def close(self) -> None:

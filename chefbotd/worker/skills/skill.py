@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 
 Struct: TypeAlias = msgspec.Struct
 
@@ -57,6 +57,15 @@ class Skill(Protocol):
 
     def close(self) -> None:
         """The daemon ends: save what is not saved, within a second."""
+        ...
+
+
+@runtime_checkable
+class Hears(Protocol):
+    """A skill that wants what ultrasonic and infrared sensors measure."""
+
+    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+        """An echo; what gave none is not told."""
         ...
 
 

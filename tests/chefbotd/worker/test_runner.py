@@ -16,6 +16,7 @@ from chefbotd.worker.messages import (
     Message,
     OdometrySeen,
     Progress,
+    RangeSeen,
     Ready,
     Request,
     ScanSeen,
@@ -138,6 +139,27 @@ def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) 
     assert list(runner.take_message(ODOMETRY)) == []
     assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 1)))]
     assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 2)))]
+
+
+class Listening(Counting):
+    """One that wants echoes too."""
+
+    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+        self.ranges = [*getattr(self, "ranges", []), measured.range_m]
+        return ()
+
+
+def test_an_echo_reaches_the_skills_that_want_echoes_and_no_other(
+    runner: Runner, skill: Counting, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a counting skill and a listening one the second hears it."""
+    listening = Listening(clock)
+    echo = RangeSeen(1.0, "front", (0.1, 0.02, 0.4), 0.65, 0.26)
+    assert list(runner.take_message(echo)) == []
+    monkeypatch.setattr(runner_module, "loaded", lambda name, parameters, clock: listening)
+    list(runner.take_message(Configure({"listening": b"{}"})))
+    assert list(runner.take_message(echo)) == []
+    assert listening.ranges == [0.65]
 
 
 def test_a_request_is_answered_or_refused(runner: Runner) -> None:

@@ -1,0 +1,93 @@
+"""From an ultrasonic sensor's echo on the bus to the costs that the worker plans with."""
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from chefbotd.bus import Bus
+from chefbotd.clock import LoopClock, ManualClock, run_virtual
+from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.geometry import Pose2D
+from chefbotd.features.worker.service import WorkerService
+from chefbotd.localization.states import State
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.zones import NO_ZONES
+from chefbotd.worker.messages import OdometrySeen, RangeSeen, packed
+from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.skills import navigation as navigation_skill
+from chefbotd.worker.skills import navigation_messages as messages
+from chefbotd.worker.skills.localization import LocalizationSkill
+from chefbotd.worker.skills.navigation import NavigationSkill
+from tests.fakes.worker import Nursery, healthy
+
+MOUNT = Pose2D(0.1, -0.04, 0.3)
+
+
+def echo(range_m: float | None, status: RangeStatus = RangeStatus.OK, sensor: str = "front") -> RangeMeasured:
+    """One reading of a sensor with a cone of 15 degrees."""
+    return RangeMeasured(2.0, 2.01, sensor, status, range_m, 0.02, 4.0, 0.26)
+
+
+def test_only_an_echo_is_sent_to_the_worker() -> None:
+    """With the mount that is configured; what gave no echo, and a sensor without a mount, say nothing."""
+
+    async def scenario() -> None:
+        bus, nursery = Bus(), Nursery(healthy)
+        service = WorkerService(bus, LoopClock(), WorkerParameters(), {}, nursery.spawn, {"front": MOUNT})
+        running = asyncio.create_task(service.run())
+        await asyncio.sleep(1.0)
+        for each in (
+            echo(0.8), echo(None, RangeStatus.NO_ECHO), echo(None, RangeStatus.TOO_FAR), echo(0.5, sensor="rear"),
+        ):  # fmt: skip
+            bus.publish(each)
+        await asyncio.sleep(0.1)
+        assert nursery.last.received_of(RangeSeen) == [RangeSeen(2.0, "front", (0.1, -0.04, 0.3), 0.8, 0.26)]
+        running.cancel()
+        await asyncio.wait({running})
+
+    run_virtual(scenario())
+
+
+class Located(LocalizationSkill):
+    """A robot that knows where it is: ``odom`` lies at (1.0, 0.8) in an empty map of 4 by 4 m, turned by 0.2."""
+
+    def __init__(self) -> None:
+        self.grid = OccupancyGrid(0.05, Pose2D(), np.zeros((80, 80), np.int8))
+        self._map, self.seen = ("room", 1), None
+        self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=State.LOCALIZED)  # type: ignore[assignment]
+
+
+def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The robot is at (0.2, 0) by odometry, its sensor looks left: the straight way past the echo is closed."""
+    monkeypatch.setattr(navigation_skill, "read_zones", lambda folder, name: NO_ZONES)
+    clock = ManualClock(50.0)
+    told = messages.NavigationSkillParameters(
+        folder=Path("/nowhere"), radius_m=0.18, half_length_m=0.18, half_width_m=0.18, max_speed_m_s=0.3
+    )
+    skill = NavigationSkill(told.model_dump_json().encode(), clock)
+    finder = Located()
+    skill.meet({"localization": finder})
+    skill.take_odometry(OdometrySeen(50.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    pose = Pose2D(1.0, 0.8, 0.2).compose(Pose2D(0.2, 0.0))
+    there = pose.compose(MOUNT).compose(Pose2D(0.9, 0.0))
+    beyond = pose.compose(MOUNT).compose(Pose2D(2.0, 0.0))
+    asked = messages.PlanTo(messages.GoalAsked(1, beyond.x_m, beyond.y_m, None, 0.0))
+
+    def nearest_m() -> float:
+        answer = skill.handle(packed(asked))
+        assert isinstance(answer, messages.Planned)
+        assert answer.possible, answer.reason
+        return float(np.hypot(np.array(answer.x_m) - there.x_m, np.array(answer.y_m) - there.y_m).min())
+
+    assert nearest_m() < 0.06
+    assert list(skill.take_range(RangeSeen(50.0, "front", (0.1, -0.04, 0.3), 0.9, 0.26))) == []
+    assert nearest_m() > 0.2
+    finder.report.state = State.LOST  # type: ignore[union-attr,misc]
+    skill.take_range(RangeSeen(60.0, "front", (0.1, -0.04, 0.3), 0.9, 0.26))
+    finder.report.state = State.LOCALIZED  # type: ignore[union-attr,misc]
+    clock.advance(10.0)
+    skill.take_odometry(OdometrySeen(60.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    assert nearest_m() < 0.06
