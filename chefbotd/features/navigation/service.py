@@ -22,6 +22,7 @@ from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.maps.methods import PlaceList
 from chefbotd.features.navigation.goals import Goals
 from chefbotd.features.navigation.methods import GoalResult, PlanResult, Waypoint
+from chefbotd.features.navigation.orders import Orders
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.jobs import Progress
@@ -61,7 +62,7 @@ class NavigationService:
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
         self._places, self.section, self._entries = places, section, entries_of(clock)
-        self._orders: asyncio.Queue[NavigationRequest] = asyncio.Queue()
+        self._orders = Orders()
         self._goals = Goals()
         self._stops = driver.stops  # that the goals know of
         self._map: str | None = None  # in which the goals are
@@ -80,7 +81,7 @@ class NavigationService:
     async def run(self) -> None:
         """Tell the skill what was ordered, one thing after the other."""
         while True:
-            order = await self._orders.get()
+            order = await self._orders.next()
             try:
                 await self._ask(order)
             except Refused as problem:
@@ -97,6 +98,7 @@ class NavigationService:
         """Accept goals; their numbers."""
         self._require_armed()
         self._end_if_stopped()
+        await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
         stops = self._stops
         goals = [await self._goal(each) for each in waypoints]
         self._goals.require_room(len(goals))
@@ -189,7 +191,7 @@ class NavigationService:
         if not self._goals.active:
             return
         if self._worker.is_ready and not self._must_tell_goals:
-            self._orders.put_nowait(messages.CancelGoals(reason))
+            self._orders.put(messages.CancelGoals(reason))
         else:
             self._end_all("cancelled", f"cancelled: {reason}")
 
@@ -197,14 +199,14 @@ class NavigationService:
         """Stand until ``resume``."""
         self._is_paused = True
         self._stand_still()
-        self._orders.put_nowait(messages.Pause())
+        self._orders.put(messages.Pause())
 
     def resume(self) -> None:
         """Go on."""
         self._end_if_stopped()
         self._is_paused = self._is_muted = False
         self._driver.begin()
-        self._orders.put_nowait(messages.Resume())
+        self._orders.put(messages.Resume())
 
     def _end_if_stopped(self) -> None:
         """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
@@ -261,12 +263,12 @@ class NavigationService:
             self._driver.drive(twist, wished_s)
         except Unserved as held:
             self._stand_still()
-            self._orders.put_nowait(messages.CancelGoals(str(held)))
+            self._orders.put(messages.CancelGoals(str(held)))
         except Refused as refusal:
             self._stand_still()
             was_stopped = refusal.kind is RefusalKind.STOPPED
             fails = messages.CancelGoals if was_stopped else messages.FailGoals
-            self._orders.put_nowait(fails(str(refusal).partition(": do not")[0]))
+            self._orders.put(fails(str(refusal).partition(": do not")[0]))
 
     def _take_safety(self, event: SafetyChanged) -> None:
         self._safety = event
@@ -276,15 +278,15 @@ class NavigationService:
             self._is_taken_over = False
         elif event.mode != ARMED:
             self._stand_still()
-            self._orders.put_nowait(messages.FailGoals(f"the robot is {event.mode}: {event.reason}"))
+            self._orders.put(messages.FailGoals(f"the robot is {event.mode}: {event.reason}"))
         elif event.source not in (None, self._driver.source):
             if not self._is_taken_over:
                 self._is_taken_over = True
-                self._orders.put_nowait(messages.Pause())
+                self._orders.put(messages.Pause())
         elif self._is_taken_over:
             self._is_taken_over = False
             if self.section.resume_after_takeover and not self._is_paused:
-                self._orders.put_nowait(messages.Resume())
+                self._orders.put(messages.Resume())
 
     def _take_worker(self, event: WorkerReported) -> None:
         if event.state not in AWAY or not self._goals.active:
@@ -309,9 +311,9 @@ class NavigationService:
                 "fault", f"fault: the goals are on the map {self._map!a}, which is not in use any more"
             )
             return
-        self._orders.put_nowait(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
+        self._orders.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
         if self._is_paused or self._is_taken_over:
-            self._orders.put_nowait(messages.Pause())
+            self._orders.put(messages.Pause())
 
     def _end_all(self, end: str, reason: str) -> None:
         self._must_tell_goals = False

@@ -1,0 +1,57 @@
+"""What the skill is still to be told, in order and never more than a few: what a later order makes void is left out."""
+
+import asyncio
+
+from chefbotd.worker.skills.navigation_messages import (
+    CancelGoals,
+    FailGoals,
+    NavigateTo,
+    NavigationRequest,
+    Pause,
+    Resume,
+)
+
+MADE_VOID: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
+    NavigateTo: (NavigateTo,),
+    CancelGoals: (CancelGoals, Pause, Resume),
+    FailGoals: (CancelGoals, FailGoals, Pause, Resume),
+    Pause: (Pause, Resume),
+    Resume: (Pause, Resume),
+}
+"""By its kind, which earlier orders an order makes void.
+
+Goals are told all the same before they are cancelled: their ends are told by the worker.
+"""
+
+
+class Orders:
+    """Waits for whoever tells them; at most one of each kind."""
+
+    def __init__(self) -> None:
+        self._waiting: list[NavigationRequest] = []
+        self._arrived, self._told = asyncio.Event(), asyncio.Event()
+        self._told.set()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, order: NavigationRequest) -> None:
+        """To be told after all that wait, but for those that it makes void."""
+        void = MADE_VOID.get(type(order), ())
+        self._waiting = [each for each in self._waiting if not isinstance(each, void)]
+        self._waiting.append(order)
+        self._arrived.set()
+        self._told.clear()
+
+    async def next(self) -> NavigationRequest:
+        """The next one; those before it were told."""
+        if not self._waiting:
+            self._told.set()
+        while not self._waiting:
+            self._arrived.clear()
+            await self._arrived.wait()
+        return self._waiting.pop(0)
+
+    async def all_told(self) -> None:
+        """Until none waits, and none is being told."""
+        await self._told.wait()

@@ -1,0 +1,72 @@
+"""What the navigation skill is still to be told, while its worker is busy or hangs."""
+
+import asyncio
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.features.navigation.orders import Orders
+from chefbotd.worker.skills.navigation_messages import (
+    CancelGoals,
+    FailGoals,
+    GoalAsked,
+    NavigateTo,
+    NavigationRequest,
+    Pause,
+    Resume,
+)
+
+GOALS = NavigateTo((GoalAsked(7, 1.0, 2.0, None, 0.0),), queue=False)
+OTHERS = NavigateTo((GoalAsked(8, 3.0, 2.0, None, 0.0),), queue=False)
+
+
+async def waiting(*orders: NavigationRequest) -> list[NavigationRequest]:
+    """What is told in the end of orders that all came while nobody told any."""
+    found = Orders()
+    for order in orders:
+        found.put(order)
+    return [await found.next() for _ in range(len(found))]
+
+
+@pytest.mark.parametrize(
+    ("orders", "told"),
+    [
+        ((Pause(), Resume(), Pause()), [Pause()]),
+        ((Pause(), CancelGoals("by a key"), Resume()), [CancelGoals("by a key"), Resume()]),
+        ((CancelGoals("one"), FailGoals("the robot is estopped")), [FailGoals("the robot is estopped")]),
+        ((GOALS, Pause(), CancelGoals("as asked")), [GOALS, CancelGoals("as asked")]),
+        ((GOALS, OTHERS, Pause()), [OTHERS, Pause()]),
+    ],
+)
+def test_an_order_makes_void_what_it_overrules(
+    orders: tuple[NavigationRequest, ...], told: list[NavigationRequest]
+) -> None:
+    """Goals are told before they are cancelled, since the worker tells their ends."""
+    assert run_virtual(waiting(*orders)) == told
+
+
+def test_however_much_is_ordered_while_the_worker_hangs_five_wait_at_most() -> None:
+    """Ten thousand times pause, resume, cancel and fail, as a client could send them: one of a kind is left."""
+    orders = Orders()
+    for k in range(10_000):
+        orders.put((Pause(), Resume(), CancelGoals(str(k)), GOALS, FailGoals(str(k)))[k % 5])
+        assert len(orders) <= 5
+
+
+def test_whoever_waits_until_all_is_told_waits_for_the_one_that_is_being_told_too() -> None:
+    """A goal that overtook a cancel would be ended by it."""
+
+    async def scenario() -> None:
+        orders = Orders()
+        await asyncio.wait_for(orders.all_told(), 0.1)
+        orders.put(CancelGoals("as asked"))
+        assert await orders.next() == CancelGoals("as asked")
+        all_told = asyncio.create_task(orders.all_told())
+        await asyncio.sleep(1.0)
+        assert not all_told.done()
+        next_one = asyncio.create_task(orders.next())
+        await asyncio.wait_for(all_told, 0.1)
+        orders.put(Pause())
+        assert await next_one == Pause()
+
+    run_virtual(scenario())
