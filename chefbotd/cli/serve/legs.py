@@ -18,11 +18,16 @@ Disc = tuple[float, float, float]
 """x, y and radius in metres."""
 
 
+STILL_M = 1e-4
+"""A robot that comes no nearer than this between two of the simulation's reports (25 a second) stands."""
+
+
 @dataclass(frozen=True, slots=True)
 class Leg:
     """From where the robot stood to a place. ``end`` is the goal's, ``reason`` its sentence.
 
-    ``closest_m`` is the least distance of the robot's outline from anything that it could bump into.
+    ``closest_m`` is the least distance of the robot's outline from anything that it could bump into, as far as its own
+    motion led there; ``closest_of_all_m`` counts also who walked up to it.
     """
 
     place: str
@@ -33,6 +38,7 @@ class Leg:
     seconds: float
     ideal_s: float
     closest_m: float
+    closest_of_all_m: float
     off_m: float
     off_rad: float
     touched: bool
@@ -55,22 +61,36 @@ class Truth:
     radius_m: float
     length_m: float = 0.0
     closest_m: float = math.inf
+    closest_of_all_m: float = math.inf
     touched: bool = False
     pose: Pose2D | None = None
     discs: tuple[Disc, ...] = field(default=())
 
     def begin_leg(self) -> None:
         """Count anew."""
-        self.length_m, self.closest_m, self.touched = 0.0, math.inf, False
+        self.length_m, self.touched = 0.0, False
+        self.closest_m = self.closest_of_all_m = math.inf
 
     def take(self, pose: Pose2D, discs: Sequence[Disc], *, in_contact: bool) -> None:
-        """The robot is here now, and these stand about."""
-        if self.pose is not None:
-            self.length_m += math.dist((self.pose.x_m, self.pose.y_m), (pose.x_m, pose.y_m))
-        self.pose, self.discs = pose, tuple(discs)
+        """The robot is here now, and these stand about.
+
+        A distance from somebody is the robot's own where it is shorter than from where the robot was before.
+        """
         here = (pose.x_m, pose.y_m)
-        apart = [self.world.clearance_m(here), *[math.dist(here, disc[:2]) - disc[2] for disc in discs]]
-        self.closest_m = min(self.closest_m, min(apart) - self.radius_m)
+        before = here if self.pose is None else (self.pose.x_m, self.pose.y_m)
+        self.length_m += math.dist(before, here)
+        self.pose, self.discs = pose, tuple(discs)
+        apart = {disc: math.dist(here, disc[:2]) - disc[2] for disc in self.discs}
+        own = [
+            apart_m
+            for disc, apart_m in apart.items()
+            if math.dist(before, disc[:2]) - disc[2] > apart_m + STILL_M
+        ]
+        wall_m = self.world.clearance_m(here)
+        self.closest_m = min([self.closest_m, *(each - self.radius_m for each in (wall_m, *own))])
+        self.closest_of_all_m = min(
+            [self.closest_of_all_m, self.closest_m, *(each - self.radius_m for each in apart.values())]
+        )
         self.touched = self.touched or in_contact
 
 
@@ -89,6 +109,7 @@ def ended_leg(
         seconds=seconds,
         ideal_s=best.seconds(start, goal, shortest_m),
         closest_m=truth.closest_m,
+        closest_of_all_m=truth.closest_of_all_m,
         off_m=math.dist((there.x_m, there.y_m), (goal.x_m, goal.y_m)),
         off_rad=abs(wrap_angle(there.heading_rad - goal.heading_rad)),
         touched=truth.touched,

@@ -32,7 +32,7 @@ PEOPLE: Final = (
 CHAIR: Final = ThingParameters(x_m=3.2, y_m=3.8, radius_m=0.2)
 """In the hall, on the way from the living room to the study. It is on no map."""
 
-PATIENCE_S: Final = 1.0
+PATIENCE_S: Final = 3.0
 """A busy computer holds up the daemon for longer than a real robot may be; the simulated robot stands still with it.
 
 For the same reason the worker does not stand back for whatever else the computer does.

@@ -69,3 +69,18 @@ def test_a_leg_fails_that_was_not_reached_or_touched_something() -> None:
     assert blocked.failure == "table 2: blocked for 60 s"
     touched = ended_leg("table 2", here, here, ("reached", "reached"), 2.0, truth, best)
     assert touched.failure == "table 2: it touched something"
+
+
+def test_who_walks_up_to_a_standing_robot_is_not_its_closest_approach_but_a_touch_counts() -> None:
+    """0.3 m from the wall by its own motion; then somebody comes to 0.05 m, and the robot backs off towards the wall."""
+    truth = Truth(World([(3.0, -9.0, 3.0, 9.0)]), radius_m=0.18)
+    truth.take(Pose2D(2.4, 0.1), (), in_contact=False)
+    truth.take(Pose2D(2.52, 0.1), ((1.5, 0.1, 0.25),), in_contact=False)
+    truth.take(Pose2D(2.52, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
+    assert truth.closest_m == pytest.approx(0.3)
+    assert truth.closest_of_all_m == pytest.approx(0.05)
+    truth.take(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
+    assert truth.closest_m == pytest.approx(0.03)
+    assert not truth.touched
+    truth.take(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=True)
+    assert truth.touched
