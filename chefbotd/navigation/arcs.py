@@ -39,8 +39,8 @@ class ArcParameters(Parameters):
     """The speed with no room at all beside the robot."""
     full_speed_room_m: float = Field(default=0.25, gt=0, le=10)
     """With so much room it goes as fast as it may."""
-    moving_margin_m: float = Field(default=0.10, ge=0, le=1)
-    """More than that from who moves: where he will be is a guess."""
+    moving_margin_m: float = Field(default=0.08, ge=0, le=1)
+    """More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
     foresight_s: float = Field(default=2.5, ge=0, le=10)
     """For so long somebody is expected to walk on as now."""
 
@@ -49,7 +49,8 @@ class ArcParameters(Parameters):
 class Surroundings:
     """What is about the robot: points (n, 2) in its frame, how each moves (m/s, same frame), how near it may come.
 
-    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``.
+    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``. ``intent_m_s`` is how
+    each point is expected to move soon: as fast as before, also who waits for the robot.
     """
 
     points_m: Floats
@@ -58,6 +59,7 @@ class Surroundings:
     fixed_m: Singles
     cell_m: float
     grid_from_base: Pose2D
+    intent_m_s: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)

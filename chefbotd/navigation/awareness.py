@@ -20,6 +20,7 @@ from chefbotd.navigation.live import (
 )
 from chefbotd.navigation.movers import SLOWEST_M_S, Mover, followed
 from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.people import with_people
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.zones import Zones
 
@@ -40,6 +41,9 @@ class Awareness:
         self._points_m = np.zeros((0, 2))
         self._velocity_m_s = np.zeros((0, 2))
         self._is_unmapped: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._intent_m_s = np.zeros((0, 2))
+        self._is_walker: NDArray[np.bool_] = np.zeros(0, np.bool_)
+        self._walked_s = np.full(self.ground.costs.shape, -math.inf)  # when a walker was on a cell
         self._closed: list[tuple[float, Floats]] = []
         self.scan_stamp_s = -math.inf
 
@@ -55,10 +59,20 @@ class Awareness:
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
         away_m = between_cells_all(self.ground.fixed_m, self.frame.resolution_m, points)
         self._is_unmapped = away_m > self._params.live.explained_m
-        self._velocity_m_s = np.zeros_like(points)
-        self._movers, moving = followed(self._movers, seen.stamp_s, points[self._is_unmapped])
-        self._velocity_m_s[self._is_unmapped] = moving
+        self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
+        self._intent_m_s = np.zeros_like(points)
+        done = followed(self._movers, seen.stamp_s, points[self._is_unmapped])
+        self._movers = done.movers
+        self._velocity_m_s[self._is_unmapped] = done.velocity_m_s
+        self._intent_m_s[self._is_unmapped] = done.intent_m_s
+        self._is_walker[self._is_unmapped] = done.is_walker
         self._points_m, self.scan_stamp_s = points, seen.stamp_s
+        self._mark_walked(points[self._is_walker], seen.stamp_s)
+
+    def _mark_walked(self, points_m: Floats, stamp_s: float) -> None:
+        columns, rows = np.floor(points_m / self.frame.resolution_m).astype(np.int64).T
+        inside = (rows >= 0) & (rows < self.frame.rows) & (columns >= 0) & (columns < self.frame.columns)
+        self._walked_s[rows[inside], columns[inside]] = stamp_s
 
     def take_range(
         self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
@@ -77,10 +91,24 @@ class Awareness:
         """No place is closed any more."""
         self._closed = []
 
-    def costs(self, now_s: float, *, with_closed: bool = True) -> Costmap:
-        """The costs with all that is seen now; the very ``ground`` where there is nothing but the map."""
-        seen = self.obstacles(now_s)
-        return with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
+    def costs(self, now_s: float, here: Pose2D | None = None, *, with_closed: bool = True) -> Costmap:
+        """The costs with all that is seen now; who walks costs only a robot that sets out from ``here`` (grid's frame).
+
+        They are the very ``ground`` where there is nothing but the map.
+        """
+        seen = obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s, self._walked_s)
+        stood = with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
+        if here is None:
+            return stood
+        walkers = [each for each in self._movers if each.is_walker and each.stamp_s == self.scan_stamp_s]
+        speed_m_s = self._params.follower.max_speed_m_s
+        return with_people(self._params.people, stood, walkers, here.x_m, here.y_m, speed_m_s)
+
+    def meets_walker(self, here: Pose2D) -> bool:
+        """Whether the nearest thing in front of a pose of the grid's frame is somebody who will walk on."""
+        points = placed(here.inverse(), self._points_m)
+        apart_m = np.where(points[:, 0] > 0, np.hypot(points[:, 0], points[:, 1]), math.inf)
+        return bool(len(points) and self._is_walker[int(np.argmin(apart_m))])
 
     def obstacles(self, now_s: float) -> Floats:
         """Where something is now that the map does not explain: points (n, 2) of the grid's frame."""
@@ -111,9 +139,10 @@ class Awareness:
         remembered = self._remembered(here, now_s)
         points = np.vstack([self._points_m + self._velocity_m_s * bridged_s, remembered])
         velocity = np.vstack([self._velocity_m_s, np.zeros_like(remembered)])
+        intent = np.vstack([self._intent_m_s, np.zeros_like(remembered)])
         margin = np.where(self._is_unmapped, arcs.unmapped_margin_m, arcs.margin_m)
         is_moving = np.hypot(self._velocity_m_s[:, 0], self._velocity_m_s[:, 1]) > 0
-        margin = np.where(is_moving, margin + arcs.moving_margin_m, margin)
+        margin = np.where(is_moving | self._is_walker, margin + arcs.moving_margin_m, margin)
         margin = np.append(margin, np.full(len(remembered), arcs.margin_m))
         reach_m = near_m + arcs.foresight_s * np.hypot(velocity[:, 0], velocity[:, 1])
         near = np.hypot(points[:, 0] - here.x_m, points[:, 1] - here.y_m) < reach_m
@@ -126,6 +155,7 @@ class Awareness:
             self.ground.fixed_m,
             self.frame.resolution_m,
             here,
+            placed(turned, intent[near]),
         )
 
     def _remembered(self, here: Pose2D, now_s: float) -> Floats:

@@ -2,6 +2,7 @@
 
 The distance to the nearest obstacle decides. Nearer than the robot's inner radius a cell is blocked; with no more than
 ``comfort_m`` beyond it, it costs up to ``1 + wall_weight``, falling with the square of the room; with more it costs 1.
+With no more than ``tight_m`` it costs up to ``tight_weight`` on top of that: there the robot drives slowly.
 """
 
 import math
@@ -41,6 +42,9 @@ class CostParameters(Parameters):
     """Room beside the outline from which on more room is worth nothing."""
     wall_weight: float = Field(default=4.0, ge=0, le=50)
     """A cell just as wide as the robot costs so much more than a free one."""
+    tight_m: float = Field(default=0.12, gt=0, le=5)
+    tight_weight: float = Field(default=3.0, ge=0, le=100)
+    """With less room than ``tight_m`` beside the outline a way round is worth more than the gap."""
     unmapped_margin_m: float = Field(default=0.04, ge=0, le=1)
     """What is not on the map is planned round with so much room at least: more than what stops the robot there."""
     rounding_cells: float = Field(default=0.25, ge=0, le=1)
@@ -57,11 +61,13 @@ class Inflation:
     unmapped_below_m: float
     comfort_m: float
     weight: float
+    tight_m: float
+    tight_weight: float
 
     @property
     def reach_m(self) -> float:
         """An obstacle changes the costs no farther than this."""
-        return self.inner_m + self.comfort_m
+        return self.inner_m + max(self.comfort_m, self.tight_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +111,10 @@ def costmap(
     inner_m = outline.inner_radius_m
     blocked_below_m = inner_m - params.rounding_cells * grid.resolution_m
     unmapped_below_m = inner_m + params.unmapped_margin_m
-    inflation = Inflation(blocked_below_m, inner_m, unmapped_below_m, params.comfort_m, params.wall_weight)
+    inflation = Inflation(
+        blocked_below_m, inner_m, unmapped_below_m,
+        params.comfort_m, params.wall_weight, params.tight_m, params.tight_weight,
+    )  # fmt: skip
     costs = np.empty_like(distance_m)
     _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)
     return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, limits)
@@ -122,15 +131,20 @@ def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
 
 
 def _numbers(inflation: Inflation, blocked_below_m: float) -> Floats:
-    return np.array([blocked_below_m, inflation.inner_m, inflation.comfort_m, inflation.weight])
+    told = inflation
+    return np.array(
+        [blocked_below_m, told.inner_m, told.comfort_m, told.weight, told.tight_m, told.tight_weight]
+    )
 
 
 @kernel
 def _cost(distance_m: float, inflation: Floats) -> float:
     if distance_m < inflation[0]:
         return math.inf
-    lacking = 1.0 - max(distance_m - inflation[1], 0.0) / inflation[2]
-    return 1.0 + inflation[3] * lacking * lacking if lacking > 0 else 1.0
+    room_m = max(distance_m - inflation[1], 0.0)
+    lacking = max(1.0 - room_m / inflation[2], 0.0)
+    tight = max(1.0 - room_m / inflation[4], 0.0)
+    return float(1.0 + inflation[3] * lacking * lacking + inflation[5] * tight * tight)
 
 
 @kernel

@@ -28,18 +28,19 @@ from chefbotd.navigation.arcs import (
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters
 
+TURN_BRAKING = 0.85
+"""A turn is slowed down by this share of what the robot can."""
+
 
 class FollowerParameters(Parameters):
     """The robot's limits while it follows a path, and when it is there."""
 
     max_speed_m_s: float = Field(default=0.30, gt=0, le=10)
     max_reverse_m_s: float = Field(default=0.12, gt=0, le=10)
-    evading_m_s: float = Field(default=0.25, gt=0, le=10)
-    """In reverse, before somebody who comes nearer."""
     max_turn_rad_s: float = Field(default=1.2, gt=0, le=10)
     acceleration_m_s2: float = Field(default=0.5, gt=0, le=10)
     deceleration_m_s2: float = Field(default=0.5, gt=0, le=10)
-    turn_acceleration_rad_s2: float = Field(default=1.5, gt=0, le=20)
+    turn_acceleration_rad_s2: float = Field(default=1.8, gt=0, le=20)
     delay_s: float = Field(default=0.15, ge=0, le=1)
     """From a pose to the motion that it leads to."""
     least_speed_m_s: float = Field(default=0.03, gt=0, le=1)
@@ -53,7 +54,7 @@ class FollowerParameters(Parameters):
     """Curves are driven so fast that the robot turns no faster than this."""
     turn_on_the_spot_rad: float = Field(default=0.9, gt=0, le=3.2)
     """Where the path leads off by more than this, the robot turns before it drives."""
-    aligned_rad: float = Field(default=0.15, gt=0, le=3.2)
+    aligned_rad: float = Field(default=0.25, gt=0, le=3.2)
     approach_m: float = Field(default=0.25, gt=0, le=5)
     """From here on it drives straight to the goal."""
     position_m: float = Field(default=0.02, gt=0, le=1)
@@ -125,6 +126,8 @@ def follow(
         return Followed(state, slewed(params, last, STANDING, dt_s))
     if state.phase is not Phase.FINAL_TURN and to_end_m < params.position_m:
         state = replace(state, phase=Phase.FINAL_TURN)
+    if state.phase is Phase.FINAL_TURN and to_end_m > params.approach_m:  # it made way for somebody
+        state = replace(state, phase=Phase.TRACKING)
     if state.phase is Phase.FINAL_TURN:
         return _final_turn(params, outline, state, track, near, last, dt_s, to_end_m)
     if to_end_m < params.approach_m and left_m < 2 * params.approach_m:
@@ -182,7 +185,8 @@ def _pursue(
         stopping = stopping_speed(room_m, params.deceleration_m_s2, params.delay_s)
     else:
         stopping = math.inf
-    left_m = _length(track.points_m[state.index :])
+    end = track.points_m[-1] - [near.grid_from_base.x_m, near.grid_from_base.y_m]
+    left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
     arriving = stopping_speed(left_m, params.deceleration_m_s2, params.delay_s)
     in_curve = params.curve_turn_rad_s / max(abs(curvature), 1e-6)
     speed = min(params.max_speed_m_s, track.speed_limit_m_s, found.speed_m_s, in_curve, stopping, arriving)
@@ -303,7 +307,9 @@ def _turn_by(
     for angle_rad in ways:
         free_rad = turn(params.arcs, outline, near, angle_rad).free
         if free_rad >= abs(angle_rad) - 1e-6:
-            speed = stopping_speed(abs(angle_rad), params.turn_acceleration_rad_s2 * 0.7, params.delay_s)
+            speed = stopping_speed(
+                abs(angle_rad), params.turn_acceleration_rad_s2 * TURN_BRAKING, params.delay_s
+            )
             speed = min(max(speed, params.least_turn_rad_s), params.max_turn_rad_s)
             wish = Twist2D(0.0, math.copysign(speed, angle_rad))
             return Followed(state, slewed(params, last, wish, dt_s))

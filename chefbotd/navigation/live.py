@@ -182,9 +182,20 @@ def _explained(
     return bool((about > now_s - params.scan_kept_s).any())
 
 
-def obstacles_seen(params: LiveParameters, live: LiveObstacles, fixed_m: Singles, now_s: float) -> Floats:
-    """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell."""
+def obstacles_seen(
+    params: LiveParameters,
+    live: LiveObstacles,
+    fixed_m: Singles,
+    now_s: float,
+    walked_s: Floats | None = None,
+) -> Floats:
+    """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell.
+
+    ``walked_s`` is when somebody walked over each cell: what the lidar saw last there was he, and he is left out.
+    """
     there = is_there(params, live, now_s) & (fixed_m > params.explained_m)
+    if walked_s is not None:
+        there &= (live.scan_s > walked_s) | (live.range_s > now_s - params.range_kept_s)
     return live.at_m[there]
 
 

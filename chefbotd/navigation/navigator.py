@@ -5,15 +5,15 @@ the rate of the control.
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.navigation.arcs import Surroundings, way
+from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.evade import evasion, is_in_the_way
 from chefbotd.navigation.follower import Followed, Phase, Track, backwards, follow, predicted, slewed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
@@ -21,11 +21,14 @@ from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, s
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.travel import seconds
-from chefbotd.navigation.trips import Trip, blocked_after_m, find, worth
+from chefbotd.navigation.trips import Trip, blocked_after_m, find, turn_worth, worth
 from chefbotd.navigation.zones import NO_ZONES, Zones
 
-EVADE_S = 2.0
-"""Who will be too near in this time is backed off from already."""
+TURN_S = 4.0
+"""The robot does not stop to turn to a better path where somebody will come by within this time."""
+
+CALM_S = 3.0
+"""When nobody was evaded for so long, the next one is another."""
 
 
 class NoMapError(RuntimeError):
@@ -59,6 +62,8 @@ class Navigator:
         self._blind_since_s: float | None = None
         self._moved = (-math.inf, Pose2D())
         self._backed_from = Pose2D()
+        self._evaded_from: Pose2D | None = None
+        self._evaded_s, self._is_evading = -math.inf, False
         if self._known is not None:
             self._known.open_all()
 
@@ -160,7 +165,8 @@ class Navigator:
         """
         if self._known is None:
             raise NoMapError("there is no map to plan on: load or make one first")
-        costs = self._known.costs(now_s, with_closed=False)
+        here = self._known.frame.pose_to_grid(start)
+        costs = self._known.costs(now_s, here, with_closed=False)
         return plan(self._params.planner, self._params.outline, costs, start, goal)
 
     def time_s(self, path: Path, start: Pose2D) -> float:
@@ -269,7 +275,7 @@ class Navigator:
         self, known: Awareness, now_s: float, pose: Pose2D, *, with_closed: bool = True
     ) -> Trip | NoPath:
         self._planned_s = now_s
-        self._costs = known.costs(now_s, with_closed=with_closed)
+        self._costs = known.costs(now_s, known.frame.pose_to_grid(pose), with_closed=with_closed)
         goal, params = self._goals[0][1], self._params
         return find(params.planner, params.outline, self._costs, known.ground, pose, goal)
 
@@ -291,7 +297,7 @@ class Navigator:
         goal = self._goals[0][1]
         return f"drives to ({goal.x_m:.2f}, {goal.y_m:.2f})"
 
-    def _replan(self, known: Awareness, trip: Trip, now_s: float, pose: Pose2D) -> None:
+    def _replan(self, known: Awareness, trip: Trip, near: Surroundings, now_s: float, pose: Pose2D) -> None:
         """Take a better path, or one round what blocks the present one."""
         at_goal = trip.follow.phase in (Phase.APPROACHING, Phase.FINAL_TURN, Phase.DONE)
         if at_goal or now_s - self._planned_s < self._params.replan_s:
@@ -300,7 +306,10 @@ class Navigator:
         costs, left = self._costs or known.ground, trip.left
         blocked_m = blocked_after_m(self._params.planner, costs, left)
         if isinstance(found, Trip):
-            is_better = worth(costs, found.path) < self._params.better_share * worth(costs, left)
+            turn = turn_worth(self._params.follower, found.path, pose)
+            is_better = worth(costs, found.path) + turn < self._params.better_share * worth(costs, left)
+            if turn > 0 and is_in_the_way(self._params.evade, self._params.outline, near, TURN_S):
+                is_better = False
             same_kind = found.is_interim == trip.is_interim
             if blocked_m is not None or (is_better and not trip.is_interim) or not same_kind:
                 self._set_out(found, now_s, pose)
@@ -319,7 +328,7 @@ class Navigator:
         dt_s: float,
     ) -> Twist2D | None:
         if self._trip is not None:
-            self._replan(known, self._trip, now_s, pose)
+            self._replan(known, self._trip, near, now_s, pose)
         trip = self._trip
         if self._state is not State.DRIVING or trip is None:
             return None
@@ -346,8 +355,17 @@ class Navigator:
         limit = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
         if status is PoseStatus.DOUBTFUL:
             limit = min(limit, self._params.doubtful_speed_m_s)
+        limit = min(limit, self._seen_speed_m_s(known))
         track, params = Track(trip.path.points_m, heading_rad, limit), self._params
         return follow(params.follower, params.outline, trip.follow, track, near, self._last, dt_s)
+
+    def _seen_speed_m_s(self, known: Awareness) -> float:
+        """Late scans are driven by more slowly, down to standing when they count as missing."""
+        params, age_s = self._params, self._stepped_s - known.scan_stamp_s
+        if age_s <= params.scan_late_s:
+            return math.inf
+        left = (params.scan_silent_s - age_s) / (params.scan_silent_s - params.scan_late_s)
+        return params.follower.max_speed_m_s * max(left, 0.0)
 
     def _arrive(self, known: Awareness, trip: Trip, now_s: float, pose: Pose2D) -> None:
         if trip.is_interim:
@@ -375,7 +393,9 @@ class Navigator:
             if self._blocked_since_s is None:
                 self._blocked_since_s = now_s
                 self._reason = f"waits, for something is in the way{known.nearest_ahead(near)}"
-            if now_s - self._blocked_since_s >= self._params.recovery.stuck_s:
+            recovery = self._params.recovery
+            patient = known.meets_walker(near.grid_from_base)
+            if now_s - self._blocked_since_s >= (recovery.walker_s if patient else recovery.stuck_s):
                 self._become_stuck(known, now_s, pose, f"something is in the way{known.nearest_ahead(near)}")
                 return
         elif self._blocked_since_s is not None:
@@ -389,29 +409,25 @@ class Navigator:
             self._become_stuck(known, now_s, pose, "the robot does not come on")
 
     def _evading(self, wanted: Twist2D | None, near: Surroundings, dt_s: float) -> Twist2D | None:
-        """Back off from who comes nearer while the robot stands, if there is room behind."""
-        if self._last.linear_m_s > 0.01 or (wanted is not None and wanted.linear_m_s > 0.0):
+        """Make way for who comes nearer while the robot stands."""
+        params, here = self._params, near.grid_from_base
+        goes = wanted is not None and wanted.linear_m_s > 0.0
+        if goes or (not self._is_evading and self._last.linear_m_s > 0.01):
+            self._is_evading = False
             return wanted
-        if not self._is_approached(near):
+        if self._evaded_from is None or self._stepped_s - self._evaded_s > CALM_S:
+            self._evaded_from = here
+        away_m = math.hypot(here.x_m - self._evaded_from.x_m, here.y_m - self._evaded_from.y_m)
+        arcs, delay_s = params.follower.arcs, params.follower.delay_s
+        is_stuck = self._is_evading or wanted is None or abs(wanted.angular_rad_s) < 0.05
+        found = evasion(
+            params.evade, arcs, params.outline, near, self._last, delay_s, away_m, is_stuck=is_stuck
+        )
+        self._is_evading = found is not None
+        if found is None:
             return wanted
-        params, standing = self._params.follower, replace(near, velocity_m_s=np.zeros_like(near.velocity_m_s))
-        back = way(params.arcs, self._params.outline, standing, 0.0, -0.5, params.evading_m_s, 0.5)
-        if back.free < 0.25:
-            return wanted
-        return slewed(params, self._last, Twist2D(-params.evading_m_s, 0.0), dt_s)
-
-    def _is_approached(self, near: Surroundings) -> bool:
-        """Whether somebody in front walks so that he will soon be where the robot stands."""
-        points, velocity = near.points_m, near.velocity_m_s
-        squared = (velocity**2).sum(axis=1)
-        coming = (squared > 0) & (points[:, 0] > 0)
-        if not coming.any():
-            return False
-        points, velocity, squared = points[coming], velocity[coming], squared[coming]
-        meets_s = np.clip(-(points * velocity).sum(axis=1) / squared, 0.0, EVADE_S)
-        met = points + velocity * meets_s[:, None]
-        near_m = self._params.outline.outer_radius_m + self._params.evade_m
-        return bool(((np.hypot(met[:, 0], met[:, 1]) < near_m) & (meets_s > 0)).any())
+        self._evaded_s = self._stepped_s
+        return slewed(params.follower, self._last, found, dt_s)
 
     # Recovering
 

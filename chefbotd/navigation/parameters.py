@@ -4,9 +4,11 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.costmap import CostParameters
+from chefbotd.navigation.evade import EvadeParameters
 from chefbotd.navigation.follower import FollowerParameters
 from chefbotd.navigation.live import LiveParameters
 from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.people import PeopleParameters
 from chefbotd.navigation.planner import PlannerParameters
 from chefbotd.navigation.recovery import RecoveryParameters
 
@@ -17,8 +19,10 @@ class NavigationParameters(Parameters):
     outline: OutlineParameters
     costs: CostParameters = CostParameters()
     live: LiveParameters = LiveParameters()
+    people: PeopleParameters = PeopleParameters()
     planner: PlannerParameters = PlannerParameters()
     follower: FollowerParameters = FollowerParameters()
+    evade: EvadeParameters = EvadeParameters()
     recovery: RecoveryParameters = RecoveryParameters()
     replan_s: float = Field(default=1.0, gt=0, le=60)
     better_share: float = Field(default=0.85, gt=0, le=1)
@@ -27,10 +31,10 @@ class NavigationParameters(Parameters):
     """Where there is no way but the blocked one, the robot drives on until it is so near to what blocks it."""
     near_m: float = Field(default=1.6, gt=0, le=20)
     """Points farther away than this are not looked at for the next motion."""
-    evade_m: float = Field(default=0.2, ge=0, le=5)
-    """Who is about to come nearer than this, while the robot cannot go on, is backed off from."""
     idle_s: float = Field(default=6.0, gt=0, le=60)
     """A robot that drives and does not come on for so long is stuck."""
+    scan_late_s: float = Field(default=0.3, gt=0, le=10)
+    """By a scan that is older it drives more slowly: a busy computer, or a lidar that skips turns."""
     scan_silent_s: float = Field(default=0.6, gt=0, le=10)
     """Without a scan for so long the robot stands,"""
     scan_fault_s: float = Field(default=5.0, gt=0, le=60)

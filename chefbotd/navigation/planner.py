@@ -57,6 +57,11 @@ class Path:
         """How long it is."""
         return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
 
+    @property
+    def spacing_m(self) -> float:
+        """How far its points are apart."""
+        return max(self.length_m / max(len(self.points_m) - 1, 1), 1e-3)
+
     def in_map(self) -> Floats:
         """Its points in the map."""
         return self.frame.to_map(self.points_m)

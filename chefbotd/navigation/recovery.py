@@ -12,7 +12,9 @@ class RecoveryParameters(Parameters):
     """For how long each is tried; when blocked again within ``progress_m``, the robot goes on with the next."""
 
     stuck_s: float = Field(default=1.5, gt=0, le=60)
-    """Something is in the way for so long: until then the robot just waits for who crosses."""
+    """Something is in the way for so long;"""
+    walker_s: float = Field(default=6.0, gt=0, le=60)
+    """somebody who walked a moment ago for so long: until then the robot just waits for him to go on."""
     look_s: float = Field(default=1.0, gt=0, le=60)
     back_out_m: float = Field(default=0.35, ge=0, le=5)
     back_out_s: float = Field(default=6.0, gt=0, le=60)

@@ -7,9 +7,9 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.follower import FollowState
+from chefbotd.navigation.follower import FollowerParameters, FollowState
 from chefbotd.navigation.outline import OutlineParameters
-from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan
+from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan, turn_rad
 
 NEAR_GOAL_M = 0.9
 """So near to a goal that is taken the robot waits. A free place farther from it may be behind a wall."""
@@ -69,6 +69,20 @@ def blocked_after_m(params: PlannerParameters, costs: Costmap, path: Path) -> fl
     along_m = np.flatnonzero(np.isinf(costs.costs[rows, columns])) * params.spacing_m
     beyond = along_m[along_m > params.escape_m / 2]
     return float(beyond[0]) if len(beyond) else None
+
+
+def turn_worth(params: FollowerParameters, path: Path, pose: Pose2D) -> float:
+    """What it costs to begin with a path: where the robot turns on the spot, the way that it could go meanwhile."""
+    turned = turn_rad(pose, path)
+    if turned < params.turn_on_the_spot_rad:
+        return 0.0
+    stopping_s = (
+        params.max_speed_m_s / params.deceleration_m_s2 + params.max_speed_m_s / params.acceleration_m_s2
+    )
+    seconds = (
+        turned / params.max_turn_rad_s + params.max_turn_rad_s / params.turn_acceleration_rad_s2 + stopping_s
+    )
+    return seconds * params.max_speed_m_s / path.spacing_m
 
 
 def worth(costs: Costmap, path: Path) -> float:

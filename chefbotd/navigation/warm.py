@@ -5,14 +5,17 @@ import math
 import numpy as np
 
 from chefbotd.core.compiled import release_libraries
-from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.evade import evasion
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal
 from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.zones import NO_ZONES
 
-CELLS, CELL_M, STEPS = 80, 0.05, 60
+CELLS, CELL_M, STEPS, WALKED = 80, 0.05, 60, 20
 
 
 def warm(params: NavigationParameters) -> None:
@@ -25,6 +28,7 @@ def warm(params: NavigationParameters) -> None:
     post = np.array([[0.3, -middle_m / 2], [0.35, -middle_m / 2]])
     navigator.take_scan(Seen(0.0, pose, np.zeros(2), post))
     navigator.take_range(0.0, pose, Pose2D(), 0.7, 0.26)
+    _meet_somebody(params)
     navigator.navigate_to((Goal(1.5 * middle_m, middle_m, 0.0),))
     for k in range(STEPS):
         navigator.take_scan(Seen(0.05 * k, pose, np.zeros(2), post))
@@ -33,3 +37,15 @@ def warm(params: NavigationParameters) -> None:
             turned = pose.heading_rad + step.twist.angular_rad_s * 0.05
             pose = Pose2D(pose.x_m, pose.y_m, turned)
     release_libraries()
+
+
+def _meet_somebody(params: NavigationParameters) -> None:
+    """Plan about, and make way for, somebody who walks towards the robot."""
+    known = Awareness(params, OccupancyGrid(CELL_M, ORIGIN, np.zeros((CELLS, CELLS), np.int8)), NO_ZONES)
+    pose, person = Pose2D(1.0, 2.0, 0.0), np.array([[0.0, -0.2], [-0.2, 0.0], [0.0, 0.2]])
+    for k in range(WALKED):
+        points = person + np.array([2.5 - 0.05 * k, 0.0])
+        known.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
+    known.costs(0.1 * WALKED, pose)
+    near = known.surroundings(pose, 0.1 * WALKED)
+    evasion(params.evade, params.follower.arcs, params.outline, near, STANDING, 0.1, 0.0, is_stuck=True)

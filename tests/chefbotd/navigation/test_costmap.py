@@ -44,12 +44,13 @@ def test_distances_are_exact(seed: int, rows: int, columns: int) -> None:
 
 
 def test_the_cost_falls_with_the_square_of_the_room() -> None:
-    """Half way between the inner radius 0.2 and the comfort 0.4 beyond it: 1 + 4 x (1/2)^2 = 2."""
+    """Half way between the inner radius 0.2 and the comfort 0.4 beyond it: 1 + 4 x (1/2)^2 = 2; with no room 3 more."""
     params = CostParameters(comfort_m=0.4)
     wall = drawn("#" + "." * 30)
     costs = costmap(params, OutlineParameters(radius_m=0.2), wall, 0.3).costs[0]
     assert math.isinf(costs[3])  # 0.15 m
-    assert costs[4] == pytest.approx(5.0)  # 0.20 m
+    assert costs[4] == pytest.approx(8.0)  # 0.20 m
+    assert costs[5] == pytest.approx(1 + 4 * 0.875**2 + 3 * (7 / 12) ** 2)  # 0.25 m
     assert costs[8] == pytest.approx(2.0)  # 0.40 m
     assert costs[12] == 1.0  # 0.60 m
     assert costs[30] == 1.0

@@ -19,7 +19,8 @@ def walked(vx: float, vy: float, scans: int, *, noise_m: float = 0.01) -> np.nda
     for k in range(scans):
         person = ARC + np.array([1.0 + 0.1 * k * vx, -1.0 + 0.1 * k * vy])
         points = np.vstack([person, CHAIR])
-        movers, velocities = followed(movers, 5.0 + 0.1 * k, points + NOISE.normal(0, noise_m, points.shape))
+        done = followed(movers, 5.0 + 0.1 * k, points + NOISE.normal(0, noise_m, points.shape))
+        movers, velocities = done.movers, done.velocity_m_s
     return velocities
 
 
@@ -41,15 +42,33 @@ def test_who_stands_for_half_a_second_has_stopped() -> None:
     movers: tuple[object, ...] = ()
     for k in range(16):
         along_m = 0.06 * min(k, 8)
-        movers, velocities = followed(movers, 0.1 * k, ARC + np.array([1.0 + along_m, 0.0]))
-    assert not velocities.any()
+        done = followed(movers, 0.1 * k, ARC + np.array([1.0 + along_m, 0.0]))
+        movers = done.movers
+    assert not done.velocity_m_s.any()
 
 
 def test_no_points_are_nobody_and_what_is_wide_does_not_walk() -> None:
     """A wall's middle moves with what is seen of it."""
-    assert followed((), 1.0, np.zeros((0, 2)))[1].shape == (0, 2)
+    assert followed((), 1.0, np.zeros((0, 2))).velocity_m_s.shape == (0, 2)
     movers: tuple[object, ...] = ()
     for k in range(8):
         wall = np.stack([np.linspace(0.2 * k, 2.0 + 0.2 * k, 30), np.full(30, 2.0)], axis=1)
-        movers, velocities = followed(movers, 0.1 * k, wall)
-    assert math.isclose(float(np.abs(velocities).max()), 0.0)
+        done = followed(movers, 0.1 * k, wall)
+        movers = done.movers
+    assert math.isclose(float(np.abs(done.velocity_m_s).max()), 0.0)
+
+
+def test_who_went_half_a_metre_is_a_walker_for_ten_seconds_after_his_last_step() -> None:
+    """At 0.5 m/s that is after 1.1 s; he stands from 2 s on. What is seen of a chair shifts by 0.3 m, and is none."""
+    movers: tuple[object, ...] = ()
+    seen = {}
+    for k in range(140):
+        person = ARC + np.array([1.0 + 0.05 * min(k, 20), 0.0])
+        chair = CHAIR + np.array([0.0, 0.04 * min(k, 7)])
+        done = followed(movers, 0.1 * k, np.vstack([person, chair]))
+        movers, seen[k] = done.movers, done.is_walker
+    assert not seen[9].any()
+    assert seen[12][: len(ARC)].all()
+    assert seen[110][: len(ARC)].all()
+    assert not seen[130].any()
+    assert not any(flags[len(ARC) :].any() for flags in seen.values())

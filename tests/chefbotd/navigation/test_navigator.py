@@ -94,6 +94,19 @@ def test_a_door_10_cm_wider_than_the_robot_is_driven_through() -> None:
     assert drive.least_m > 0.0
 
 
+def test_what_only_an_ultrasonic_sensor_hears_is_driven_round_until_it_fades() -> None:
+    """A pane that no lidar sees, 1.2 m ahead: the path leads round the echo's arc, and straight again after 3 s."""
+    drive = hall(pose=Pose2D(1.5, 1.4, 0.0))
+    sensor, goal = Pose2D(0.1, 0.0, 0.0), Goal(5.5, 1.4, 0.0)
+    drive.run(0.2)
+    drive.navigator.take_range(drive.now_s, drive.pose, sensor, 1.1, 0.26)
+    for after_s, is_round in ((0.5, True), (2.9, True), (3.1, False)):
+        found = drive.navigator.plan_to(drive.pose, goal, drive.now_s + after_s)
+        assert isinstance(found, Path)
+        away_m = np.hypot(*(found.in_map() - [2.7, 1.4]).T).min()
+        assert bool(away_m > 0.18) is is_round, after_s
+
+
 @pytest.mark.parametrize("speed_m_s", sample([0.3, 0.6, 0.9]))
 def test_who_crosses_is_let_pass(speed_m_s: float) -> None:
     """Somebody who looks at nothing walks to and fro across a wide hall: no touch, and the goal is reached."""
@@ -231,6 +244,24 @@ def test_a_pause_gives_the_wheels_away_and_the_goal_goes_on_after_it() -> None:
     drive.pose = Pose2D(1.0, 2.4, -2.0)
     drive.navigator.resume()
     drive.run(60.0)
+    assert [end.end for end in drive.ended] == [End.REACHED]
+
+
+def test_late_scans_make_it_slow_and_a_gap_makes_it_wait_and_neither_ends_the_goal() -> None:
+    """A scan each 0.5 s: slower than 0.29 m/s, but on its way; none for 4 s: it stands, and then goes on."""
+    drive = hall()
+    drive.navigator.navigate_to((Goal(6.0, 1.5, 0.0),))
+    drive.run(4.0)
+    begin_m, begin_s = drive.way_m, drive.now_s
+    while drive.now_s < begin_s + 4.5:
+        drive.lidar_works = drive.ticks % 25 < 5
+        drive.tick()
+    assert 0.4 < drive.way_m - begin_m < 4.5 * 0.29
+    drive.lidar_works = False
+    drive.run(4.0)
+    assert drive.twist.linear_m_s == 0.0
+    drive.lidar_works = True
+    drive.run(30.0)
     assert [end.end for end in drive.ended] == [End.REACHED]
 
 

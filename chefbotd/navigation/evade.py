@@ -1,0 +1,133 @@
+"""What a standing robot does when somebody walks towards it: it lets him pass, beside his way where there is room.
+
+Staying where it is and some short arcs, forwards and backwards, are compared by how near he would come if he walked on
+as now, or as before he stopped for the robot. Who walks faster than the robot is not fled from: then only a place
+beside his way is better than standing.
+"""
+
+import math
+from itertools import product
+
+import numpy as np
+from pydantic import Field
+
+from chefbotd.core.compiled import kernel
+from chefbotd.core.geometry import Twist2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.navigation.arcs import ArcParameters, Surroundings, standing_only, way
+from chefbotd.navigation.distance import Flags
+from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.outline import OutlineParameters, clearance_m
+
+CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
+LENGTHS_M = (0.2, 0.35, 0.5, 0.65)
+STEP_S = 0.1
+
+
+class EvadeParameters(Parameters):
+    """When a robot that stands moves out of somebody's way."""
+
+    room_m: float = Field(default=0.12, ge=0, le=5)
+    """Who is about to come nearer than this is evaded;"""
+    enough_m: float = Field(default=0.20, ge=0, le=5)
+    """more room than this is worth nothing."""
+    gain_m: float = Field(default=0.03, ge=0, le=5)
+    """It moves only if that leaves so much more room than standing."""
+    price: float = Field(default=0.04, ge=0, le=10)
+    """Each metre of moving has to be worth so many of room."""
+    wall_m: float = Field(default=0.06, ge=0, le=5)
+    """Nobody is evaded by coming nearer than this to what stands."""
+    foresight_s: float = Field(default=2.5, gt=0, le=10)
+    """For so long somebody is expected to walk on as now,"""
+    passed_s: float = Field(default=4.0, gt=0, le=20)
+    """and where the robot goes to, he must not come within this."""
+    speed_m_s: float = Field(default=0.25, gt=0, le=10)
+    most_m: float = Field(default=0.8, ge=0, le=20)
+    """No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
+    most_if_slower_m: float = Field(default=3.0, ge=0, le=20)
+
+
+def evasion(
+    params: EvadeParameters,
+    arcs: ArcParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    last: Twist2D,
+    delay_s: float,
+    away_m: float,
+    *,
+    is_stuck: bool,
+) -> Twist2D | None:
+    """What to do now, ``away_m`` from where it stood.
+
+    Who stopped for it is made way for only if the robot itself cannot go on (``is_stuck``).
+    None: stay, since nobody comes too near, or since no place that can be reached is better.
+    """
+    intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
+    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+    moving: Flags = np.asarray(intent.any(axis=1)) if is_stuck else walks
+    if not moving.any():
+        return None
+    points, velocity, waits = near.points_m[moving], intent[moving], np.logical_not(walks[moving])
+    fastest_m_s = math.sqrt(float((velocity**2).sum(axis=1).max()))
+    if away_m > (params.most_m if fastest_m_s > params.speed_m_s else params.most_if_slower_m):
+        return None
+
+    def least_m(curvature: float, length_m: float, within_s: float) -> float:
+        numbers = np.array([outline.pad_m, curvature, length_m, params.speed_m_s, delay_s, within_s])
+        return float(_least_m(outline.hull, points, velocity, waits, numbers))
+
+    stay_m = least_m(0.0, 0.0, params.foresight_s)
+    if stay_m >= params.room_m:
+        return None
+    standing = standing_only(near)
+    best, chosen = max(stay_m, 0.0) + params.gain_m, None
+    for direction, curvature in product((-1.0, 1.0), CURVATURES):
+        bonus = params.gain_m if direction * last.linear_m_s > 0.02 else 0.0
+        for length_m in LENGTHS_M:
+            arc = way(arcs, outline, standing, curvature, direction * length_m, params.speed_m_s, 1.0)
+            if arc.free < length_m - 1e-6 or arc.room_m < params.wall_m:
+                break
+            room_m = min(least_m(curvature, direction * length_m, params.passed_s), params.enough_m)
+            if room_m + bonus - params.price * length_m > best:
+                best = room_m + bonus - params.price * length_m
+                speed_m_s = direction * params.speed_m_s
+                chosen = Twist2D(speed_m_s, speed_m_s * curvature)
+    return chosen
+
+
+def is_in_the_way(
+    params: EvadeParameters, outline: OutlineParameters, near: Surroundings, for_s: float
+) -> bool:
+    """Whether somebody who walks would come too near to a robot that stood here for so long."""
+    walks = near.velocity_m_s.any(axis=1)
+    points, velocity = near.points_m[walks], near.velocity_m_s[walks]
+    numbers = np.array([outline.pad_m, 0.0, 0.0, params.speed_m_s, 0.0, for_s])
+    least_m = _least_m(outline.hull, points, velocity, np.zeros(len(points), np.bool_), numbers)
+    return float(least_m) < params.room_m
+
+
+@kernel
+def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbers: Floats) -> float:
+    """How near the points come while the robot goes along an arc (backwards with a negative length), and stands then.
+
+    Who waits goes on when the robot stands.
+    """
+    pad_m, curvature, length_m, speed, delay_s, foresight_s = numbers
+    least, there_s = math.inf, 0.0
+    if length_m != 0.0 and waits.any():
+        there_s = delay_s + abs(length_m) / speed
+    for k in range(int((foresight_s + there_s) / STEP_S) + 1):
+        time_s = k * STEP_S
+        s = math.copysign(min(max(time_s - delay_s, 0.0) * speed, abs(length_m)), length_m)
+        heading = curvature * s
+        half = heading / 2
+        chord = s * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+        x, y = chord * math.cos(half), chord * math.sin(half)
+        cos, sin = math.cos(heading), math.sin(heading)
+        for i in range(points.shape[0]):
+            walked_s = max(time_s - there_s, 0.0) if waits[i] else time_s
+            dx = points[i, 0] + velocity[i, 0] * walked_s - x
+            dy = points[i, 1] + velocity[i, 1] * walked_s - y
+            least = min(least, clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx))
+    return least

@@ -1,0 +1,76 @@
+"""What a standing robot does when somebody walks towards it."""
+
+import numpy as np
+import pytest
+
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.navigation.arcs import ArcParameters, Surroundings
+from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.evade import EvadeParameters, evasion
+from chefbotd.navigation.outline import OutlineParameters
+
+PARAMS, ARCS, ROUND = EvadeParameters(), ArcParameters(), OutlineParameters(radius_m=0.18)
+NO_MAP: Singles = np.full((200, 200), np.inf, np.float32)
+FRONT = np.stack([0.22 * np.cos(np.linspace(1.7, 4.6, 14)), 0.22 * np.sin(np.linspace(1.7, 4.6, 14))], axis=1)
+SIDES = np.array([(x, y) for x in np.arange(-1.5, 1.6, 0.04) for y in (-0.34, 0.31)])
+"""A corridor 0.65 m wide: no room for both."""
+
+
+def evaded(
+    x_m: float,
+    y_m: float,
+    speed_m_s: float,
+    *,
+    walls: bool = False,
+    away_m: float = 0.1,
+    waits: bool = False,
+    is_stuck: bool = True,
+) -> Twist2D | None:
+    """What is done about somebody at (x, y) of the robot's frame who walks straight at it, or waits and did."""
+    towards = -np.array([x_m, y_m]) / np.hypot(x_m, y_m) * speed_m_s
+    turn = np.arctan2(y_m, x_m)
+    front = FRONT @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + [x_m, y_m]
+    points = np.vstack([front, SIDES]) if walls else front
+    intent = np.zeros_like(points)
+    intent[: len(front)] = towards
+    near = Surroundings(
+        points, np.zeros_like(points) if waits else intent, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5),
+        intent,
+    )  # fmt: skip
+    return evasion(PARAMS, ARCS, ROUND, near, STANDING, 0.15, away_m, is_stuck=is_stuck)
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(1.6, 0.1), (1.55, -0.2), (-1.6, 0.2)])
+def test_where_there_is_room_it_leaves_his_way_sideways(x_m: float, y_m: float) -> None:
+    """Somebody faster comes from the front, or from behind: an arc, not straight before him."""
+    twist = evaded(x_m, y_m, 0.5)
+    assert twist is not None
+    assert abs(twist.angular_rad_s) > 0.3
+
+
+def test_who_is_faster_is_not_fled_from_in_a_corridor_and_who_is_slower_is_made_way_for() -> None:
+    """At 0.6 m/s he catches up with 0.25 m/s anyhow: it stands. At 0.2 m/s it backs off, also after 1 m."""
+    assert evaded(0.85, 0.0, 0.6, walls=True) is None
+    twist = evaded(0.65, 0.0, 0.2, walls=True, away_m=1.0)
+    assert twist is not None
+    assert twist.linear_m_s < 0.0
+
+
+def test_it_goes_80_cm_for_somebody_faster_and_no_farther() -> None:
+    """After that it stands, and he has to stop or to walk round it."""
+    assert evaded(1.6, 0.0, 0.5, away_m=0.79) is not None
+    assert evaded(1.6, 0.0, 0.5, away_m=0.81) is None
+
+
+def test_who_passes_by_or_walks_away_is_no_reason_to_move() -> None:
+    """0.6 m beside the robot, and in front of it on his way off."""
+    assert evaded(0.9, 0.3, -0.5) is None
+    passing, along = FRONT + np.array([1.0, 0.6]), np.tile([-0.5, 0.0], (len(FRONT), 1))
+    beside = Surroundings(passing, along, np.full(len(FRONT), 0.1), NO_MAP, 0.05, Pose2D(5, 5))
+    assert evasion(PARAMS, ARCS, ROUND, beside, STANDING, 0.15, 0.0, is_stuck=True) is None
+
+
+def test_who_waits_for_a_robot_that_cannot_go_on_is_let_by() -> None:
+    """Both would wait for ever; a robot that only turns on the spot goes on by itself."""
+    assert evaded(0.62, 0.05, 0.5, waits=True) is not None
+    assert evaded(0.62, 0.05, 0.5, waits=True, is_stuck=False) is None
