@@ -59,6 +59,8 @@ class Located(LocalizationSkill):
         self._map, self.seen = ("room", 1), None
         self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=State.LOCALIZED)  # type: ignore[assignment]
 
+    problem = ""  # nothing is wrong with the lidar's mount
+
 
 def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot is at (0.2, 0) by odometry, its sensor looks left: the straight way past the echo is closed."""

@@ -12,6 +12,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Twist2D
+from chefbotd.features.maps.methods import PlaceData, PlaceList
 from chefbotd.features.navigation.goals import MOST_ACTIVE
 from chefbotd.features.navigation.methods import GoalResult, Waypoint
 from chefbotd.features.navigation.service import NavigationService
@@ -30,17 +31,20 @@ from chefbotd.worker.skills.navigation_messages import (
 
 
 class FakeWorker:
-    """Takes each request after ``busy_s``; ``received`` is what it has taken, ``tell`` is what the skill tells."""
+    """Takes each request after ``busy_s``; ``received`` is what it has taken, ``hear`` takes what the skill tells."""
 
     def __init__(self) -> None:
         self.received: list[NavigationRequest] = []
         self.busy_s = 0.0
         self.is_ready = True
         self.problem: Refused | None = None
-        self.tell: Callable[[bytes], None] = lambda body: None
+        self.hear: Callable[[bytes], None] = lambda body: None
 
     def add_listener(self, skill: str, listener: Callable[[bytes], None]) -> None:
-        self.tell = listener
+        self.hear = listener
+
+    def add_on_ready(self, handler: Callable[[], None]) -> None:
+        """It is ready from the beginning."""
 
     async def request(self, skill: str, body: NavigationRequest, *, deadline_s: float) -> bytes:
         await asyncio.sleep(self.busy_s)
@@ -54,7 +58,7 @@ class FakeWorker:
         state = "idle" if following is None else "driving"
         ended = (GoalEnded(number, end, f"{end}: as the test says"),)
         told = Stepped(1.0, (0.2, 0.1) if following else None, state, following, "", None, None, ended, None)
-        self.tell(msgspec.msgpack.encode(told))
+        self.hear(msgspec.msgpack.encode(told))
 
 
 class FakeDriver:
@@ -85,9 +89,9 @@ class Bench:
         driver: Any = self.driver
         self.service = NavigationService(Bus(), LoopClock(), feed, driver, places, NavigationSection())
 
-    async def _places(self, of_map: str | None) -> Any:
-        kitchen = SimpleNamespace(name="kitchen", x_m=6.4, y_m=1.6, heading_rad=-1.57)
-        return SimpleNamespace(map="flat", places=[kitchen])
+    async def _places(self, of_map: str | None) -> PlaceList:
+        kitchen = PlaceData(name="kitchen", x_m=6.4, y_m=1.6, heading_rad=-1.57)
+        return PlaceList(map="flat", places=(kitchen,))
 
     async def navigate(self, *waypoints: Waypoint, queue: bool = False) -> list[int]:
         return await self.service.navigate_to(list(waypoints), queue=queue)
