@@ -46,6 +46,13 @@ def _worker(**options: Any) -> Outcome:
     return worker.run(**options)
 
 
+def _recording(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``recording``."""
+    from benchmarks import recording
+
+    return recording.run(**options)
+
+
 def _page(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``page``."""
     from benchmarks import page
@@ -101,6 +108,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "navigation": _navigation,
     "calls": calls.run,
     "page": _page,
+    "recording": _recording,
 }
 
 

@@ -43,7 +43,7 @@ def run(*, quick: bool = False) -> Outcome:
     """The ratio of the 99th percentiles, and what each was; the rounds take turns."""
     rounds, frames = (2, 300) if quick else (ROUNDS, FRAMES)
     without, beside = list[float](), list[float]()
-    with _lidar() as device, tempfile.TemporaryDirectory(prefix="chefbotd-maps-") as folder:
+    with lidar() as device, tempfile.TemporaryDirectory(prefix="chefbotd-maps-") as folder:
         for _ in range(rounds):
             without += _answered({}, frames)
             row = {"name": "top", "model": "ld19", "device": device, "guards": False}
@@ -120,7 +120,7 @@ def _map_for_ever(begun: Event, end: Event) -> None:
 
 
 @contextmanager
-def _lidar() -> Iterator[str]:
+def lidar() -> Iterator[str]:
     """An LD19 in an oblong room, on a pseudo-terminal; yields its device."""
     far, near = pty.openpty()
     tty.setraw(near)

@@ -106,7 +106,7 @@ class Encoder:
             plan = self._plans[type(event)] = self._plan(type(event))
         self.sequence += 1
         stamp_s = event.arrival_s if plan.has_arrival else event.stamp_s
-        log_ns = self._offset_ns + round(stamp_s * 1e9)
+        log_ns = self._offset_ns + int(stamp_s * 1e9)
         try:
             payload = plan.encode(event)
         except (TypeError, ValueError):
@@ -207,8 +207,8 @@ class Encoder:
     def _draw_scan(self, event: Any, log_ns: int) -> None:
         topic = "/scan" if event.lidar in (self._first_scanner, None) else f"/scan/{event.lidar}"
         scan = event.scan
-        bearings, ranges = scan.bearing_rad.tolist(), scan.range_m.tolist()
-        drawn = fg.laser_scan(self.ns_of(event.stamp_s), event.base_from_lidar, bearings, ranges)
+        stamp_ns = self.ns_of(event.stamp_s)
+        drawn = fg.laser_scan(stamp_ns, event.base_from_lidar, scan.bearing_rad, scan.range_m)
         self._put(topic, drawn, log_ns)
 
     def _draw_map_change(self, event: Any, log_ns: int) -> None:

@@ -8,12 +8,15 @@ import base64
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import Struct
 
 from chefbotd.core.geometry import Pose2D
+
+if TYPE_CHECKING:
+    from chefbotd.core.scan import Floats
 
 ODOM, BASE, MAP = "odom", "base_footprint", "map"
 INT8 = 2
@@ -266,19 +269,24 @@ def path(stamp_ns: int, x_m: Sequence[float], y_m: Sequence[float]) -> PosesInFr
     return PosesInFrame(time_of(stamp_ns), MAP, tuple(poses))
 
 
-def laser_scan(
-    stamp_ns: int, base_from_lidar: Pose2D, bearing_rad: Sequence[float], range_m: Sequence[float]
-) -> LaserScan:
+def laser_scan(stamp_ns: int, base_from_lidar: Pose2D, bearing_rad: "Floats", range_m: "Floats") -> LaserScan:
     """A scan at equal steps, as many as it has beams: each beam goes to the nearest, and of two the nearer stays."""
-    wrapped = [math.remainder(bearing, math.tau) for bearing in bearing_rad] or [0.0]
-    lowest, highest, count = min(wrapped), max(wrapped), len(wrapped)
+    import numpy as np  # loaded already, where there are scans
+
+    count = bearing_rad.size
+    if not count:
+        return LaserScan(time_of(stamp_ns), BASE, pose_of(base_from_lidar), 0.0, 0.0, [])
+    wrapped = bearing_rad - math.tau * np.round(bearing_rad / math.tau)
+    lowest, highest = float(wrapped.min()), float(wrapped.max())
     step = (highest - lowest) / max(1, count - 1) or 1.0
-    ranges = [0.0] * count
-    for bearing, distance in zip(wrapped, range_m, strict=False):
-        index = round((bearing - lowest) / step)
-        if 0.0 < distance < math.inf and (ranges[index] == 0.0 or distance < ranges[index]):
-            ranges[index] = distance
-    return LaserScan(time_of(stamp_ns), BASE, pose_of(base_from_lidar), lowest, highest, ranges)
+    index = np.rint((wrapped - lowest) / step).astype(np.intp)
+    read = np.isfinite(range_m) & (range_m > 0.0)
+    ranges = np.full(count, np.inf)
+    np.minimum.at(ranges, index[read], range_m[read])
+    ranges[np.isinf(ranges)] = 0.0
+    return LaserScan(
+        time_of(stamp_ns), BASE, pose_of(base_from_lidar), lowest, highest, np.round(ranges, 4).tolist()
+    )
 
 
 def grid(stamp_ns: int, resolution_m: float, origin: Pose2D, columns: int, cells: bytes) -> Grid:
