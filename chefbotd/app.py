@@ -53,6 +53,7 @@ from firmware_protocol.codec import VARIANTS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from chefbotd.recording.intake import Intake
     from chefbotd.recording.recorder import Recorder
     from chefbotd.recording.writer import Writer
     from chefbotd.transport.web.server import PageServer
@@ -71,7 +72,7 @@ NAVIGATION = "navigation"
 DepthSpawn = Callable[[Any], Awaitable[Any]]
 """``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
 
-StartWriter = Callable[["Callable[[], Recorder]", int], "Writer"]
+StartWriter = Callable[["Intake", "Callable[[], Recorder]", int], "Writer"]
 """Starts what writes recordings: ``recording.writer.WriterThread``, or something else in tests."""
 
 
@@ -362,7 +363,7 @@ def _recording(
     if start_writer is None or not settings.recording.enabled:
         return []
     from chefbotd.features.recording.feature import recording
-    from chefbotd.features.recording.making import Made, recorder_maker
+    from chefbotd.features.recording.making import Made, intake_of, recorder_maker
     from chefbotd.features.recording.service import RecordingService
     from chefbotd.recording.parameters import folder_of
 
@@ -376,8 +377,9 @@ def _recording(
         lambda: _description(settings),
         scanners[0] if scanners else None,
     )
-    make = recorder_maker(parameters, folder, made, clock.now_s())
-    writer = start_writer(make, round(parameters.queue_mb * 1e6))
+    intake = intake_of(parameters, made, clock.now_s())
+    make = recorder_maker(parameters, folder, made, intake)
+    writer = start_writer(intake, make, round(parameters.queue_mb * 1e6))
     return [recording(RecordingService(bus, clock, parameters, folder, writer))]
 
 

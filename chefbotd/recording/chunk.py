@@ -21,6 +21,9 @@ CHUNK_HEAD = struct.Struct("<BQQQQI")
 INDEX_HEAD = struct.Struct("<BQHI")
 MESSAGE_OPCODE, CHUNK_OPCODE, INDEX_OPCODE = 0x05, 0x06, 0x07
 
+INDEX_BYTES = 40
+"""What an entry of the index takes in memory, about."""
+
 Compress = Callable[[bytes], bytes]
 
 
@@ -52,7 +55,7 @@ class Chunk(Struct, frozen=True):
 
 
 class ChunkBuilder:
-    """Takes messages until ``finish``; ``size`` is how many bytes they are before compression."""
+    """Takes messages until ``cut``; ``size`` is how many bytes they are before compression."""
 
     def __init__(self) -> None:
         self._records = bytearray()
@@ -81,25 +84,55 @@ class ChunkBuilder:
         records += MESSAGE.pack(MESSAGE_OPCODE, length, channel, sequence, log_ns, log_ns)
         records += payload
 
-    def finish(self, compression: Literal["zstd", "lz4"], compress: Compress) -> Chunk | None:
-        """All messages as a chunk, and begin anew; None where there are none."""
+    def cut(self) -> "RawChunk | None":
+        """All messages so far, and begin anew; None where there are none."""
         if not self._index:
             return None
-        raw, index = bytes(self._records), self._index
-        start_ns, end_ns = self._start_ns, self._end_ns
+        raw = RawChunk(self._records, self._index, self._start_ns, self._end_ns)
         self._records, self._index = bytearray(), {}
-        data, name = compress(raw), compression.encode()
+        return raw
+
+
+class RawChunk(Struct, frozen=True):
+    """Messages that are not compressed yet: their records, and for each channel times and places of its messages."""
+
+    records: bytearray
+    index: dict[int, list[int]]
+    start_ns: int
+    end_ns: int
+
+    @property
+    def weight(self) -> int:
+        """About how many bytes it takes in memory."""
+        return len(self.records) + INDEX_BYTES * sum(map(len, self.index.values()))
+
+    def pack(self, compression: Literal["zstd", "lz4"], compress: Compress) -> Chunk:
+        """Compress it, and make its index."""
+        records, name = bytes(self.records), compression.encode()
+        data = compress(records)
         tail = struct.pack("<I", len(name)) + name + struct.pack("<Q", len(data))
         length = CHUNK_HEAD.size - 9 + len(tail) + len(data)
-        head = CHUNK_HEAD.pack(CHUNK_OPCODE, length, start_ns, end_ns, len(raw), zlib.crc32(raw)) + tail
+        head = CHUNK_HEAD.pack(
+            CHUNK_OPCODE, length, self.start_ns, self.end_ns, len(records), zlib.crc32(records)
+        )
         offsets: dict[int, int] = {}
         indexes = bytearray()
-        for channel, entries in index.items():
+        for channel, entries in self.index.items():
             offsets[channel] = len(indexes)
             packed = struct.pack(f"<{len(entries)}Q", *entries)
             indexes += INDEX_HEAD.pack(INDEX_OPCODE, 6 + len(packed), channel, len(packed)) + packed
-        counts = {channel: len(entries) // 2 for channel, entries in index.items()}
-        return Chunk(start_ns, end_ns, compression, len(raw), head, data, bytes(indexes), offsets, counts)
+        counts = {channel: len(entries) // 2 for channel, entries in self.index.items()}
+        return Chunk(
+            self.start_ns,
+            self.end_ns,
+            compression,
+            len(records),
+            head + tail,
+            data,
+            bytes(indexes),
+            offsets,
+            counts,
+        )
 
 
 def compressor(compression: Literal["zstd", "lz4"]) -> Compress:

@@ -37,13 +37,8 @@ REPEATED = 0
 DRAWN_NS = 45_000_000
 """Transforms and poses are drawn at most about 20 times a second; the events have them all."""
 
-MAP_AGAIN_NS = 30_000_000_000
-"""So that any piece of the ring has the map."""
-
-Cells = tuple[float, Pose2D, int, bytes]
-"""Resolution in metres, ``map_from_grid``, columns, and a signed byte for each cell."""
-
-ReadMap = Callable[[Any], Cells | None]
+MapEvent = tuple[Any, int, int]
+"""An event of which the map is to be drawn, when, and its number."""
 
 
 class Sink(Protocol):
@@ -69,15 +64,13 @@ class _Plan(Struct):
 class Encoder:
     """Writes messages into ``sink``. ``offset_ns`` makes times since 1970 of the daemon's monotonic ones.
 
-    ``first_scanner`` is whose scans are on ``/scan``; those of others are on ``/scan/NAME``. ``read_map`` gives the
-    cells of a stored map by its ``MapLoaded``. ``sequence`` numbers the events, from 1 on, over all files.
+    ``first_scanner`` is whose scans are on ``/scan``; those of others are on ``/scan/NAME``. ``sequence`` numbers the
+    events, from 1 on, over all files.
     """
 
-    def __init__(
-        self, sink: Sink, channels: Channels, offset_ns: int, first_scanner: str | None, read_map: ReadMap
-    ) -> None:
+    def __init__(self, sink: Sink, channels: Channels, offset_ns: int, first_scanner: str | None) -> None:
         self._sink, self._channels, self._offset_ns = sink, channels, offset_ns
-        self._first_scanner, self._read_map = first_scanner, read_map
+        self._first_scanner = first_scanner
         self._plans: dict[type[Any], _Plan] = {}
         self._links: dict[tuple[str, str], int] = {}
         self._states: dict[tuple[int, str], bytes] = {}
@@ -86,32 +79,25 @@ class Encoder:
             "MapPoseUpdated": self._draw_map_pose,
             "OdometryReset": self._draw_at_once,
             "ScanMeasured": self._draw_scan,
-            "MapChanged": self._draw_map_change,
-            "MapLoaded": self._draw_map,
+            "MapChanged": self._keep_map,
+            "MapLoaded": self._keep_map,
             "PathChanged": self._draw_path,
         }
         self._drawn_ns = 0
         self._map_from_odom: Pose2D | None = None
-        self._grid: fg.Grid | None = None
-        self._growing = fg.GrowingGrid()
-        self._grid_ns = 0
-        self._path: fg.PosesInFrame | None = None
+        self._maps: list[MapEvent] = []
         self._said: dict[str, Sentence] = {}
-        self.sequence = self.failures = 0
+        self.sequence = 0
 
     def take(self, event: Any) -> None:
-        """Write an event. One that cannot be written is counted in ``failures``."""
+        """Write an event; raises whatever it is that it cannot be written for."""
+        self.sequence += 1
         plan = self._plans.get(type(event))
         if plan is None:
             plan = self._plans[type(event)] = self._plan(type(event))
-        self.sequence += 1
         stamp_s = event.arrival_s if plan.has_arrival else event.stamp_s
         log_ns = self._offset_ns + int(stamp_s * 1e9)
-        try:
-            payload = plan.encode(event)
-        except (TypeError, ValueError):
-            self.failures += 1
-            return
+        payload = plan.encode(event)
         channel = plan.channel
         if channel is None:
             channel = self._link_channel(plan.name, event.link, type(event))
@@ -127,16 +113,14 @@ class Encoder:
         """Nanoseconds since 1970 of a time of the daemon's."""
         return self._offset_ns + round(stamp_s * 1e9)
 
-    def tell_again(self, now_s: float, sink: Sink) -> None:
-        """Write what still holds into ``sink``: for the beginning of a file."""
-        log_ns, usual = self.ns_of(now_s), self._sink
-        self._sink = sink
-        for (channel, _), payload in self._states.items():
-            sink.add(channel, REPEATED, log_ns, payload)
-        if self._path is not None:
-            self._put("/path", self._path, log_ns, REPEATED)
-        self._tell_map(log_ns, REPEATED)
-        self._sink = usual
+    def holds(self) -> tuple[tuple[int, bytes], ...]:
+        """What still holds, as channels and payloads: for the beginning of a file."""
+        return tuple((channel, payload) for (channel, _), payload in self._states.items())
+
+    def take_maps(self) -> tuple[MapEvent, ...]:
+        """The events since the last time of which a map is to be drawn."""
+        maps, self._maps = tuple(self._maps), []
+        return maps
 
     # how a class is written
 
@@ -171,12 +155,12 @@ class Encoder:
             self._said[name] = sentence
             self._put("/log", fg.Log(fg.time_of(log_ns), level, text, name), log_ns)
 
-    def _put(self, topic: str, message: Struct, log_ns: int, sequence: int | None = None) -> None:
+    def _put(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
         kind = type(message)
         channel = self._channels.number(topic, f"foxglove.{kind.__name__}", fg.SCHEMAS[kind])
-        self._sink.add(
-            channel, self.sequence if sequence is None else sequence, log_ns, msgspec.json.encode(message)
-        )
+        payload = msgspec.json.encode(message)
+        self._sink.add(channel, self.sequence, log_ns, payload)
+        return channel, payload
 
     # what is drawn
 
@@ -195,8 +179,6 @@ class Encoder:
             self._put("/tf", fg.FrameTransforms((held, moved)), log_ns)
             frame, pose = fg.MAP, self._map_from_odom.compose(odom_from_base)
         self._put("/pose", fg.PoseInFrame(fg.time_of(stamp_ns), frame, fg.pose_of(pose)), log_ns)
-        if self._grid is not None and log_ns - self._grid_ns >= MAP_AGAIN_NS:
-            self._tell_map(log_ns, REPEATED)
 
     def _draw_at_once(self, event: Any, log_ns: int) -> None:
         self._drawn_ns = 0
@@ -211,25 +193,10 @@ class Encoder:
         drawn = fg.laser_scan(stamp_ns, event.base_from_lidar, scan.bearing_rad, scan.range_m)
         self._put(topic, drawn, log_ns)
 
-    def _draw_map_change(self, event: Any, log_ns: int) -> None:
-        cells = self._growing.take(event)
-        if cells is not None:
-            stamp_ns = self.ns_of(event.stamp_s)
-            self._grid = fg.grid(stamp_ns, event.resolution_m, event.map_from_grid, event.columns, cells)
-            self._tell_map(log_ns, self.sequence)
-
-    def _draw_map(self, event: Any, log_ns: int) -> None:
-        found = self._read_map(event)
-        if found is not None:
-            resolution_m, origin, columns, cells = found
-            self._grid = fg.grid(log_ns, resolution_m, origin, columns, cells)
-            self._tell_map(log_ns, self.sequence)
-
-    def _tell_map(self, log_ns: int, sequence: int) -> None:
-        if self._grid is not None:
-            self._grid_ns = log_ns
-            self._put("/map", self._grid, log_ns, sequence)
+    def _keep_map(self, event: Any, log_ns: int) -> None:
+        self._maps.append((event, log_ns, self.sequence))
 
     def _draw_path(self, event: Any, log_ns: int) -> None:
-        self._path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
-        self._put("/path", self._path, log_ns)
+        path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
+        channel, payload = self._put("/path", path, log_ns)
+        self._states[channel, ""] = payload

@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
+    Channel,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -19,6 +20,7 @@ from mcap.records import (
     McapRecord,
     Metadata,
     MetadataIndex,
+    Schema,
     Statistics,
     SummaryOffset,
 )
@@ -28,6 +30,7 @@ from chefbotd.recording.chunk import MAGIC, Chunk
 from chefbotd.recording.disk import Disk, OpenFile
 
 PROFILE = ""
+JSON, JSON_SCHEMA = "json", "jsonschema"
 LIBRARY = "chefbotd"
 
 
@@ -71,8 +74,8 @@ class RecordingFile:
 
     def add_chunk(self, chunk: Chunk) -> None:
         """Append a chunk, and before it the channels that are new in it."""
-        news = self._channels.records(after=self._known_channels)
-        self._known_channels = len(self._channels)
+        before, self._known_channels = self._known_channels, len(self._channels)
+        news = b"".join(_bytes_of(each) for group in self._described(before) for each in group)
         start = self.size + len(news)
         indexes = start + len(chunk.head) + len(chunk.data)
         self._put(news + chunk.head + chunk.data + chunk.indexes)
@@ -103,7 +106,7 @@ class RecordingFile:
         self._put(_bytes_of(DataEnd(0)))
         summary, start = RecordBuilder(), self.size
         offsets: list[SummaryOffset] = []
-        schemas, channels = self._channels.between(0, self._known_channels)
+        schemas, channels = self._described(0)
         groups: list[tuple[Opcode, list[McapRecord]]] = [
             (Opcode.SCHEMA, [*schemas]),
             (Opcode.CHANNEL, [*channels]),
@@ -136,6 +139,27 @@ class RecordingFile:
             self._file.truncate(self.size)
         finally:
             self._file.close()
+
+    def _described(self, after: int) -> tuple[list[Schema], list[Channel]]:
+        """The channels that this file knows, with numbers above ``after``, and their schemas."""
+        rows = self._channels.between(after, self._known_channels)
+        schemas = {
+            row.schema.number: Schema(
+                id=row.schema.number, name=row.schema.name, encoding=JSON_SCHEMA, data=row.schema.text
+            )
+            for row in rows
+        }
+        channels = [
+            Channel(
+                id=row.number,
+                topic=row.topic,
+                message_encoding=JSON,
+                metadata={},
+                schema_id=row.schema.number,
+            )
+            for row in rows
+        ]
+        return list(schemas.values()), channels
 
     def _put(self, data: bytes) -> None:
         self._file.write(data)

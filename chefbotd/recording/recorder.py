@@ -1,4 +1,4 @@
-"""The recorder: events in, chunks out, into the ring and into the file that is being recorded.
+"""The recorder: pieces in, chunks out, into the ring and into the file that is being recorded.
 
 It waits for the disk, so it runs in a thread of its own (``writer``). Whatever the disk does, its methods return or
 raise a ``RecordingError``, and ``status`` says how things stand.
@@ -6,7 +6,7 @@ raise a ``RecordingError``, and ``status`` says how things stand.
 
 import time
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,46 +14,52 @@ from typing import Any
 from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.recording import EventsDropped
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import MAGIC, Chunk, ChunkBuilder, compressor
+from chefbotd.recording.chunk import MAGIC, Chunk, ChunkBuilder, RawChunk, compressor
 from chefbotd.recording.disk import Disk
-from chefbotd.recording.encoder import Encoder, ReadMap
+from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.errors import RecordingError, explain
+from chefbotd.recording.intake import Piece
+from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.mcap_file import RecordingFile
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
 from chefbotd.recording.status import AUTOMATIC, FAULT, About, Status, Stored
 
-CHUNK_BYTES = 1 << 20
 MEGABYTE = 1_000_000
 LOOK_AT_DISK_S = 1.0
+MAP_AGAIN_NS = 30_000_000_000
+"""So that any piece of the ring has the map."""
+
 MAX_NAME = 64
 
 
 class Recorder:
-    """Records what it is given. ``wall_s`` is the time since 1970, ``now_s`` in every call the daemon's own."""
+    """Records what it is given. ``wall_s`` is the time since 1970, ``now_s`` in every call the daemon's own.
+
+    ``read_map`` gives the cells of a stored map by its ``MapLoaded``.
+    """
 
     def __init__(
         self,
         parameters: RecordingParameters,
         folder: Path,
+        channels: Channels,
+        offset_ns: int,
         *,
         about: Callable[[], About],
-        started_s: float,
-        first_scanner: str | None = None,
         read_map: ReadMap = lambda event: None,
         disk: Disk | None = None,
         wall_s: Callable[[], float] = time.time,
     ) -> None:
         self._parameters, self.folder = parameters, folder
         self._about, self._disk, self._wall_s = about, disk or Disk(), wall_s
-        self._offset_ns = round(wall_s() * 1e9) - round(started_s * 1e9)
-        self._builder, self._channels = ChunkBuilder(), Channels()
-        self._encoder = Encoder(self._builder, self._channels, self._offset_ns, first_scanner, read_map)
+        self._offset_ns, self._channels = offset_ns, channels
+        self._maps = MapDrawer(channels, read_map)
         self._compress = compressor(parameters.compression)
         self._ring = Ring(parameters.ring_s, round(parameters.ring_mb * MEGABYTE))
-        self._chunk_began_s = self._looked_s = self._synced_s = started_s
+        self._holds: tuple[tuple[int, bytes], ...] = ()
+        self._looked_s = self._synced_s = 0.0
         self._file: RecordingFile | None = None
         self._began_s = self._file_began_s = 0.0
         self._part = self._bytes_before = self._messages_before = 0
@@ -61,36 +67,34 @@ class Recorder:
 
     # what is recorded
 
-    def take(self, events: Sequence[Any], now_s: float) -> None:
-        """Record these events."""
-        take, builder = self._encoder.take, self._builder
-        for event in events:
-            take(event)
-            if builder.size >= CHUNK_BYTES:
-                self._end_chunk(now_s)
-        if now_s - self._chunk_began_s >= self._parameters.chunk_s:
-            self._end_chunk(now_s)
+    def take(self, piece: Piece, now_s: float) -> None:
+        """Record a piece."""
+        self._add(piece.raw, now_s)
+        self._holds = piece.holds
+        drawn = ChunkBuilder()
+        for event, log_ns, sequence in piece.maps:
+            self._maps.draw(event, log_ns, sequence, drawn)
+        if piece.raw.end_ns - self._maps.drawn_ns >= MAP_AGAIN_NS:
+            self._maps.tell(piece.raw.end_ns, REPEATED, drawn)
+        if (raw := drawn.cut()) is not None:
+            self._add(raw, now_s)
+        self._note(now_s)
 
-    def note_gap(self, count: int, reason: str, now_s: float) -> None:
-        """Say in the recording that events are missing; their numbers are missing too."""
-        self._encoder.sequence += count
-        self.take([EventsDropped(now_s, count, reason)], now_s)
-
-    def _end_chunk(self, now_s: float) -> None:
-        self._chunk_began_s = now_s
-        chunk = self._builder.finish(self._parameters.compression, self._compress)
-        if chunk is not None and self._parameters.ring_s > 0.0:
+    def _add(self, raw: RawChunk, now_s: float) -> None:
+        chunk = self._pack(raw)
+        if self._parameters.ring_s > 0.0:
             self._ring.add(chunk)
         if self._file is not None:
             try:
                 self._write(self._file, chunk, now_s)
             except OSError as error:
                 self._fail(error)
-        self._note(now_s)
 
-    def _write(self, file: RecordingFile, chunk: Chunk | None, now_s: float) -> None:
-        if chunk is not None:
-            file.add_chunk(chunk)
+    def _pack(self, raw: RawChunk) -> Chunk:
+        return raw.pack(self._parameters.compression, self._compress)
+
+    def _write(self, file: RecordingFile, chunk: Chunk, now_s: float) -> None:
+        file.add_chunk(chunk)
         if now_s - self._synced_s >= self._parameters.sync_s:
             file.sync()
             self._synced_s = now_s
@@ -128,8 +132,6 @@ class Recorder:
                 f"{self._file.path.name} is being recorded: stop_recording ends it",
             )
         name = file_name(name) if name is not None else "recording"
-        if not from_beginning:
-            self._end_chunk(now_s)
         self._require_room()
         began = f"{name}_{self._time_text()}"
         self._began_s, self._part, self._bytes_before, self._messages_before = now_s, 0, 0, 0
@@ -154,12 +156,8 @@ class Recorder:
         """
         if self._file is None:
             raise RecordingError(RefusalKind.NOT_RECORDING, f"nothing is being recorded{self._why()}")
-        self._end_chunk(now_s)
-        file = self._file
-        if file is None:  # the disk did not take its last chunk
-            raise RecordingError(RefusalKind.STORAGE_FAILED, self.status.reason)
         try:
-            self._close(file)
+            self._close(self._file)
         except OSError as error:
             self._fail(error)
             raise self._refusal("the recording could not be ended", error) from error
@@ -181,7 +179,6 @@ class Recorder:
             raise RecordingError(
                 RefusalKind.STORAGE_FAILED, "nothing is kept in memory: [recording] ring_s is 0"
             )
-        self._end_chunk(now_s)
         self._require_room()
         try:
             self._disk.make_folder(self.folder)
@@ -233,10 +230,12 @@ class Recorder:
 
     def _tell_again(self, file: RecordingFile, now_s: float) -> None:
         """Write what still holds at the beginning of a file."""
-        again = ChunkBuilder()
-        self._encoder.tell_again(now_s, again)
-        if (chunk := again.finish(self._parameters.compression, self._compress)) is not None:
-            file.add_chunk(chunk)
+        again, log_ns = ChunkBuilder(), self._offset_ns + int(now_s * 1e9)
+        for channel, payload in self._holds:
+            again.add(channel, REPEATED, log_ns, payload)
+        self._maps.tell(log_ns, REPEATED, again)
+        if (raw := again.cut()) is not None:
+            file.add_chunk(self._pack(raw))
 
     def _create(self, path: Path, reason: str) -> RecordingFile:
         file = RecordingFile(self._disk, path, self._channels)

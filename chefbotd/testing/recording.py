@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from chefbotd.recording.intake import Intake
 from chefbotd.recording.writer import InlineWriter
 
 if TYPE_CHECKING:
     from chefbotd.recording.recorder import Recorder
 
 
-def write_inline(make: "Callable[[], Recorder]", most_bytes: int) -> InlineWriter:
+def write_inline(intake: Intake, make: "Callable[[], Recorder]", most_bytes: int) -> InlineWriter:
     """Record in the call that leaves the events: a ``start_writer`` for ``running_daemon`` and ``simulated_robot``."""
-    return InlineWriter(make)
+    return InlineWriter(intake, make, most_bytes)

@@ -1,5 +1,6 @@
 """Makes the recorder, in the thread that writes: its libraries are loaded there."""
 
+import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +11,12 @@ from msgspec import Struct
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.maps import MapLoaded
 from chefbotd.core.geometry import Pose2D
+from chefbotd.recording.channels import Channels
+from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters
 
 if TYPE_CHECKING:
-    from chefbotd.recording.encoder import Cells
+    from chefbotd.recording.maps import Cells
     from chefbotd.recording.recorder import Recorder
 
 
@@ -27,10 +30,16 @@ class Made(Struct, frozen=True):
     first_scanner: str | None
 
 
+def intake_of(parameters: RecordingParameters, made: Made, started_s: float) -> Intake:
+    """Where events are encoded; ``started_s`` is the daemon's time now."""
+    offset_ns = time.time_ns() - round(started_s * 1e9)
+    return Intake(Channels(), offset_ns, made.first_scanner, parameters.chunk_s, started_s)
+
+
 def recorder_maker(
-    parameters: RecordingParameters, folder: Path, made: Made, started_s: float
+    parameters: RecordingParameters, folder: Path, made: Made, intake: Intake
 ) -> "Callable[[], Recorder]":
-    """What makes the recorder; ``started_s`` is the daemon's time now."""
+    """What makes the recorder of what this intake encodes."""
 
     def make() -> "Recorder":
         from chefbotd.recording.about import about_robot
@@ -39,9 +48,9 @@ def recorder_maker(
         return Recorder(
             parameters,
             folder,
+            intake.channels,
+            intake.offset_ns,
             about=lambda: about_robot(made.robot, made.session, made.configuration, made.urdf()),
-            started_s=started_s,
-            first_scanner=made.first_scanner,
             read_map=read_map,
         )
 

@@ -32,8 +32,8 @@ T = TypeVar("T")
 
 log = structlog.get_logger(component="recording")
 
-HAND_OVER_S = 0.04
-"""Events are left with the writer about so often, and just after a cycle of the board: control has its turn then."""
+HAND_OVER_S = 0.008
+"""Events are left with the writer just after what they followed from, and a cycle of the board is left at once."""
 
 INBOX_EVENTS = 8192
 TELL_S = 1.0
@@ -97,7 +97,9 @@ class RecordingService:
 
     async def _begin_by_itself(self) -> None:
         try:
-            await self._ask(lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True))
+            await self._ask(
+                lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True), first=True
+            )
         except RecordingError as problem:
             log.warning("recording cannot begin by itself", error=str(problem))
 
@@ -246,10 +248,18 @@ class RecordingService:
         self._publish()
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 
-    async def _ask(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
-        self._hand_over()
+    async def _ask(
+        self,
+        work: "Callable[[Recorder, float], T]",
+        patience_s: float = DISK_PATIENCE_S,
+        *,
+        first: bool = False,
+    ) -> T:
+        """Have the recorder do something, after all that has happened so far, or ``first``."""
+        if not first:
+            self._hand_over()
         now_s = self._clock.now_s()
-        asked: Any = self._writer.ask(lambda recorder: work(recorder, now_s))
+        asked: Any = self._writer.ask(lambda recorder: work(recorder, now_s), now_s, first=first)
         try:
             answer: T = await asyncio.wait_for(asyncio.wrap_future(asked), patience_s)
         except TimeoutError:

@@ -3,7 +3,7 @@
 import enum
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,27 +15,93 @@ from chefbotd.core.events import OdometryUpdated, SafetyChanged, WheelsDriven
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.scan import LaserScan
+from chefbotd.recording.channels import Channels
 from chefbotd.recording.disk import Disk
+from chefbotd.recording.intake import Intake
+from chefbotd.recording.maps import Cells, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.status import About
+from chefbotd.recording.status import About, Status
 
 WALL_S = 1_700_000_000.25
 START_S = 5000.5
 ABOUT = About({"chefbotd": {"robot": "kitchen-bot"}}, "<robot name='kitchen-bot'/>")
 
 
-def recorder(folder: Path, disk: Disk | None = None, **parameters: Any) -> Recorder:
+class SyncRecorder(Recorder):
+    """A recorder with its intake before it, in one call."""
+
+    intake: Intake
+
+    def take(self, events: Sequence[Any], now_s: float) -> None:  # type: ignore[override]
+        """Record events, a chunk at a time."""
+        self.intake.take(events)
+        if self.intake.is_due(now_s):
+            self.flush(now_s)
+
+    def note_gap(self, count: int, reason: str, now_s: float) -> None:
+        """So many events are missing here."""
+        self.intake.skip(count)
+        self.intake.mark_gap(count, reason, now_s)
+
+    def flush(self, now_s: float) -> None:
+        """What is in no chunk yet."""
+        if (piece := self.intake.cut(now_s)) is not None:
+            super().take(piece, now_s)
+
+    def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> Status:
+        """After all that was taken before."""
+        self.flush(now_s)
+        return super().start(name, now_s, from_beginning=from_beginning)
+
+    def stop(self, now_s: float) -> Status:
+        """After all that was taken before."""
+        self.flush(now_s)
+        return super().stop(now_s)
+
+    def save_ring(self, reason: str, now_s: float) -> Status:
+        """After all that was taken before."""
+        self.flush(now_s)
+        return super().save_ring(reason, now_s)
+
+
+def no_map(event: Any) -> Cells | None:
+    """No map can be read."""
+    return None
+
+
+def recorder(
+    folder: Path, disk: Disk | None = None, read_map: ReadMap = no_map, **parameters: Any
+) -> SyncRecorder:
     """A recorder that begins at ``START_S``, which is ``WALL_S`` since 1970."""
-    told = {"min_free_mb": 0.0, **parameters}
-    return Recorder(
-        RecordingParameters(**told),
+    intake, made = parts(folder, disk, read_map, **parameters)
+    assert isinstance(made, SyncRecorder)
+    made.intake = intake
+    return made
+
+
+def parts(
+    folder: Path,
+    disk: Disk | None = None,
+    read_map: ReadMap = no_map,
+    kind: type[Recorder] = SyncRecorder,
+    **parameters: Any,
+) -> tuple[Intake, Recorder]:
+    """An intake, and what takes its pieces."""
+    told = RecordingParameters(**{"min_free_mb": 0.0, **parameters})
+    offset_ns = round(WALL_S * 1e9) - round(START_S * 1e9)
+    intake = Intake(Channels(), offset_ns, None, told.chunk_s, START_S)
+    made = kind(
+        told,
         folder,
+        intake.channels,
+        offset_ns,
         about=lambda: ABOUT,
-        started_s=START_S,
+        read_map=read_map,
         disk=disk,
         wall_s=lambda: WALL_S,
     )
+    return intake, made
 
 
 def cycle(stamp_s: float) -> list[Any]:

@@ -19,13 +19,12 @@ from chefbotd.core.events.navigation import PathChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.recording.recorder import Recorder
-from tests.chefbotd.recording.events import START_S, WALL_S, fault, recorder
+from tests.chefbotd.recording.events import START_S, WALL_S, SyncRecorder, fault, recorder
 
 HALF = math.sqrt(0.5)
 
 
-def drawn(folder: Path, *events: Any, made: Recorder | None = None) -> dict[str, list[Any]]:
+def drawn(folder: Path, *events: Any, made: SyncRecorder | None = None) -> dict[str, list[Any]]:
     """The messages of these events by topic, each held against its schema."""
     made = made or recorder(folder)
     made.start("drawn", START_S)
@@ -126,8 +125,7 @@ def test_the_map_in_use_is_drawn_and_told_again_in_the_next_file(tmp_path: Path)
         asked.append(event.name)
         return 0.1, Pose2D(1.0, 2.0, 0.0), 2, b"\x00\x64\xff\x05"
 
-    made = recorder(tmp_path)
-    made._encoder._read_map = read_map
+    made = recorder(tmp_path, read_map=read_map)
     made.take(
         [MapLoaded(START_S, "/maps", "flat", 3), PathChanged(START_S, (0.0, 3.0, 3.0), (0.0, 0.0, 4.0))],
         START_S,
