@@ -66,6 +66,7 @@ def quaternion_heading_rad(line: bytes) -> float:
     return 2 * math.atan2(z, w)
 
 
+@pytest.mark.slow
 def test_a_quaternion_is_late_once_the_fifo_has_backed_up():
     """After an echo that was missing for 1 s the oldest of 20 samples comes first: turning at 1 rad/s, 1 rad late."""
     launchpad = board("tiva", ultrasonic={"lost_echo_share": 0.05}, imu={"heading_noise_rad": 0.0})

@@ -233,6 +233,7 @@ def catch_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@pytest.mark.slow
 def test_signals_end_a_command_in_order() -> None:
     """SIGTERM ends a watching chefbotctl with the code for interruptions, SIGINT the same way."""
 

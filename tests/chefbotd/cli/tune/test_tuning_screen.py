@@ -20,6 +20,7 @@ from chefbotd.cli.tune.plots import WheelPlot
 from chefbotd.cli.tune.tuning_screen import Tune, tune
 from chefbotd.client import Client, ConnectionLost
 from chefbotd.settings import load, packaged
+from tests.budget import sample
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import WHEELS, FakeDaemon
 
@@ -76,6 +77,7 @@ def test_keys_change_the_chosen_gain(daemon: FakeDaemon) -> None:
     assert screen.unsaved
 
 
+@pytest.mark.slow
 def test_one_wheel_alone(daemon: FakeDaemon) -> None:
     """Tab chooses a wheel; where wheels differ, all of them says so."""
 
@@ -89,6 +91,7 @@ def test_one_wheel_alone(daemon: FakeDaemon) -> None:
     assert changes(daemon) == [{"wheel": WHEELS[1], "kp": 440.0}]
 
 
+@pytest.mark.slow
 def test_undo(daemon: FakeDaemon) -> None:
     """What was changed is taken back, and then nothing is unsaved."""
 
@@ -142,6 +145,7 @@ def test_excitation_is_asked_for_twice(daemon: FakeDaemon) -> None:
     assert "stop" not in daemon.methods()
 
 
+@pytest.mark.slow
 def test_another_key_is_no_confirmation(daemon: FakeDaemon) -> None:
     """Between the two ``e`` no other key may come."""
 
@@ -154,7 +158,7 @@ def test_another_key_is_no_confirmation(daemon: FakeDaemon) -> None:
 
 
 @pytest.mark.parametrize(
-    ("end", "last"), [("space", "stop"), ("blur", "release_control"), ("escape", "release_control")]
+    ("end", "last"), sample([("space", "stop"), ("blur", "release_control"), ("escape", "release_control")])
 )
 def test_excitation_ends(daemon: FakeDaemon, end: str, last: str) -> None:
     """The space bar stops the robot; a lost focus and leaving end its own motion and hold nobody."""
@@ -186,6 +190,7 @@ def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
     on_screen(daemon, script)
 
 
+@pytest.mark.slow
 def test_refusals_are_shown(daemon: FakeDaemon) -> None:
     """A gain out of range, and a wave that may not be driven, are told on the message line."""
     daemon.refuse.update(set_pid="out_of_range", drive="disarmed")
@@ -210,6 +215,7 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
     assert isinstance(on_screen(daemon, script).failure, ConnectionLost)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [True, False])
 def test_unsaved_gains_are_told_whatever_ends_it(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, lost: bool
