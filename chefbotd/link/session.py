@@ -22,6 +22,7 @@ from chefbotd.core.events import (
     LinkOpened,
     TextReceived,
 )
+from chefbotd.core.events.inputs import SetpointWithdrawn
 from chefbotd.entries import entries_of
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
@@ -85,6 +86,7 @@ class BoardSession(asyncio.Protocol):
             interval_s=1.0 / setpoints_per_s,
             window=self._window,
             call_later=partial(clock.call_later, name="board setpoint"),
+            on_withdrawn=self._record_withdrawn,
         )
         self._closed = asyncio.Event()
         self._closed.set()
@@ -206,8 +208,16 @@ class BoardSession(asyncio.Protocol):
 
         A duty that still waits is withdrawn, or it would follow when the loop goes on.
         """
-        self._setpoints.withdraw()
+        self.withdraw_setpoint()
         return self._writer.stop_from_thread()
+
+    def withdraw_setpoint(self) -> None:
+        """Drop the duty that waits; may be called from any thread."""
+        self._setpoints.withdraw()
+
+    def _record_withdrawn(self) -> None:
+        if self._clock.recording:
+            self._clock.publish(SetpointWithdrawn(self._clock.now_s()))
 
     def reset_board(self) -> None:
         """Stop, see that the robot stands, then ask the board to restart; nothing moves until it is back.

@@ -10,6 +10,10 @@ from chefbotd.entries import Timer
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
 
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
 class SetpointWriter:
     """Writes duties at most every ``interval_s`` on the whole, two of them close together; a stop goes out at once.
 
@@ -18,7 +22,8 @@ class SetpointWriter:
     ``write`` puts one command on the wire at a time, before what is unsent if it is told so. ``idle`` tells whether the
     transport has nothing left to send: a command that makes a wheel faster waits for that, one that slows goes instead
     of what is unsent. ``window`` says what the board can take. Call ``resume`` when the transport has drained, or the
-    board has spoken. ``call_later`` is the event loop's where none is given.
+    board has spoken. ``call_later`` is the event loop's where none is given. ``on_withdrawn`` is
+    called, in the loop, when a thread has withdrawn what waited.
     """
 
     def __init__(
@@ -29,6 +34,7 @@ class SetpointWriter:
         interval_s: float,
         window: SendWindow,
         call_later: Callable[[float, Callable[[], None]], Timer] | None = None,
+        on_withdrawn: Callable[[], None] = _nothing,
     ) -> None:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
@@ -37,15 +43,20 @@ class SetpointWriter:
         self._timer: Timer | None = None
         self._call_later = call_later or _on_the_loop
         self._window = window
+        self._withdrawn, self._on_withdrawn = False, on_withdrawn
         self.replaced = 0
 
     def ceiling(self, now_s: float) -> Duty | None:
         """What was last written, while something waits that is faster, or would; None while nothing is held back."""
+        if self._withdrawn:
+            self._note_withdrawn()
         waits = self._pending is not None and self._timer is None
         return self._window.newest if waits or self._window.echo_is_stuck(now_s) else None
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
+        if self._withdrawn:
+            self._note_withdrawn()
         if self._pending not in (None, duty):
             self.replaced += 1
         self._pending, now_s = duty, self._now_s()
@@ -60,6 +71,8 @@ class SetpointWriter:
         self._send(self._now_s())
 
     def _send(self, now_s: float) -> None:
+        if self._withdrawn:
+            self._note_withdrawn()
         if self._timer is not None:
             self._cancel_timer()
         duty, idle = self._pending, self._idle()  # another thread may withdraw what waits at any moment
@@ -80,7 +93,11 @@ class SetpointWriter:
 
     def withdraw(self) -> None:
         """Drop what waits; may be called from any thread."""
-        self._pending = None
+        self._pending, self._withdrawn = None, True
+
+    def _note_withdrawn(self) -> None:
+        self._withdrawn = False
+        self._on_withdrawn()
 
     def forget(self) -> None:
         """Drop what waits: the link it was meant for is gone."""

@@ -183,6 +183,8 @@ class Pipeline:
         for answer in group.answers():
             if isinstance(answer, inputs.DrainAnswered):
                 drained[answer.query] = answer.drained
+            elif isinstance(answer, inputs.SetpointWithdrawn):
+                self._daemon.session.withdraw_setpoint()
             elif isinstance(answer, inputs.FaultTaken):
                 fault = Fault(FaultKind(answer.kind), answer.reason)
                 self._daemon.driving.report_from_thread(fault)

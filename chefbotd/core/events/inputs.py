@@ -160,6 +160,12 @@ class DrainAnswered(Record, frozen=True):
     drained: bool
 
 
+class SetpointWithdrawn(Record, frozen=True):
+    """No entry: a thread had stopped the motors past the loop, and has withdrawn the command that waited."""
+
+    stamp_s: float
+
+
 class FaultTaken(Record, frozen=True):
     """No entry: a fault that a thread had reported was taken note of."""
 
@@ -195,6 +201,6 @@ Entry: TypeAlias = (
     | WorkerGone
 )
 ENTRIES: tuple[type[Entry], ...] = Entry.__args__
-ANSWERS = (DrainAnswered, FaultTaken, AnswerTaken)
+ANSWERS = (DrainAnswered, SetpointWithdrawn, FaultTaken, AnswerTaken)
 INPUTS: tuple[type[Any], ...] = (*ENTRIES, *ANSWERS, LinkBytesWritten, DaemonStopping)
 """Every class of this module that is published."""

@@ -39,6 +39,14 @@ async def eventful(robot: SimulatedRobot) -> None:
     await asyncio.sleep(0.5)
     await client.arm()
     await client.reset_odometry(1.1, -0.3, 0.7)
+    await drive(robot, 0.2, 0.0, 0.3)
+    transport = robot.device.transport
+    assert transport is not None
+    transport.stall()
+    await drive(robot, 0.35, 0.2, 0.2)
+    robot.daemon.session.stop_from_thread()
+    await drive(robot, 0.3, 0.1, 0.2)
+    transport.drain()
     await drive(robot, 0.17, 0.0, 0.4)
     await client.reset_board()
     await asyncio.sleep(4.0)
@@ -73,4 +81,5 @@ def test_a_drive_is_replayed_bit_for_bit() -> None:
     assert set(outcome.comparison.rows) >= KINDS
     faults = {each.fault for each in events if isinstance(each, SafetyChanged)}
     assert faults >= {"loop_blocked", "internal_error", "link_lost", "board_restarted"}
+    assert {"SetpointWithdrawn", "DrainAnswered", "FaultTaken"} <= set(outcome.comparison.rows)
     assert outcome.comparison.rows["WheelsDriven"].recorded > 200
