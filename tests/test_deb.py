@@ -1,0 +1,39 @@
+"""The Debian package's own scripts; what is built is run by packaging/deb/build itself."""
+
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "packaging" / "deb"
+pytestmark = pytest.mark.skipif(
+    not FOLDER.exists(), reason="the packaging is not part of an installed package"
+)
+
+
+@pytest.mark.parametrize("name", ["build", "postinst", "prerm", "postrm"])
+def test_a_script_is_one_that_sh_can_read(name: str):
+    """The package manager runs it with /bin/sh, and only if it may be executed."""
+    assert (FOLDER / name).stat().st_mode & 0o111
+    subprocess.run(["sh", "-n", str(FOLDER / name)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "action"), [("postinst", "abort-upgrade"), ("prerm", "upgrade"), ("postrm", "remove")]
+)
+def test_an_upgrade_takes_nothing_away(name: str, action: str):
+    """What dpkg asks of a script in the middle of an upgrade or a plain removal changes nothing there."""
+    done = subprocess.run(
+        ["sh", str(FOLDER / name), action, "0.0.1"], capture_output=True, text=True, check=True
+    )
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_the_package_has_extras_that_there_are():
+    """Those of the Makefile's DEB_EXTRAS, with which a service finds its page and its name."""
+    (said,) = re.findall(r"^DEB_EXTRAS \?= (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert {"page", "discovery"} <= set(said.split(",")) <= set(project["optional-dependencies"])
