@@ -20,7 +20,7 @@ from chefbotd.cli.drive.course import (
     remaining_rad,
     steer,
 )
-from chefbotd.cli.drive.pilot import release_source
+from chefbotd.cli.drive.release import release_source
 from chefbotd.cli.drive.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
 from chefbotd.client.models import OdometryData

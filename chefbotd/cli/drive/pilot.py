@@ -4,34 +4,14 @@ Releasing a key ends only this program's own motion. A stop key stops the robot,
 """
 
 import asyncio
-import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
+from chefbotd.cli.drive.release import release_source
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import STANDING, Twist2D
 
 PERIOD_S = 0.05
-
-
-async def release_source(robot: Client, source: str | None = None) -> None:
-    """Set our own target to zero, then release our sources. If the release is refused, send a stop, which never is."""
-    with contextlib.suppress(
-        CallError
-    ):  # disarmed, or another client has control: our command does not move the robot
-        await robot.drive(0.0, 0.0, source)
-    try:
-        await robot.release_control()
-    except CallError:
-        await robot.stop()
-
-
-def describe_stop(drivers: Mapping[str, str]) -> str:
-    """The message after a stop, with who was driving."""
-    if not drivers:
-        return "Stopped; nobody was driving."
-    who = ", ".join(f"{source} was driven by {client}" for source, client in drivers.items())
-    return f"Stopped; {who}. Other drivers are refused until they release the robot."
 
 
 class Pilot:

@@ -8,7 +8,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.drive.pilot import describe_stop
+from chefbotd.cli.drive.release import describe_stop
 from chefbotd.client import Client
 
 
