@@ -10,7 +10,7 @@ from chefbotd.link.port import LinkParameters
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.transport import FakeSerialDevice
-from firmware_protocol.codec import CLASSIC
+from firmware_protocol.codec import CLASSIC, Variant
 
 EVERYTHING = (
     events.LinkOpened,
@@ -36,11 +36,11 @@ OPENING = 2 * STOP
 class Bench:
     """A session on a fake device, with an inbox for everything it publishes."""
 
-    def __init__(self) -> None:
+    def __init__(self, variant: Variant = CLASSIC) -> None:
         self.bus = Bus()
         self.device = FakeSerialDevice()
-        self.board = ScriptedBoard(self.device)
-        self.session = BoardSession(self.bus, LoopClock(), CLASSIC, device="/dev/fake", setpoints_per_s=200.0)
+        self.board = ScriptedBoard(self.device, variant=variant)
+        self.session = BoardSession(self.bus, LoopClock(), variant, device="/dev/fake", setpoints_per_s=200.0)
         self.inbox: Inbox[object] = self.bus.subscribe(*EVERYTHING)
 
     def heard(self) -> list[object]:
@@ -48,11 +48,11 @@ class Bench:
         return [self.inbox.take() for _ in range(len(self.inbox))]
 
 
-def on_bench(scenario: Callable[[Bench], Awaitable[None]]) -> None:
+def on_bench(scenario: Callable[[Bench], Awaitable[None]], variant: Variant = CLASSIC) -> None:
     """Run a scenario with the device open, on the virtual clock."""
 
     async def run() -> None:
-        bench = Bench()
+        bench = Bench(variant)
         await bench.device.open(LinkParameters(), bench.session)
         await asyncio.sleep(0)
         assert isinstance(bench.inbox.take(), events.LinkOpened)

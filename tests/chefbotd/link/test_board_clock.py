@@ -285,3 +285,37 @@ def test_stamps_never_go_back_and_never_lie_after_the_reading(lines: list[tuple[
         assert before_s <= clock.stamp_s <= read_s
         assert clock.late_s >= 0.0
         before_s = clock.stamp_s
+
+
+def test_a_leap_of_exactly_ten_seconds_is_still_a_gap():
+    """Two readings agree 9.98 and 10 s ahead while the host saw 11 ms pass: board time goes on by 10 s, not by 11 ms."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    before, last = clock.latest_s, 50_000_000 + 9 * 20_000
+    assert clock.observe(last + 9_980_000, 0.02, host_s + 0.01) is Verdict.SUSPECT
+    assert clock.observe(last + 10_000_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.latest_s - before == pytest.approx(10.0)
+
+
+def test_a_line_that_comes_twice_is_in_doubt():
+    """The same microseconds again: no cycle of 20 ms has passed between two of them."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    assert clock.observe(50_000_000 + 9 * 20_000, 0.02, host_s) is Verdict.SUSPECT
+
+
+def test_a_banner_ends_a_doubt():
+    """What disagreed was of the run before, or the first of the new one: no reading waits for another any more."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    assert clock.observe(518, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    clock.restart()
+    assert not clock.in_doubt
+
+
+def test_the_scatter_is_known_from_the_third_reading_on():
+    """Even readings but for the third, 10 ms late; the first residual counts half: 5 ms."""
+    relation = ClockRelation()
+    for board_s, host_s in ((0.0, 7.0), (0.1, 7.1), (0.2, 7.21)):
+        relation.observe(board_s, host_s)
+    assert relation.jitter_s == pytest.approx(0.005, rel=1e-3)

@@ -42,3 +42,25 @@ def test_bytes_without_a_line_end_are_judged_by_their_looks():
     health = hearing(*[bytes([0x80 + n]) for n in range(100)]).judge(12.0)
     assert health is not None
     assert health.condition is Condition.WRONG_BAUD
+
+
+def test_before_the_first_port_nothing_is_proven():
+    """Whoever asks is answered, though nothing was opened yet."""
+    assert not LinkMonitor(Decoder(from_board(CLASSIC)), health_after_s=2.0).proven
+
+
+def test_lines_that_were_refused_are_lines():
+    """Three of numbers without a kind among twenty of text: 23 lines."""
+    health = hearing(b"hello\r\n" * 20 + b"1\t2\n" * 3).judge(12.5)
+    assert health is not None
+    assert "23 lines, 0 of them frames" in health.reason
+
+
+def test_only_the_newest_128_bytes_are_looked_at():
+    """Noise as the device started, and text without an end since: another device, and no wrong baud rate."""
+    health = hearing(bytes([0x91]) * 1000, b"some words " * 12).judge(12.5)
+    assert health is not None
+    assert health.condition is Condition.WRONG_DEVICE
+    health = hearing(bytes([0x91]) * 1000, b"some words").judge(12.5)
+    assert health is not None
+    assert health.condition is Condition.WRONG_BAUD

@@ -105,3 +105,49 @@ def test_a_board_with_a_clock_restarts_by_its_clock():
     watch = RestartWatch()
     last_s = driven(watch, (9656, 9141), (0, 0), 50)
     assert watch.observe(last_s + 1.2, (0, 0), has_clock=True) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "restarted"),
+    [((-100, 190), True), ((-101, 190), False), ((185, 271), True), ((185, 272), False), ((186, -99), False)],
+)
+def test_how_far_a_wheel_rolls_out_and_dithers(after: tuple[int, int], restarted: bool):
+    """At 285.7 and 571.4 counts/s they are 0 to 85.7 and 171.4 counts on after 0.3 s, give or take 100."""
+    watch = RestartWatch()
+    last_s = driven(watch, (5000, 4000), (1, 2), 50)
+    assert (watch.observe(last_s + 1.5, after, has_clock=False) is not None) is restarted
+
+
+@pytest.mark.parametrize(("after", "restarted"), [((2, -2), True), ((3, 120), False), ((-120, 3), False)])
+def test_counters_at_zero_are_a_restart_even_where_the_wheels_could_have_rolled(
+    after: tuple[int, int], restarted: bool
+):
+    """Backwards at 1,143 and 1,429 counts/s, 0.6 s short of zero; by chance no two wheels are within 2 counts of it."""
+    watch = RestartWatch()
+    last_s = driven(watch, (745, 1030), (-4, -5), 50)
+    assert (watch.observe(last_s + 0.6, after, has_clock=False) is not None) is restarted
+
+
+@pytest.mark.parametrize(("silent_s", "restarted"), [(0.6, False), (0.3, True)])
+def test_one_wheel_that_cannot_have_rolled_to_zero_is_enough(silent_s: float, restarted: bool):
+    """549 counts at -1,143 a second take 0.48 s, less 100 of play; the right wheel is fast enough in 0.3 s."""
+    watch = RestartWatch()
+    last_s = driven(watch, (745, 1600), (-4, -20), 50)
+    assert (watch.observe(last_s + silent_s, (-40, -60), has_clock=False) is not None) is restarted
+
+
+def test_a_restart_is_told_once():
+    """The second line after it is held against the first: a second of silence in which it stayed at zero is no other."""
+    watch = RestartWatch()
+    last_s = driven(watch, (9656, 9141), (0, 0), 50)
+    assert watch.observe(last_s + 1.2, (7, -3), has_clock=False) is not None
+    assert watch.observe(last_s + 2.4, (7, -3), has_clock=False) is None
+
+
+def test_reset_done_is_over_with_the_restart():
+    """After the restart that it announced, a silence at any counts is only a silence."""
+    watch = RestartWatch()
+    last_s = driven(watch, (12, -9), (0, 0), 50)
+    watch.reset_done(last_s)
+    assert watch.observe(last_s + 1.1, (0, 0), has_clock=False) is not None
+    assert watch.observe(last_s + 2.2, (40, 90), has_clock=False) is None

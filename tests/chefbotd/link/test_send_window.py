@@ -264,3 +264,85 @@ def test_motion_never_overflows_the_buffer_of_a_board_that_does_not_read(asked: 
             held += size_of(duty)
             assert held <= AVR_BYTES or not any(duty)
         held = min(held, AVR_BYTES)
+
+
+def test_a_wheel_that_is_told_to_stand_makes_no_stop():
+    """A full buffer holds (0, -1000) as any motion, and an echo of (50, 0) is one that follows."""
+    into = window()
+    for number in (103, 104, 105):
+        assert write(into, (number, -199), 0.0)
+    assert not into.admit((0, -1000), 0.0)
+    into = window()
+    into.note((50, 0), 0.0)
+    into.echoed((50.0, 0.0))
+    into.note((60, 0), 0.0)
+    for number in range(1, 21):
+        into.cycle(number * 0.02)
+    assert into.echo_is_stuck(0.4)
+
+
+def test_before_the_first_command_a_stop_was_said():
+    """On a new port and after a restart: nobody may count on a motion that was said before."""
+    into = window()
+    assert into.newest == STILL
+    into.note((50, -40), 0.0)
+    into.restarted()
+    assert into.newest == STILL
+
+
+def test_a_stop_is_said_again_at_once_while_a_quarter_of_the_buffer_is_not_in_use():
+    """Of 50 bytes a stop takes 6: with a second one 12 are in use (4 x 12 < 50), with a third 18 would be."""
+    into = window(50)
+    assert write(into, STILL, 0.0)
+    assert write(into, STILL, 0.0)
+    assert not into.admit(STILL, STOP_AGAIN_S - 0.001)
+    assert into.admit(STILL, STOP_AGAIN_S)
+
+
+def test_a_stop_that_may_not_fit_makes_the_last_line_as_new_as_itself():
+    """9 and 6 of 20 bytes were written before a cycle, 6 more after it: the next one proves only the first line read."""
+    into = window(20)
+    into.note((10, -20), 0.0)
+    into.note(STILL, 0.0)
+    into.cycle(0.01)
+    into.note(STILL, 0.02)
+    assert into.unread_bytes == 15
+    into.cycle(0.03)
+    assert into.unread_bytes == 6
+
+
+def test_an_echo_that_stops_two_commands_behind_is_stuck():
+    """It confirms the first of three and no more: the second is what is waited for."""
+    into = window()
+    for number in (50, 60, 70):
+        into.note((number, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    for number in range(1, 21):
+        into.cycle(number * 0.02)
+        into.echoed((50.0, -40.0))
+    assert into.echo_is_stuck(0.4)
+
+
+def test_an_echo_that_goes_on_changing_is_not_stuck():
+    """It has followed once, and shows pieces of commands since: the board reads, whatever it makes of it."""
+    into = window()
+    into.note((50, -40), 0.0)
+    into.echoed((50.0, -40.0))
+    into.note((60, -45), 0.0)
+    for number in range(1, 21):
+        into.cycle(number * 0.02)
+        into.echoed((6.0 + number, -40.0))
+    assert not into.echo_is_stuck(0.4)
+
+
+def test_the_newest_command_is_confirmed_however_many_were_said_before_it():
+    """Of a hundred in a row the board shows the last: it follows, so the next one that it does not show is missed."""
+    into = window(100_000)
+    for number in range(1, 101):
+        into.note((number, -40), 0.001 * number)
+    into.echoed((100.0, -40.0))
+    into.note((101, -40), 1.0)
+    for number in range(1, 21):
+        into.cycle(1.0 + number * 0.02)
+        into.echoed((100.0, -40.0))
+    assert into.echo_is_stuck(1.4)

@@ -3,12 +3,13 @@
 import asyncio
 
 import pytest
+from structlog.testing import capture_logs
 
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
 from chefbotd.link.port import LinkParameters
 from firmware_protocol import messages as wire
-from tests.chefbotd.link.bench import OPENING, STOP, Bench, on_bench
+from tests.chefbotd.link.bench import OPENING, STOP, Bench, cycle, on_bench
 
 
 def test_opening_puts_a_stop_on_the_wire():
@@ -276,5 +277,84 @@ def test_half_a_line_does_not_survive_a_reconnection():
         bench.heard()
         bench.board.say(b"u\t23\n")
         assert [event.distance_cm for event in bench.heard()] == [23]
+
+    on_bench(scenario)
+
+
+def test_the_first_stops_are_told_and_take_their_room():
+    """Of 63 bytes 12 are the two first stops; with two lines of 10 bytes, 32: a third, for a change, would want 64."""
+
+    async def run() -> None:
+        bench = Bench()
+        said = bench.bus.subscribe(events.DutyWritten)
+        await bench.device.open(LinkParameters(), bench.session)
+        await asyncio.sleep(0)
+        assert said.take().duty == (0, 0)
+        for number in (10, 20, 30):
+            bench.session.send_duty((number, -200))
+            await asyncio.sleep(0.02)
+        assert [said.take().duty for _ in range(len(said))] == [(10, -200), (20, -200)]
+
+    run_virtual(run())
+
+
+def test_after_a_restart_the_boards_buffer_is_empty():
+    """It is full of what it never read; its banner says that it began anew, and the next command goes at once."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.board.cycle(0, 0)
+        for number in range(10, 90, 10):
+            bench.session.send_duty((number, -200))
+            await asyncio.sleep(0.02)
+        assert bench.board.duty != (80, -200)
+        bench.board.say(b"Initializing I2C devices...\r\n")
+        bench.session.send_duty((90, -200))
+        assert bench.board.duty == (90, -200)
+
+    on_bench(scenario)
+
+
+def test_what_was_heard_is_kept_for_the_log():
+    """Each line with the time it was read."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(0.3)
+        bench.board.say(b"u\t87\nb\t30x\n")
+        now_s = LoopClock().now_s()
+        assert list(bench.session.lines.heard) == [(now_s, b"u\t87"), (now_s, b"b\t30x")]
+
+    on_bench(scenario)
+
+
+def test_what_the_port_sounds_like_is_published_and_logged():
+    """Silent after two seconds, which is logged; healthy once it talks, which is not."""
+
+    async def scenario(bench: Bench) -> None:
+        changes = bench.bus.subscribe(events.LinkHealthChanged)
+        await asyncio.sleep(2.1)
+        with capture_logs() as log:
+            bench.session.judge_health()
+            silent = changes.take()
+            assert (silent.healthy, silent.condition) == (False, "silent")
+            assert [entry["event"] for entry in log] == ["this does not sound like the board"]
+            for number in range(200):
+                bench.session.data_received(cycle(number))
+                await asyncio.sleep(0.02)
+                bench.session.judge_health()
+            well = changes.take()
+            assert (well.healthy, well.condition, well.reason) == (True, "healthy", "")
+            assert len(log) == 1
+
+    on_bench(scenario)
+
+
+def test_nothing_is_said_to_a_lost_port():
+    """Closing writes the last stops to a port that is there, and none where it was pulled before."""
+
+    async def scenario(bench: Bench) -> None:
+        before = bench.session.lines_out
+        bench.session.connection_lost(OSError("unplugged"))
+        bench.session.close()
+        assert bench.session.lines_out == before
 
     on_bench(scenario)

@@ -6,6 +6,7 @@ from chefbotd.clock import LoopClock
 from chefbotd.core import events
 from chefbotd.link.port import LinkParameters
 from firmware_protocol import messages as wire
+from firmware_protocol.codec import KHAN_EDGES
 from tests.chefbotd.link.bench import OPENING, Bench, on_bench
 
 
@@ -201,3 +202,22 @@ def test_a_reset_that_could_not_be_sent_is_forgotten_with_the_link():
         assert bytes(bench.device.written) == OPENING + b"s 3 3\r"
 
     on_bench(scenario)
+
+
+def test_a_reset_of_a_board_of_edges_waits_until_its_wheels_stand():
+    """Four totals a cycle say how far they turned: ``r`` goes 0.1 s after the rear right wheel's last edge."""
+
+    async def scenario(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        bench.session.reset_board()
+        for number in range(14):
+            await asyncio.sleep(0.02)
+            rear_right = 4 * min(number, 7)
+            totals = (500, 65_530, 3, rear_right)
+            lines = b"".join(b"q\t%d\t%d\n" % (wheel, total) for wheel, total in enumerate(totals))
+            assert b"r" not in bytes(bench.device.written) or number == 13
+            bench.session.data_received(lines + b"t\t%d\t0.02\n" % (1_000_000 + number * 20_000))
+            bench.board.say(wire.DutyEcho((0.0, 0.0, 0.0, 0.0)))
+        assert bytes(bench.device.written).endswith(b"\rr\r")
+
+    on_bench(scenario, KHAN_EDGES)

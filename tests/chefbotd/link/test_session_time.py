@@ -121,3 +121,21 @@ def test_lines_of_one_read_are_spread_whatever_their_chunks():
     assert steps == pytest.approx([0.0034] * len(steps), rel=0.15)
     assert times_of_lines(1) == pytest.approx(whole, abs=1e-9)
     assert times_of_lines(7) == pytest.approx(whole, abs=1e-9)
+
+
+def test_counts_that_come_in_a_read_of_their_own_have_their_cycles_time():
+    """The ``e`` line is read 5 ms after its ``t``: by the board they are of the same moment."""
+
+    async def scenario(bench: Bench) -> None:
+        for number in range(3):
+            start_s = LoopClock().now_s()
+            bench.session.data_received(b"t\t%d\t0.02\n" % (5_000_000 + number * 20_000))
+            await asyncio.sleep(0.005)
+            bench.session.data_received(b"e\t%d\t%d\n" % (number * 3, number * -2))
+            await asyncio.sleep(0.015)
+        *_, counted = bench.heard()
+        assert counted.stamp_s == pytest.approx(start_s)
+        assert counted.board_s == pytest.approx(start_s)
+        assert counted.arrival_s == pytest.approx(start_s + 0.005)
+
+    on_bench(scenario)
