@@ -44,3 +44,9 @@ def test_after_the_fault_the_time_starts_anew():
 def test_a_pin_without_a_battery_is_no_fault():
     """Zero volts on the pin of a board that runs: nothing is wired there."""
     assert not any(story(*[(float(s), 0.0, CRITICAL) for s in range(20)]))
+
+
+def test_a_battery_begins_at_three_volts():
+    """At 3.0 V it is one that is all but empty, at 2.99 V none."""
+    assert story((0.0, 3.0, CRITICAL), (5.0, 3.0, CRITICAL))[1] is not None
+    assert story((0.0, 2.99, CRITICAL), (5.0, 2.99, CRITICAL))[1] is None

@@ -105,3 +105,29 @@ def test_a_command_ends_the_suspicion() -> None:
     board.state = deaf.told(board.state, board.now_s, driven=True)
     assert board.state == DRIVEN
     assert board.go(0.5, lambda _: 0.295) == []
+
+
+def test_a_moment_at_rest_is_no_rest() -> None:
+    """Two readings of zero, 0.1 s, in the middle of a drive that goes on: it has not stood for 0.2 s."""
+    board = Board()
+    board.go(0.3, lambda _: 0.295)
+    board.go(0.1, lambda _: 0.0)
+    ((_, fault),) = board.go(1.5, lambda _: 0.295)
+    assert fault.kind is FaultKind.BOARD_DEAF
+
+
+def test_what_just_reaches_the_way_that_it_may_coast_is_no_fault() -> None:
+    """Heard at 0.25 s at 0.25 m/s: 62.5 mm and 31.25 mm of slack, which three readings of 31.25 mm are, and no more."""
+    params = DeafParameters(slack_m=0.03125)
+    state = deaf.told(DRIVEN, 0.0, driven=False)
+    for reading in range(3):
+        state, _ = deaf.watch(
+            params, state, 0.125 * reading + 0.125, (0.0, 0.0), (0.25, -0.1), 0.125, echoes_motion=False
+        )
+    for reading, travel_m in enumerate((0.03125, 0.03125, 0.03125, 0.0, 0.0, 0.0)):
+        now_s = 0.5 + 0.125 * reading
+        state, fault = deaf.watch(
+            params, state, now_s, (travel_m, 0.0), (0.25, 0.0), 0.125, echoes_motion=False
+        )
+        assert fault is None
+        assert state.beyond == 0

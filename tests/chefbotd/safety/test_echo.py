@@ -82,3 +82,67 @@ def test_zero_is_always_well() -> None:
     wire.go(20)
     for _ in range(200):
         assert wire.go(1, (float(60 + len(wire.said) % 17), 0.0)) is None
+
+
+def believed() -> EchoState:
+    """A board that has shown five commands that were not zero, the last of them (0, -44) at 2 s."""
+    state = UNKNOWN
+    for number in range(5):
+        assert not echo.is_believed(P, state)
+        state = echo.say(state, 2.0, (0, -40 - number))
+        state, fault = echo.hear(P, state, 2.0, (0.0, -40.0 - number))
+        assert fault is None
+    assert echo.is_believed(P, state)
+    return state
+
+
+def faults(state: EchoState, now_s: float, *shown: tuple[float, float]) -> list[bool]:
+    """Whether each of these echoes is a fault."""
+    found = []
+    for each in shown:
+        state, fault = echo.hear(P, state, now_s, each)
+        found.append(fault is not None)
+    return found
+
+
+WRONG, STILL, RIGHT = (70.0, -44.0), (0.0, 0.0), (0.0, -44.0)
+
+
+def test_each_echo_that_fits_takes_half_of_one_off_and_none_more_than_there_is() -> None:
+    """Seven that do not fit, less one for two that do, of zero or of what was said: two more are too many."""
+    for fits in (STILL, RIGHT):
+        assert faults(believed(), 2.1, fits, fits, *[WRONG] * 7, fits, fits, WRONG, WRONG) == [False] * 12 + [
+            True
+        ]
+
+
+def test_after_a_fault_the_counting_begins_anew() -> None:
+    """Sixteen in a row are two faults."""
+    assert faults(believed(), 2.1, *[WRONG] * 16) == ([False] * 7 + [True]) * 2
+
+
+def test_zero_proves_no_echo_and_needs_no_command() -> None:
+    """A board that only ever says zero is not believed; one that is believed may say it with nothing said lately."""
+    state = echo.say(UNKNOWN, 2.0, (50, -40))
+    for _ in range(20):
+        state, _ = echo.hear(P, state, 2.1, STILL)
+    assert not echo.is_believed(P, state)
+    assert faults(believed(), 60.0, *[STILL] * 20) == [False] * 20
+
+
+def test_a_command_that_is_repeated_is_remembered_once() -> None:
+    """300 times (50, -40) within 2.9 s; the board may still show what was said before it."""
+    state = echo.say(believed(), 3.0, (90, -12))
+    for number in range(300):
+        state = echo.say(state, 3.0 + 0.0096 * number, (50, -40))
+    assert not any(faults(state, 5.9, *[(90.0, -12.0)] * 20))
+
+
+def test_256_different_commands_are_remembered() -> None:
+    """The one before them is not."""
+    state = echo.say(believed(), 3.0, (90, -12))
+    for number in range(255):
+        state = echo.say(state, 3.0, (91 + number, -40))
+    assert not any(faults(state, 3.1, *[(90.0, -12.0)] * 8))
+    state = echo.say(state, 3.0, (91 + 255, -40))
+    assert any(faults(state, 3.1, *[(90.0, -12.0)] * 8))

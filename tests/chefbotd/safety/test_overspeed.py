@@ -112,3 +112,29 @@ def test_who_is_left_out_or_not_driven_is_not_judged() -> None:
         state, fault = overspeed.watch(P, NAMES, state, (0.2, 0.2), (0.05, 0.01), 0.05, excluded=(0,))
         assert fault is None
     assert after(((0.0, 0.0), (0.5, -0.4), 5.0))[1] is None
+
+
+def test_a_leap_and_then_just_what_is_allowed_is_no_fault() -> None:
+    """10 cm in one reading counts 12 mm; at 0.2 * 1.15 + 0.04 = 0.27 m/s nothing is added to it or taken off."""
+    state, fault = overspeed.watch(P, NAMES, REST, (0.2, -0.1), (0.1, -0.005), 0.05)
+    assert fault is None
+    for _ in range(40):
+        state, fault = overspeed.watch(P, NAMES, state, (0.2, -0.1), (0.0135, -0.005), 0.05)
+        assert fault is None
+    assert state[0].ahead_m == pytest.approx(0.012)
+
+
+@pytest.mark.parametrize(
+    ("asked", "driven", "told"),
+    [
+        ((-0.1, -0.1), (-0.5, -0.45), "(-0.50 m/s instead of -0.10)"),
+        ((-0.3, -0.05), (-0.6, -0.5), "(-0.50 m/s instead of -0.05)"),
+    ],
+)
+def test_the_worst_of_two_wheels_is_told_in_numbers(
+    asked: tuple[float, float], driven: tuple[float, float], told: str
+) -> None:
+    """Backwards: the wheel that is farthest beyond what it was asked for, not the fastest."""
+    _, fault = after((asked, driven, 1.0))
+    assert fault is not None
+    assert fault.reason.startswith(f"left and right much faster than asked {told}")

@@ -265,3 +265,46 @@ def test_a_round_robot_at_one_obstacle_can_always_leave(bearing: float) -> None:
     assert driven(ROUND, away, View("top", points, NOW_S, NOW_S, 0.1)) == (away, None)
     turning = Twist2D(0.0, 0.9)
     assert driven(ROUND, turning, View("top", points, NOW_S, NOW_S, 0.1)) == (turning, None)
+
+
+@pytest.mark.parametrize(
+    ("point", "twist", "share"),
+    [
+        ((0.3, 0.6 - 0.6 * math.cos(math.pi / 6)), Twist2D(0.3, 0.5), 0.56867),
+        ((0.3, -0.6 + 0.6 * math.cos(math.pi / 6)), Twist2D(0.3, -0.5), 0.56867),
+        ((-0.3, -0.6 + 0.6 * math.cos(math.pi / 6)), Twist2D(-0.3, 0.5), 0.56867),
+        ((0.2, 0.2), Twist2D(0.2, 1.0), 0.56629),
+        ((0.2, -0.2), Twist2D(0.2, -1.0), 0.56629),
+    ],
+)
+def test_a_point_on_the_arc_by_hand(point: tuple[float, float], twist: Twist2D, share: float) -> None:
+    """On a circle of 0.6 m a point 30 degrees on touches 0.2 m about the middle 2 asin(0.1 / 0.6) = 0.3349 rad before.
+
+    Less 0.05 m of the circle, 0.1054 rad are left: 0.2107 s at 0.5 rad/s, braked in 1 / k = 0.3 / 0.5 s after 0.2 s:
+    k (sqrt(0.2^2 + 2 0.2107 / k) - 0.2). On 0.2 m, at a quarter: 0.2736 s, and k = 1 of turning is the smaller.
+    """
+    wanted = WheelVelocities((7.0, 11.0), twist)
+    motion, limited_by = limit(PARAMS, ROUND, [view(point)], wanted, NOW_S)
+    assert isinstance(motion, WheelVelocities)
+    assert motion.rad_s == pytest.approx((7.0 * share, 11.0 * share), abs=1e-3)
+    assert limited_by == "obstacle:top"
+
+
+@pytest.mark.parametrize(("cos", "stops"), [(0.0016, False), (0.005, True), (-0.005, False)])
+def test_what_hardly_comes_closer_does_not_stop(cos: float, stops: bool) -> None:
+    """1 cm beside the robot, all but abeam: at 0.3 m/s it closes by 0.5 mm/s, by 1.5 mm/s, and goes away."""
+    point = (0.19 * cos, -0.19 * math.sqrt(1 - cos * cos))
+    motion, _ = driven(ROUND, Twist2D(0.3, 0.0), view(point))
+    assert (motion == STANDING) is stops
+
+
+def test_a_scan_may_be_just_as_old_as_it_may_be() -> None:
+    """0.5 s: heard; a millisecond more: silent."""
+    assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0), age_s=0.5))[1] is None
+    assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0), age_s=0.501))[1] == "silent:top"
+
+
+def test_the_faster_it_is_the_farther_it_looks() -> None:
+    """1.2 m ahead at 1 m/s, 0.95 m of room: v 0.2 + v^2 = 0.95, so v = 0.5 (sqrt(0.04 + 3.8) - 0.2) = 0.8798 m/s."""
+    (motion, _) = driven(ROUND, Twist2D(1.0, 0.0), view((1.2, 0.0)))
+    assert motion.linear_m_s == pytest.approx(0.8798, abs=1e-4)

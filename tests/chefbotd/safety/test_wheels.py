@@ -253,3 +253,34 @@ def test_a_damaged_line_now_and_then_is_forgiven():
             state, fault = watch(PARAMETERS, NAMES, state, (0.5, 0.5), (0.2, 0.2), CYCLE_S, 0.0)
             assert fault is None
     assert state.jumps == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_first_push_of_all_has_nothing_to_roll_on_from(way: int):
+    """0.1 rad against it with each reading, 20 of them a second: reversed after 1 rad, 0.5 s, whichever way it goes."""
+    at_s, fault = watched(*[((0.4 * way, 0.3 * way), (-0.1001 * way, 0.2 * way))] * 60)
+    assert at_s == pytest.approx(0.5)
+    assert fault.kind is FaultKind.WHEEL_REVERSED
+
+
+def test_short_pauses_give_no_new_time_to_roll_on():
+    """Backwards, 0.105 rad against it with each of four readings, then one undriven: the tenth driven one is enough."""
+    pushed, paused = ((-0.4, -0.3), (0.105, -0.2)), ((0.0, 0.0), (0.0, 0.0))
+    at_s, fault = watched(*[*[pushed] * 4, paused] * 5)
+    assert at_s == pytest.approx(12 * CYCLE_S)
+    assert fault.kind is FaultKind.WHEEL_REVERSED
+
+
+def test_wrong_travel_is_no_debt():
+    """Half a radian against the push, then 0.12 rad with it: that clears the wheel, and it is stalled 1.75 s later."""
+    against, ahead, stands = [((0.4, 0.3), (travel, 0.2)) for travel in (-0.1, 0.06, 0.0)]
+    at_s, fault = watched(*[against] * 5, *[ahead] * 2, *[stands] * 60)
+    assert at_s == pytest.approx(7 * CYCLE_S + 1.75)
+    assert fault.kind is FaultKind.WHEEL_STALLED
+
+
+@pytest.mark.parametrize("effort", [0.2, -0.2])
+def test_just_the_share_of_the_duty_range_is_driven(effort: float):
+    """51 of 255 is 0.2: a wheel that stands at that is stalled after 1.75 s."""
+    at_s, _ = watched(*[((effort, effort), (0.0, math.copysign(0.2, effort)))] * 40)
+    assert at_s == pytest.approx(1.75)
