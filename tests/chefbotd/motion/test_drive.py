@@ -358,3 +358,23 @@ def test_effort_is_what_is_pushed_beyond_scrubbing():
     state = regulated(controller, controller.at_rest, Twist2D(0.0, 2.0), 2.0, rim_m_s=0.0)
     assert state.duty == (-440, -440)
     assert controller.effort(state) == pytest.approx((-0.31, 0.31))
+
+
+def test_a_stop_that_is_over_between_two_frames_leaves_nothing_behind():
+    """The integral had grown while the wheels were slow; once the setpoint is zero there is no duty, and no integral."""
+    controller = drive()
+    state = regulated(controller, controller.at_rest, Twist2D(0.2, 0.1), 1.0, rim_m_s=0.1)
+    assert state.pids[0].integral_duty > 0
+    for _ in range(50):
+        state = controller.retarget(state, STANDING, state.stepped_s + 0.02)
+    assert state.duty == (0, 0)
+    assert state.pids == controller.at_rest.pids
+
+
+def test_a_saturated_wheel_that_keeps_up_does_not_slow_the_robot():
+    """At full duty, 1 cm/s behind what is asked: less than the 2 cm/s that count as lagging."""
+    controller = drive(GAINS.model_copy(update={"output_limit": 150.0}))
+    for way in (1.0, -1.0):
+        state = regulated(controller, controller.at_rest, Twist2D(0.2 * way, 0.0), 1.0, rim_m_s=0.19 * way)
+        assert abs(state.duty[0]) == 150
+        assert state.share == 1.0

@@ -159,3 +159,22 @@ def test_a_smooth_start_is_a_smooth_speed() -> None:
 def test_what_is_remembered_is_bounded() -> None:
     """A window of 0.04 s at 10,000 counts/s is 400 edges; a million would not be more."""
     assert len(run_of(1, times_s(10_000.0, EVEN, 2000)).marks) <= 406
+
+
+def test_edges_of_another_cycle_say_nothing_of_the_widest_phase() -> None:
+    """Six counts without times, 20 ms each: 30 ms after the last edge there is at most one count in them.
+
+    The rate is from the edge that is like the newest, 8 counts in 0.15 s; a phase of 30 ms was seen a cycle before.
+    """
+    marks = tuple(Mark(*mark) for mark in ((0, 0.0), (1, 0.01), (2, 0.04), (3, 0.05), (10, 0.19)))
+    run = Run(1, marks)
+    assert rate_counts_s(PARAMETERS, run, 0.19) == pytest.approx(8 / 0.15)
+    assert rate_counts_s(PARAMETERS, run, 0.22) == pytest.approx(1 / 0.03)
+
+
+def test_three_phases_leave_the_fourth_the_rest_of_the_cycle() -> None:
+    """10, 15 and 5 ms are 3 counts in 30 ms, which leaves 10 ms: after 30 ms without an edge it is 1.5 / 0.03 s."""
+    marks = tuple(Mark(*mark) for mark in ((0, 0.0), (-1, 0.01), (-2, 0.025), (-3, 0.03)))
+    run = Run(-1, marks)
+    assert rate_counts_s(PARAMETERS, run, 0.03) == pytest.approx(-100.0)
+    assert rate_counts_s(PARAMETERS, run, 0.06) == pytest.approx(-50.0)

@@ -300,3 +300,22 @@ def test_after_too_long_a_gap_a_narrow_counter_is_a_new_reference() -> None:
     assert (after_gap.rebased, after_gap.refused) == (True, False)
     assert after_gap.travel_rad == (0.0, 0.0)
     assert after_gap.position_rad == turns(0.02, 0.02)
+
+
+@pytest.mark.parametrize("delta", [20_000, -20_000])
+def test_more_than_a_quarter_of_the_counter_is_still_travel(delta: int) -> None:
+    """2.5 s after the last reading a wheel may have gone 25,000 of a 16-bit counter's 32,768 either way."""
+    params = parameters(width_bits=16)
+    state, _ = feed(params, (30_000, 5))
+    after = (30_000 + delta + 32_768) % 65_536 - 32_768
+    _, reading = encoder.decode(params, FORWARD, state, (after, 5), 2.5)
+    assert not reading.rebased
+    assert reading.travel_rad == turns(delta / 1000, 0.0)
+
+
+def test_only_who_went_too_far_is_to_blame() -> None:
+    """Without time between them four counts of slack are all: four of the left wheel are well, five of the right not."""
+    params = parameters(slack_counts=4)
+    state, _ = feed(params, (0, 0))
+    _, reading = encoder.decode(params, FORWARD, state, (-4, 5), 0.0)
+    assert reading.jumped == (1,)

@@ -405,3 +405,11 @@ def test_a_new_derivative_filter_begins_anew() -> None:
     state = PidState(measured_m_s=-0.2, derivative_duty=-20.0, setpoint_m_s=-0.2)
     retuned = pid.retune(old, new, state, -0.2, 0.0)
     assert (retuned.derivative_duty, retuned.fading_duty) == (0.0, pytest.approx(-20))
+
+
+@pytest.mark.parametrize("measured_m_s", [0.185, 0.215])
+def test_a_preview_keeps_the_deadband_too(measured_m_s: float) -> None:
+    """15 mm/s off, either way, within 20 mm/s: what was asked for and the integral, nothing of the error."""
+    params = parameters(kv=1000, deadband=0.02)
+    state = PidState(integral_duty=7.0, measured_m_s=measured_m_s)
+    assert pid.preview(params, state, 0.2, 0.0) == pytest.approx(207.0)

@@ -220,3 +220,30 @@ def test_no_moment_to_brake_needs_more_way_than_is_told(
 def test_the_way_to_rest_from_the_worst_moment(jerk: float, start: float, way: float) -> None:
     """To a top speed of 1, forward: worked out by hand."""
     assert braking_distance(limits(jerk=jerk), 1.0, forward=True) == pytest.approx((start, way))
+
+
+@pytest.mark.parametrize(
+    ("changes", "start", "target", "after_s", "expected"),
+    [
+        # 0.2 s to 4 and 0.05625 s there gain 0.625; 0.04375 s down to 3.125 gain 0.15586.
+        ({"jerk": 20.0}, (1.0, 0.0), -0.5, 0.3, (0.21914, -3.125)),
+        # At 1 after 0.15 s of fall, at zero speed after 0.40625 s; reverse has 1.
+        ({"jerk": 20.0}, (1.0, 0.0), -0.5, 0.5, (-0.09375, -1.0)),
+        # Peak sqrt(10 0.5 + 2^2 / 2) = 2.6458 after 0.26458 s, zero speed after 0.32915 s at 2, as forward has.
+        ({"jerk": 10.0}, (-0.5, 0.0), 1.0, 0.6, (0.54170, 2.0)),
+        # Slowing down when it is asked for more: peak sqrt(4 0.6 + 1 / 2) = 1.7029 after 0.67573 s, gained 0.23749.
+        ({"jerk": 4.0}, (0.2, -1.0), 0.8, 0.5, (0.2, 1.0)),
+        ({"jerk": 4.0}, (0.2, -1.0), 0.8, 1.0, (0.77939, 0.40585)),
+        # It gains 2^2 / (2 4) = 0.5 in any case, which is 0.1 too much: straight through zero acceleration.
+        ({"jerk": 4.0}, (0.5, 2.0), 0.9, 0.6, (0.98, -0.4)),
+    ],
+)
+def test_s_curves_in_one_step_by_hand(
+    changes: dict[str, float],
+    start: tuple[float, float],
+    target: float,
+    after_s: float,
+    expected: tuple[float, float],
+) -> None:
+    """Through zero either way, and from an acceleration that is under way: where the axis is after one long step."""
+    assert advance(limits(**changes), *start, target, after_s) == pytest.approx(expected, abs=1e-4)

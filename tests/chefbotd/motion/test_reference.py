@@ -33,3 +33,9 @@ def test_only_what_reaches_into_the_time_is_remembered():
 def test_a_wheel_that_follows_late_is_where_it_should_be():
     """0.3 m/s measured while 0.3 m/s was asked for, 0.5 m/s now: it will be doing 0.5; one that lags by 0.1 is 0.4."""
     assert caught_up((0.3, 0.2), (0.3, 0.3), (0.5, 0.5)) == pytest.approx((0.5, 0.4))
+
+
+def test_what_just_covers_the_time_is_all_that_is_remembered():
+    """Of quarters of a second, half a second needs two: a third that begins where it ends adds nothing."""
+    quarter = Asked(0.25, (0.3, -0.1))
+    assert remember((quarter, quarter), quarter, 0.5) == (quarter, quarter)

@@ -71,6 +71,7 @@ ALL = (0.3, 0.3, 0.3, 0.3)
         ((0.26, 0.4, 0.39, 0.4), (0.2,) * 4, ((2, 0),)),  # and no more than that
         ((0.04, 0.04, 0.5, 0.04), (0.04,) * 4, ((0, 2),)),  # a wheel stands at 0.08 of what its mate does
         ((0.06, 0.06, 0.5, 0.06), (0.06,) * 4, ((2, 0),)),  # and at 0.12 it moves, as it was asked to
+        ((0.28, 0.29, 0.16, 0.15), ALL, ((2, 0), (3, 1))),  # each side by the other's better wheel
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("direction", [1, -1])
@@ -94,6 +95,14 @@ def test_a_wrong_choice_is_taken_back():
     state = SameSideState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, substitutes=((3, 1),))
     travel_rad = tuple(rim * DT_S / RADIUS_M for rim in (0.3, 0.0, 0.3, 0.3))
     assert judge.compare(state, travel_rad, ALL, DT_S).substitutes == ((1, 3),)
+
+
+def test_while_both_move_the_choice_is_made_anew():
+    """Front left was believed; now it does a third of what is asked, its mate and the other side all of it."""
+    judge = wheels_of()
+    state = SameSideState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, substitutes=((2, 0),))
+    travel_rad = tuple(rim * DT_S / RADIUS_M for rim in (0.1, 0.3, 0.3, 0.3))
+    assert judge.compare(state, travel_rad, ALL, DT_S).substitutes == ((0, 2),)
 
 
 def test_without_movement_the_choice_stays():
@@ -200,3 +209,8 @@ def test_a_wheel_is_always_left_on_each_side(story: list[tuple[float, ...]]):
         assert believed & {0, 2}
         assert believed & {1, 3}
         assert {substitute for _, substitute in state.substitutes} <= believed
+
+
+def test_at_the_start_nothing_was_rolled_or_asked():
+    """Nothing has to fade before the first readings count."""
+    assert wheels_of().start == SameSideState((0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
