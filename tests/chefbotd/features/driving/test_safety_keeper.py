@@ -1,16 +1,24 @@
 """The keeper of the gate: what leads from a fault back to motion."""
 
+import asyncio
+from collections.abc import Callable
+
 import pytest
+from structlog.testing import capture_logs
 
 from chefbotd.bus import Bus
-from chefbotd.clock import ManualClock
-from chefbotd.core.events import BoardRestarted, LinkClosed, LinkOpened
+from chefbotd.clock import ManualClock, run_virtual
+from chefbotd.core.commands import Refused
+from chefbotd.core.events import BoardRestarted, DutyEchoed, LinkClosed, LinkOpened
+from chefbotd.core.geometry import Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.process.latch_file import LatchFile
-from chefbotd.safety.faults import FaultKind
-from chefbotd.safety.gate import Rearm, SafetyParameters
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.gate import Command, Rearm, SafetyParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
+
+TWIST = Twist2D(0.2, -0.3)
 
 
 class Kept:
@@ -18,8 +26,9 @@ class Kept:
 
     def __init__(self, rearm: Rearm = Rearm.MANUAL) -> None:
         self.clock, parameters = ManualClock(100.0), SafetyParameters(rearm=rearm)
+        self.bus = Bus()
         self.keeper = SafetyKeeper(
-            Bus(),
+            self.bus,
             self.clock,
             parameters,
             wheel_names=("left", "right"),
@@ -92,3 +101,92 @@ def test_a_frozen_process_takes_no_wheel_for_stalled() -> None:
         kept.read(0.02, (0.0, 0.0))
     assert not kept.keeper.armed
     assert kept.keeper._gate.fault is FaultKind.WHEEL_STALLED
+
+
+def test_a_pause_of_the_loop_counts_as_a_silence_that_has_just_begun() -> None:
+    """Driven, 5 s without the loop: the encoders are stale, and a fault only 2 s after their 0.25 s began anew."""
+    kept = Kept()
+    kept.keeper.loop_runs(100.0)
+    kept.read(0.02, (0.1, 0.05))
+    kept.clock.advance(5.0)
+    kept.keeper.loop_runs(kept.clock.now_s())
+    assert kept.fault(driven=True) is None
+    kept.clock.advance(1.7)
+    assert kept.fault(driven=False) is None
+    kept.clock.advance(0.06)
+    assert kept.fault(driven=False) is FaultKind.ENCODERS_SILENT
+
+
+def test_who_is_held_is_refused() -> None:
+    """By a stop, and by an e-stop also who tries while it is latched: arm alone never moves the robot."""
+    kept = Kept()
+    kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()))
+    kept.keeper.stop("Bob")
+    with pytest.raises(Refused, match="teleop was stopped by Bob"):
+        kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()))
+    kept.keeper.estop("smoke")
+    kept.clock.advance(0.1)
+    with pytest.raises(Refused, match="'arm' comes first"):
+        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()))
+    kept.keeper.arm()
+    with pytest.raises(Refused, match="navigation was stopped by an emergency stop"):
+        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()))
+    kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s()))
+
+
+def test_names_that_are_no_source_leave_nothing_behind() -> None:
+    """A thousand of them are refused, and none is remembered."""
+    kept = Kept()
+    for number in range(1000):
+        with pytest.raises(Refused, match="no source named"):
+            kept.keeper.accept(Command(f"source{number}", TWIST, kept.clock.now_s()))
+    assert kept.keeper._attempts == ()
+
+
+def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
+    """Five echoes that fit, the link perhaps closed and opened, then eight of what was not said."""
+    shown = [(40.0, -9.0)] * 5 + [(70.0, -44.0)] * 8
+    for number, duty in enumerate(shown):
+        if number == 5 and reconnect:
+            kept.keeper.on_link(LinkClosed(kept.clock.now_s(), "dev", "pulled"))
+            kept.keeper.on_link(LinkOpened(kept.clock.now_s(), "dev"))
+            kept.keeper.arm()
+        kept.clock.advance(0.02)
+        kept.keeper.tell_motors(kept.clock.now_s(), (40, -9))
+        kept.bus.publish(DutyEchoed(kept.clock.now_s(), kept.clock.now_s(), duty))
+    return kept.keeper._gate.fault
+
+
+def test_an_echo_has_to_prove_itself_to_each_connection() -> None:
+    """Eight echoes that do not fit disarm; after another connection the echo has shown nothing yet."""
+    assert echo_story(Kept(), reconnect=False) is FaultKind.ECHO_MISMATCH
+    assert echo_story(Kept(), reconnect=True) is None
+
+
+def test_what_is_logged_of_modes_and_limits() -> None:
+    """A limit once, with what it is for; a fault as a warning, armed again as information."""
+
+    async def scenario() -> None:
+        kept = Kept()
+        steps: list[Callable[[], object]] = [
+            lambda: None,
+            lambda: kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s())),
+            lambda: kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s())),
+            lambda: kept.read(0.02, (0.1, 0.05)),
+            lambda: kept.keeper.fail(Fault(FaultKind.SERVICE_FAILED, "a test")),
+            kept.keeper.arm,
+        ]
+        for step in steps:
+            step()
+            kept.keeper.decide(kept.clock.now_s(), driven=False)
+            kept.keeper.announce(kept.clock.now_s())
+        await asyncio.sleep(11.0)
+
+    with capture_logs() as log:
+        run_virtual(scenario())
+    told = [(entry["log_level"], entry["event"], entry.get("by", entry.get("mode"))) for entry in log]
+    assert told == [
+        ("warning", "motion limited", "encoders_stale"),
+        ("warning", "safety mode changed", "disarmed"),
+        ("info", "safety mode changed", "armed"),
+    ]

@@ -195,3 +195,67 @@ def test_before_the_first_link_a_command_is_refused():
         await asyncio.gather(rig.task, return_exceptions=True)
 
     run_virtual(run())
+
+
+def test_stops_are_counted_and_say_who():
+    """A stop and an e-stop, each once and with its name; a stop is on the wire before the call returns."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        await asyncio.sleep(0.005)
+        rig.service.stop("Bob")
+        assert rig.duty == (235, 235)  # 5 ms of braking at 1 m/s2
+        assert (rig.service.stops, rig.service.stopped_by) == (1, "Bob")
+        rig.service.estop("smoke")
+        assert (rig.service.stops, rig.service.stopped_by) == (2, "an emergency stop")
+
+    on_rig(scenario)
+
+
+def test_the_watch_looks_from_the_start_and_ends_with_the_service():
+    """Nothing was ever heard: it has looked within 20 ms all the same; after the end nothing is written."""
+
+    async def run() -> None:
+        rig = Rig()
+        await asyncio.sleep(0.5)
+        assert rig.clock.now_s() - rig.service.acted_s <= 0.021
+        rig.task.cancel()
+        await asyncio.gather(rig.task, return_exceptions=True)
+        before = len(rig.written)
+        await asyncio.sleep(0.5)
+        assert len(rig.written) == before
+
+    run_virtual(run())
+
+
+def test_between_frames_the_watch_writes_what_has_changed_only():
+    """At a steady 0.2 m/s 0.1 s without frames write nothing; the ramp down of a stop is written at each look."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        before = len(rig.written)
+        await asyncio.sleep(0.1)
+        assert len(rig.written) == before
+        rig.service.stop()
+        await asyncio.sleep(0.09)
+        left = [duty[0] for _, duty in rig.written[before + 1 :]]
+        assert left == [220, 200, 180, 160]  # 20 ms at 1 m/s2 are 0.02 m/s
+
+    on_rig(scenario)
+
+
+def test_a_board_that_restarted_begins_at_zero_where_the_fault_passes_by_itself():
+    """With rearm auto the robot stays armed; it was at 0.2 m/s, and no duty is ramped down on a new board."""
+
+    async def scenario(rig: Rig) -> None:
+        await rig.frames(0.01)
+        await rig.drive_for(0.3)
+        rig.bus.publish(BoardRestarted(rig.clock.now_s(), "its banner"))
+        assert rig.duty == (0, 0)
+        before = len(rig.written)
+        await rig.frames(0.1)
+        assert {duty for _, duty in rig.written[before:]} == {(0, 0)}
+
+    on_rig(scenario, Rearm.AUTO)
