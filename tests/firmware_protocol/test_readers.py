@@ -7,10 +7,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.codec import FROM_BOARD
+from firmware_protocol.codec import CLASSIC, FROM_BOARD, KHAN, KHAN_EDGES, Variant, from_board
 from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.lines import COMPONENT, INT16, Field, LineKind, Number
-from firmware_protocol.messages import Malformed, Reason
+from firmware_protocol.messages import (
+    AnalogueLevel,
+    BatteryLevel,
+    BoardTime,
+    DutyEcho,
+    EncoderCounts,
+    Malformed,
+    Message,
+    QuadratureEdges,
+    QuadratureStill,
+    Reason,
+    UltrasonicDistance,
+)
 from tests.budget import examples
 
 TENTHS = Number(-10, 10, decimals=1)
@@ -160,3 +172,50 @@ def test_a_reader_refuses_exactly_what_the_grammar_refuses(
     fits = all(number.explain(each) is None for number, each in zip(row.numbers, texts, strict=True))
     norm_fits = fits and (not row.unit or 0.81 <= sum(float(each) ** 2 for each in texts) <= 1.21)
     assert isinstance(codec.decode(b"\t".join([b"k", *texts])), row.message if norm_fits else Malformed)
+
+
+AT_THE_LIMITS: list[tuple[bytes, Message]] = [
+    (b"u\t0", UltrasonicDistance(0)),
+    (b"u\t32767", UltrasonicDistance(32767)),
+    (b"b\t0.00", BatteryLevel(0.0)),
+    (b"b\t4095.00", BatteryLevel(4095.0)),
+    (b"t\t0\t0.00", BoardTime(0, 0.0)),
+    (b"t\t4294967295\t4295.00", BoardTime(4294967295, 4295.0)),
+    (b"e\t-2147483648\t2147483647", EncoderCounts((-2147483648, 2147483647))),
+    (b"e\t2147483647\t-2147483648", EncoderCounts((2147483647, -2147483648))),
+    (b"s\t-32768.00\t32767.00", DutyEcho((-32768.0, 32767.0))),
+    (b"s\t32767.00\t-32768.00", DutyEcho((32767.0, -32768.0))),
+]
+
+
+@pytest.mark.parametrize(("line", "message"), AT_THE_LIMITS, ids=[line.decode() for line, _ in AT_THE_LIMITS])
+def test_the_limits_of_each_number_are_within_it(line: bytes, message: Message):
+    """The least and the greatest that the wire can carry are read, on each side."""
+    assert from_board(CLASSIC).decode(line) == message
+
+
+@pytest.mark.parametrize("line", [b"u\t32768", b"b\t4095.01", b"t\t4294967296\t0.02", b"t\t1\t4295.01"])
+def test_what_is_beyond_its_limit_is_refused(line: bytes):
+    """By one, or by a hundredth."""
+    refused = from_board(CLASSIC).decode(line)
+    assert isinstance(refused, Malformed)
+    assert refused.reason is Reason.OUT_OF_RANGE
+
+
+def test_the_channels_and_wheels_of_the_variants():
+    """Sixteen analogue inputs; four wheels of edges, a line of which is refused for any number in it that is wrong."""
+    khan, edges = from_board(KHAN), from_board(KHAN_EDGES)
+    assert khan.decode(b"a\t15\t4095.00") == AnalogueLevel(15, 4095.0)
+    assert isinstance(khan.decode(b"a\t16\t1.00"), Malformed)
+    assert edges.decode(b"q\t3\t65535") == QuadratureStill(3, 65535)
+    assert isinstance(edges.decode(b"q\t3\t7\t8\t1010000\t500"), QuadratureEdges)
+    for line in (b"q\t4\t7", b"q\t4\t7\t8\t1010000\t500", b"q\t3\t65536\t8\t1010000\t500"):
+        assert isinstance(edges.decode(line), Malformed)
+
+
+def test_a_robot_has_a_wheel_at_least_and_two_unless_told_otherwise():
+    """One is enough, none is not."""
+    assert Variant("plain").wheels == 2
+    assert Variant("unicycle", wheels=1).wheels == 1
+    with pytest.raises(ValueError, match="at least one wheel, got 0"):
+        Variant("none", wheels=0)

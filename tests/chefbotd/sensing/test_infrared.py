@@ -235,6 +235,7 @@ def test_the_mount_is_a_pose_in_the_base_frame() -> None:
         ({"curve_v_m": ((2.0, 0.2), (1.0, 0.2))}, "must fall in volts as it grows in metres"),
         ({"near_curve_v_m": ((1.0, 0.0),)}, "near_curve_v_m must rise in volts and in metres"),
         ({"near_curve_v_m": ((1.0, 0.0), (0.9, 0.1))}, "near_curve_v_m must rise in volts and in metres"),
+        ({"near_curve_v_m": ((1.0, 0.1), (2.0, 0.1))}, "near_curve_v_m must rise in volts and in metres"),
         (
             {"near_curve_v_m": ((1.0, 0.0), (2.0, 0.16))},
             r"must end where curve_v_m begins, got 0\.16 and 0\.15 m",

@@ -46,3 +46,9 @@ def test_an_empty_band_is_refused() -> None:
     """A nearest range beyond the farthest is a mistake, and both are said."""
     with pytest.raises(ValidationError, match=r"below max_range_m, got 2\.0 and 1\.0"):
         UltrasonicParameters(min_range_m=2.0, max_range_m=1.0)
+
+
+def test_a_band_has_a_width():
+    """A least range that is the greatest leaves nothing to be told."""
+    with pytest.raises(ValidationError, match=r"min_range_m must be below max_range_m, got 0\.5 and 0\.5"):
+        UltrasonicParameters(min_range_m=0.5, max_range_m=0.5)
