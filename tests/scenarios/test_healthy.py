@@ -97,7 +97,9 @@ def faults_of(hall: Path, robot_name: str, mass_kg: float, driven: list[Leg]) ->
     "robot_name",
     [
         "chefbot",
+        pytest.param("chefbot/tiva_bare", marks=pytest.mark.slow),
         pytest.param("chefbot/duemilanove", marks=pytest.mark.slow),
+        pytest.param("chefbot/tiva_second", marks=pytest.mark.slow),
         pytest.param("khan", marks=pytest.mark.slow),
     ],
 )

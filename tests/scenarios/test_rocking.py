@@ -8,12 +8,12 @@ import pytest
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
-from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import IS_FULL, sample
+from tests.scenarios.robots import BOARDS, settings_of, sketch_of
 from tests.scenarios.wires import Rewrite, frozen, reversed_from_now, rewire
 
-ROBOTS = ["chefbot", "khan"]
+on_every_board = pytest.mark.parametrize("robot_name", sample(BOARDS, 2))
 PERIOD_S = 0.05
 MOTIONS = [(0.3, 0.0), (0.05, 0.0), (0.0, 1.0), (0.2, 0.5)]
 HALF_PERIODS_S = [0.1, 0.2, 0.5, 1.5]
@@ -38,14 +38,14 @@ async def fault_of(robot: SimulatedRobot) -> tuple[str | None, str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 @pytest.mark.parametrize("stand", sample(list(STANDS)))
 def test_a_healthy_robot_may_be_rocked(robot_name: str, stand: str):
     """Every 0.1 to 1.5 s the other way, gently and not, ahead and in place: no fault in a minute (fast tier: 16 s)."""
 
     async def scenario() -> None:
         overrides = {"safety.guard.enabled": False, **STANDS[stand]}
-        async with simulated_robot(load(packaged(robot_name), overrides=overrides)) as robot:
+        async with simulated_robot(settings_of(robot_name, overrides)) as robot:
             await asyncio.sleep(1.0)
             for motion, half_period_s in ROCKS if IS_FULL else ROCKS[::5]:
                 await rock(robot, motion, half_period_s, 4.0)
@@ -60,7 +60,7 @@ def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, f
     """KHAN's inner wheels are hardly asked to turn and dragged sideways: twelve seconds without a fault."""
 
     async def scenario() -> None:
-        settings = load(packaged("khan"), overrides={"safety.guard.enabled": False})
+        settings = settings_of("khan", {"safety.guard.enabled": False})
         async with simulated_robot(settings) as robot:
             await asyncio.sleep(1.0)
             await rock(robot, motion, 60.0, 12.0)
@@ -70,18 +70,17 @@ def test_a_wheel_on_the_inside_of_a_tight_curve_may_stick(motion: tuple[float, f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot_name", ROBOTS)
-def test_a_healthy_robot_may_creep(robot_name: str):
+@on_every_board
+@pytest.mark.parametrize("motion", [(0.01, 0.0), (0.0, 0.05), (0.0, 0.1)])
+def test_a_healthy_robot_may_creep(robot_name: str, motion: tuple[float, float]):
     """So slowly that friction holds it up first, ahead at 1 cm/s and in place at 0.05 and 0.1 rad/s: nothing latches."""
 
     async def scenario() -> None:
-        async with simulated_robot(
-            load(packaged(robot_name), overrides={"sim.board.cycle_s": 0.05})
-        ) as robot:
+        slow_cycle = {} if sketch_of(robot_name) else {"sim.board.cycle_s": 0.05}
+        async with simulated_robot(settings_of(robot_name, slow_cycle)) as robot:
             await asyncio.sleep(1.0)
-            for motion in [(0.01, 0.0), (0.0, 0.05), (0.0, 0.1)]:
-                await rock(robot, motion, math.inf, 12.0)
-                assert (await fault_of(robot))[0] is None, motion
+            await rock(robot, motion, math.inf, 12.0)
+            assert (await fault_of(robot))[0] is None
 
     run_virtual(scenario())
 
@@ -92,7 +91,7 @@ def found(
     """How long a robot could be rocked with this encoder, and the fault that ended it with its reason."""
 
     async def scenario() -> tuple[float, str, str]:
-        async with simulated_robot(load(packaged(robot_name))) as robot:
+        async with simulated_robot(settings_of(robot_name, {})) as robot:
             await asyncio.sleep(1.0)
             rewire(robot, b"e", broken)
             start_s = asyncio.get_running_loop().time()
@@ -105,7 +104,18 @@ def found(
 
 @pytest.mark.parametrize(
     ("robot_name", "motion"),
-    [("chefbot", (0.2, 0.0)), ("chefbot", (0.0, 1.0)), ("khan", (0.2, 0.0)), ("khan", (0.3, 0.0))],
+    sample(
+        [
+            ("chefbot", (0.2, 0.0)),
+            ("chefbot", (0.0, 1.0)),
+            ("khan", (0.2, 0.0)),
+            ("khan", (0.3, 0.0)),
+            ("chefbot/tiva_bare", (0.0, 1.0)),
+            ("chefbot/duemilanove", (0.2, 0.0)),
+            ("chefbot/tiva_second", (-0.2, 0.3)),
+        ],
+        4,
+    ),
 )
 @pytest.mark.parametrize("half_period_s", sample([1.0, 0.3]))
 def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
@@ -118,7 +128,7 @@ def test_an_unplugged_encoder_is_found_however_often_the_driver_turns_round(
     assert 0.5 < after_s < 4.0  # no hair trigger
 
 
-@pytest.mark.parametrize("robot_name", ROBOTS)
+@on_every_board
 @pytest.mark.parametrize("half_period_s", sample([1.0, 0.3]))
 def test_a_reversed_encoder_is_found_however_often_the_driver_turns_round(
     robot_name: str, half_period_s: float
