@@ -57,6 +57,12 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
     told = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in beams.statuses.items())
     if seen:
         return ok(check, f"{name} measured {beams.range_m or 0:.2f} m (of {total}: {told})")
+    if beams.statuses.get("too_far") == total:
+        return skipped(
+            check,
+            f"nothing stands within the reach of {name}, or it is unplugged (of {total}: {told})",
+            "hold a book 30 cm before it, and look again",
+        )
     return warning(
         check,
         f"{name} measured no distance (of {total}: {told})",

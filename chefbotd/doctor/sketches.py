@@ -12,11 +12,11 @@ from chefbotd.doctor.lines import LinesHeard
 from chefbotd.sim_parameters.sketches import SKETCHES, SketchName, SketchParameters
 
 TITLES = {
-    SketchName.TIVA: "A, the Tiva's with the motion processor",
-    SketchName.TIVA_BARE: "B, the Tiva's without IMU and ultrasonic",
-    SketchName.DUEMILANOVE: "C, the Arduino Duemilanove's",
-    SketchName.TIVA_SECOND: "D, the Tiva's of the second edition",
-    SketchName.KHAN: "KHAN's, with four wheels",
+    SketchName.TIVA: "sketch A, the Tiva's with the motion processor",
+    SketchName.TIVA_BARE: "sketch B, the Tiva's without IMU and ultrasonic",
+    SketchName.DUEMILANOVE: "sketch C, the Arduino Duemilanove's",
+    SketchName.TIVA_SECOND: "sketch D, the Tiva's of the second edition",
+    SketchName.KHAN: "KHAN's, with four wheels (assumed: none is published)",
 }
 KHAN_WHEELS = 4
 MAY_BE_MISSING, KHAN_MAY_MISS = frozenset("ub"), frozenset("uiba")
@@ -61,9 +61,7 @@ def check_sketch(heard: LinesHeard) -> Finding:
             f"none of the known sketches: {guess.reason}",
             "if you wrote it yourself, hold its lines against docs/protocol.md",
         )
-    return ok(
-        "sketch", f"this seems to be sketch {TITLES[guess.sketch]} ({guess.reason}){_known(guess.sketch)}"
-    )
+    return ok("sketch", f"this seems to be {TITLES[guess.sketch]} ({guess.reason}){_known(guess.sketch)}")
 
 
 def check_expected(heard: LinesHeard, expected: Expected) -> Finding:

@@ -76,7 +76,7 @@ def _understood(device: str, listened: Listened) -> Behind | None:
     if not lines.is_board:
         return None
     guess = recognise(lines)
-    sketch = "an unknown sketch" if guess.sketch is None else f"sketch {TITLES[guess.sketch]}"
+    sketch = "an unknown sketch" if guess.sketch is None else TITLES[guess.sketch]
     return Behind(device, "board", f"a board with {sketch} ({guess.reason})", listened.baud)
 
 

@@ -26,6 +26,7 @@ def test_beams():
     """One that measures now and then is well; one that never does may be unplugged; one that says nothing is."""
     assert check_beams("front", Beams({"ok": 1, "no_echo": 9}, 1.2), kind="ultrasonic").verdict is Verdict.OK
     assert check_beams("front", Beams({"no_echo": 9}), kind="ultrasonic").verdict is Verdict.WARNING
+    assert check_beams("front", Beams({"too_far": 9}), kind="infrared").verdict is Verdict.SKIPPED
     assert check_beams("front", None, kind="ultrasonic").verdict is Verdict.PROBLEM
 
 
