@@ -2,7 +2,7 @@
 
 It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out; and, as
 nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, records
-nothing, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
+nothing, announces nothing, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
 """
 
 import asyncio
@@ -36,6 +36,7 @@ def alone(settings: Settings) -> Settings:
         "worker": worker,
         "depth_camera": (),
         "recording": settings.recording.model_copy(update={"enabled": False}),
+        "discovery": settings.discovery.model_copy(update={"enabled": False}),
     }
     return settings.model_copy(update=private)
 
