@@ -150,7 +150,7 @@ def test_a_step_settles_without_overshoot(settings: Settings, linear_m_s: float)
     on_robot(scenario, unguarded(settings))
 
 
-@pytest.mark.parametrize("linear_m_s", [0.1, 0.25])
+@pytest.mark.parametrize("linear_m_s", sample([0.1, 0.25]))
 def test_what_feedforward_gets_wrong_is_corrected_within_two_seconds(settings: Settings, linear_m_s: float):
     """On a stand it is too strong; with an integral of three duty ranges per metre the wheels are within 2 %."""
     quick = settings.pid.model_copy(update={"ki": 3.0 * settings.drive.max_duty})

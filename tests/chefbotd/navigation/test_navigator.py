@@ -232,6 +232,7 @@ def test_a_cancelled_goal_ends_and_the_robot_stands() -> None:
     assert drive.twist.linear_m_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_pause_gives_the_wheels_away_and_the_goal_goes_on_after_it() -> None:
     """Meanwhile somebody drives the robot elsewhere: it goes on from there."""
     drive = hall()

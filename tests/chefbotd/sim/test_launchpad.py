@@ -309,6 +309,7 @@ def driven_about(seed: int, seconds: int) -> tuple[str, Any]:
     return digest.hexdigest(), launchpad.truth(float(seconds), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", sample([60, 600]))
 def test_same_seed_same_bytes(seconds: int) -> None:
     """Two drives with one seed, of a minute or ten, are identical to the byte and the instant."""

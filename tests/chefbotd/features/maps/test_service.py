@@ -385,6 +385,7 @@ def test_the_map_that_is_being_made_is_sent_where_no_other_is_named(
     asyncio.run(run())
 
 
+@pytest.mark.slow
 def test_a_cancelled_import_ends_its_program_and_leaves_nothing(tmp_path: Path) -> None:
     """Somebody else changes the folder, and so it waits when it is cancelled."""
     folder = tmp_path / "maps"
