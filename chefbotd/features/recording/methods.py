@@ -1,6 +1,8 @@
 """Recording: the methods that begin and end a file, and the topic ``recording``."""
 
-from typing import Protocol
+import asyncio
+from collections.abc import Coroutine
+from typing import Any, Protocol, TypeVar
 
 from pydantic import Field
 
@@ -10,6 +12,11 @@ from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import NoParams, Params, Result, TopicData
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
+
+T = TypeVar("T")
+
+DISK_PATIENCE_S = 15.0
+"""A card may stand still for seconds while it clears its blocks."""
 
 
 class StartRecordingParams(Params):
@@ -104,6 +111,19 @@ class Recordings(Protocol):
         ...
 
 
+async def waiting(work: Coroutine[Any, Any, T], progress: Progress) -> T:
+    """Do it, and say every second that the disk is waited for, so that a client goes on waiting."""
+    task = asyncio.ensure_future(work)
+    try:
+        seconds = 0
+        while not (await asyncio.wait([task], timeout=1.0))[0]:
+            seconds += 1
+            progress.report(seconds, DISK_PATIENCE_S, "waiting for the disk")
+        return task.result()
+    finally:
+        task.cancel()
+
+
 class RecordingMethods:
     """The methods of this feature; each runs as a job, because the disk may take its time."""
 
@@ -115,22 +135,22 @@ class RecordingMethods:
         self, caller: Caller, params: StartRecordingParams, progress: Progress
     ) -> RecordingStarted:
         """Record everything into a file on the robot's computer, until stop_recording."""
-        return await self._recordings.start(params.name)
+        return await waiting(self._recordings.start(params.name), progress)
 
     @method(role=Role.DRIVE)
     async def stop_recording(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingEnded:
         """End the recording."""
-        return await self._recordings.stop()
+        return await waiting(self._recordings.stop(), progress)
 
     @method(role=Role.OBSERVE)
     async def list_recordings(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingList:
         """Every recording in the robot's folder."""
-        return await self._recordings.list_recordings()
+        return await waiting(self._recordings.list_recordings(), progress)
 
     @method(role=Role.DRIVE)
     async def save_ring(self, caller: Caller, params: SaveRingParams, progress: Progress) -> RingSaved:
         """Write the last minutes, which are kept in memory, into a file."""
-        return await self._recordings.save_ring(params.reason or "asked")
+        return await waiting(self._recordings.save_ring(params.reason or "asked"), progress)
 
 
 def _data(event: RecordingChanged | None) -> RecordingData:

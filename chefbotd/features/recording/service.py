@@ -14,6 +14,7 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.recording import RecordingChanged
 from chefbotd.entries import entries_of
 from chefbotd.features.recording.methods import (
+    DISK_PATIENCE_S,
     RecordedFile,
     RecordingEnded,
     RecordingList,
@@ -37,7 +38,6 @@ HAND_OVER_S = 0.008
 
 INBOX_EVENTS = 8192
 TELL_S = 1.0
-DISK_PATIENCE_S = 5.0
 LAST_WORDS_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 

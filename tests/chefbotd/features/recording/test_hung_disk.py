@@ -1,0 +1,55 @@
+"""A disk that hangs, under the whole daemon: on a virtual clock, in which the disk's thread never gets anywhere."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
+from chefbotd.recording.intake import Intake
+from chefbotd.recording.recorder import Recorder
+from chefbotd.recording.writer import WriterThread
+from chefbotd.testing.daemon import simulated_robot
+from tests.chefbotd.features.recording.test_recording import drive, settings
+from tests.chefbotd.recording.disks import FailingDisk
+
+
+def test_a_robot_whose_disk_hangs_drives_on(tmp_path: Path) -> None:
+    """Whoever asks for a recording is told after fifteen seconds; meanwhile not one control step is missed.
+
+    What waits stays bounded, what finds no room is counted and told, and the daemon ends within its time.
+    """
+    disk = FailingDisk()
+    disk.goes_on.clear()
+
+    def hanging(intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> WriterThread:
+        def with_this_disk() -> Recorder:
+            made = make()
+            made._disk = disk
+            return made
+
+        return WriterThread(intake, with_this_disk, 200_000)
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=hanging) as robot:
+            await robot.client.wait_until_armed()
+            began_s, steps = asyncio.get_running_loop().time(), robot.board.truth(0.0).world_from_base.x_m
+            asking = asyncio.ensure_future(robot.client.start_recording("never"))
+            before = (await robot.client.call("get_stats"))["control_steps"]
+            await drive(robot, 20.0)
+            after = (await robot.client.call("get_stats"))["control_steps"]
+            assert after - before >= 20.0 / 0.05 - 2
+            assert robot.board.truth(0.0).world_from_base.x_m != steps
+            with pytest.raises(CallError, match="has not answered for 15 s") as refused:
+                await asking
+            assert refused.value.kind == "storage_failed"
+            told = (await robot.client.call("get_state"))["topics"]["recording"]["data"]
+            assert told["dropped"] > 1000
+            assert "does not answer" in told["reason"]
+            assert told["state"] == "idle"
+            assert asyncio.get_running_loop().time() - began_s < 35.0
+
+    run_virtual(main())
+    disk.goes_on.set()
