@@ -151,3 +151,24 @@ def test_reset_done_is_over_with_the_restart():
     watch.reset_done(last_s)
     assert watch.observe(last_s + 1.1, (0, 0), has_clock=False) is not None
     assert watch.observe(last_s + 2.2, (40, 90), has_clock=False) is None
+
+
+def test_lines_after_a_restart_do_not_tell_that_the_board_went_on():
+    """`Reset Done`, a second of silence, and then as many lines as would show that it had not restarted."""
+    watch = RestartWatch()
+    last_s = driven(watch, (12, -9), (0, 0), 50)
+    watch.reset_done(last_s)
+    assert watch.observe(last_s + 1.1, (0, 0), has_clock=False) is not None
+    for number in range(1, 6):
+        assert watch.observe(last_s + 1.1 + 0.02 * number, (number, 0), has_clock=False) is None
+        assert not watch.has_gone_on
+
+
+@pytest.mark.parametrize(("after", "restarted"), [((174, 249), True), ((176, 249), False)])
+def test_the_rate_is_taken_from_read_to_read(after: tuple[int, int], restarted: bool):
+    """Four lines a read, 16 ms apart, are 250 and 500 counts/s: 75 and 150 counts of rolling out, and 100 of play."""
+    watch = RestartWatch()
+    for number in range(80):
+        counts = (5000 + number, 4000 + 2 * number)
+        assert watch.observe(number // 4 * 0.016, counts, has_clock=False) is None
+    assert (watch.observe(19 * 0.016 + 1.5, after, has_clock=False) is not None) is restarted

@@ -358,3 +358,12 @@ def test_nothing_is_said_to_a_lost_port():
         assert bench.session.lines_out == before
 
     on_bench(scenario)
+
+
+def test_before_the_first_port_nobody_waits_for_its_end():
+    """Nothing was opened, so nothing has to be closed."""
+
+    async def run() -> None:
+        await asyncio.wait_for(Bench().session.wait_closed(), 1.0)
+
+    run_virtual(run())

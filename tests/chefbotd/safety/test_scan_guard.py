@@ -300,7 +300,7 @@ def test_what_hardly_comes_closer_does_not_stop(cos: float, stops: bool) -> None
 
 def test_a_scan_may_be_just_as_old_as_it_may_be() -> None:
     """0.5 s: heard; a millisecond more: silent."""
-    assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0), age_s=0.5))[1] is None
+    assert driven(ROUND, Twist2D(0.4, 0.0), view((0.6, 0.0), age_s=0.5))[1] == "obstacle:top"
     assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0), age_s=0.501))[1] == "silent:top"
 
 

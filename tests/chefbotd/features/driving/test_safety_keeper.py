@@ -1,18 +1,25 @@
 """The keeper of the gate: what leads from a fault back to motion."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import pytest
 from structlog.testing import capture_logs
 
-from chefbotd.bus import Bus
+from chefbotd.bus import Bus, OnError
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.commands import Refused
-from chefbotd.core.events import BoardRestarted, DutyEchoed, LinkClosed, LinkOpened
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.events import (
+    BoardRestarted,
+    DutyEchoed,
+    LinkClosed,
+    LinkOpened,
+    RangeMeasured,
+    RangeStatus,
+)
+from chefbotd.core.geometry import Motion, Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
-from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Rearm, SafetyParameters
@@ -24,7 +31,12 @@ TWIST = Twist2D(0.2, -0.3)
 class Kept:
     """A keeper on a manual clock, whose link has been opened."""
 
-    def __init__(self, rearm: Rearm = Rearm.MANUAL) -> None:
+    def __init__(
+        self,
+        rearm: Rearm = Rearm.MANUAL,
+        mounts: Mapping[str, Pose2D] | None = None,
+        scans: Callable[[OnError], Scans] | None = None,
+    ) -> None:
         self.clock, parameters = ManualClock(100.0), SafetyParameters(rearm=rearm)
         self.bus = Bus()
         self.keeper = SafetyKeeper(
@@ -33,7 +45,8 @@ class Kept:
             parameters,
             wheel_names=("left", "right"),
             counts_per_turn=1000,
-            mounts={},
+            mounts=mounts or {},
+            scans=scans,
             latch=LatchFile(None),
             motors=MotorWatch(parameters, CHASSIS),
         )
@@ -190,3 +203,45 @@ def test_what_is_logged_of_modes_and_limits() -> None:
         ("warning", "safety mode changed", "disarmed"),
         ("info", "safety mode changed", "armed"),
     ]
+
+
+def test_a_board_that_drives_on_during_an_estop_is_logged_as_an_error() -> None:
+    """The mode stays the same; what is wrong is said once, and loudly."""
+    kept = Kept()
+    with capture_logs() as log:
+        kept.keeper.announce(kept.clock.now_s())
+        kept.keeper.estop("smoke")
+        kept.keeper.announce(kept.clock.now_s())
+        for _ in range(2):
+            kept.keeper.fail(Fault(FaultKind.BOARD_DEAF, "it does not listen"))
+            kept.keeper.announce(kept.clock.now_s())
+    assert [(entry["log_level"], entry["event"]) for entry in log] == [
+        ("warning", "safety mode changed"),
+        ("error", "the robot moves though it must not"),
+    ]
+
+
+class DrivesStraight:
+    """Scans that allow the driving of any motion, and not its turning."""
+
+    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """Only what does not turn is free."""
+        assert isinstance(wanted, Twist2D)
+        if wanted.angular_rad_s == 0.0:
+            return wanted, None
+        return Twist2D(wanted.linear_m_s, 0.0), "obstacle:top"
+
+
+def test_what_the_scans_leave_is_held_against_the_beams_again() -> None:
+    """0.05 m of room before the beam allow 0.5 (sqrt(0.1^2 + 2 0.05 / 0.5) - 0.1) = 0.1791 m/s of 0.2.
+
+    It is 0.2 m left of the middle, where the turn to the left takes 0.06 m/s off: the whole was slow enough.
+    """
+    kept = Kept(mounts={"left": Pose2D(0.0, 0.2, 0.0)}, scans=lambda on_error: DrivesStraight())
+    kept.read(0.02, (0.1, 0.05))
+    now_s = kept.clock.now_s()
+    kept.bus.publish(RangeMeasured(now_s, now_s, "left", RangeStatus.OK, 0.2, 0.02, 4.0, 0.26))
+    kept.keeper.accept(Command("teleop", Twist2D(0.2, 0.3), now_s))
+    decision = kept.keeper.decide(now_s, driven=False)
+    assert decision.motion == Twist2D(pytest.approx(0.17913, abs=1e-5), 0.0)
+    assert decision.limited_by == "obstacle:top"
