@@ -4,8 +4,9 @@ Source: Slamtec's "RPLIDAR Interface Protocol and Application Notes". The device
 """
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from enum import StrEnum
+from statistics import median
 
 import numpy as np
 
@@ -38,6 +39,10 @@ SERIES = {LidarModel.RPLIDAR_A1: 0x1, LidarModel.RPLIDAR_A2: 0x2}
 
 LONGEST_TURN_S = 1.0
 LEAST_NODES = 30
+
+STEADY_TURNS, STEADY_AFTER = 5, 3
+UNSTEADY_SHARE = 0.2
+"""A motor does not change its rate by so much from turn to turn; a host that reads late takes it for one that does."""
 
 
 class Phase(StrEnum):
@@ -165,11 +170,13 @@ class _TurnBuilder:
 
     def __init__(self) -> None:
         self.passed_over: Counter[str] = Counter()
+        self._points_s: deque[float] = deque(maxlen=STEADY_TURNS)
         self.begin()
 
     def begin(self) -> None:
         """A scan begins: the turn in progress will not be whole."""
         self._began_s: float | None = None
+        self._points_s.clear()
         self._angle_q6: list[float] = []
         self._range_m: list[float] = []
         self._point_s = 0.0
@@ -216,6 +223,15 @@ class _TurnBuilder:
         if not 0 < now_s - began_s <= LONGEST_TURN_S:
             self.passed_over["interrupted"] += 1
             return None
-        self._point_s = (now_s - began_s) / len(angle_q6)
+        took_s = self._steadied_s(now_s - began_s, len(angle_q6))
+        self._point_s = took_s / len(angle_q6)
         share = np.clip(angle_q6 / FULL_TURN_Q6, 0.0, 1.0)
-        return Turn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, began_s + share * (now_s - began_s))
+        return Turn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, now_s - (1 - share) * took_s)
+
+    def _steadied_s(self, took_s: float, points: int) -> float:
+        """How long the turn took; where that is far from what the last ones did, as long as those."""
+        self._points_s.append(took_s / points)
+        usual_s = median(self._points_s) * points
+        if len(self._points_s) < STEADY_AFTER or abs(took_s - usual_s) <= UNSTEADY_SHARE * usual_s:
+            return took_s
+        return usual_s

@@ -61,6 +61,20 @@ def test_ranges_and_times_stand_at_their_angles() -> None:
     assert turn.stamp_s[90] - turn.stamp_s[0] == pytest.approx(0.025, abs=0.002)
 
 
+@pytest.mark.parametrize("late_s", [0.04, 0.07, 0.15])
+def test_a_host_that_reads_late_makes_no_turn_shorter_or_longer(late_s: float) -> None:
+    """What waited for it comes at once: the motor has not changed its rate, so beams keep their distance in time."""
+    talk = Talk(FakeRplidar(noisy_box())).run(1.0)
+    for _ in range(round(late_s / 0.01)):
+        talk.now_s += 0.01
+        talk.device.turn()
+    talk.run(0.5)
+    took_s = [float(turn.stamp_s[-1] - turn.stamp_s[0]) for turn in talk.turns[3:]]
+    assert took_s == pytest.approx([0.1 * 359 / 360] * len(took_s), rel=0.2)
+    steady_s = [float(turn.stamp_s[-1] - turn.stamp_s[0]) for turn in talk.turns[-2:]]
+    assert steady_s == pytest.approx([0.1 * 359 / 360] * 2, abs=0.003)
+
+
 def test_an_express_scan_is_asked_for_where_it_is_offered() -> None:
     """By firmware 1.17: 320 beams a turn, at their angles. Not by 1.16, and not where the configuration says so."""
     talk = Talk(FakeRplidar(noisy_box()), express=True).run(1.5)
