@@ -63,6 +63,18 @@ def checked(
     return _said(params, now, wrap_angle(off))._replace(begun=(odometry, found))
 
 
+def mount_problem(check: MountCheck, lidar: str) -> str:
+    """What is wrong, for people; empty where nothing is known to be."""
+    if check.turned_rad is None:
+        return ""
+    degrees = round(math.degrees(check.turned_rad))
+    return (
+        f"by the lidar {lidar!r} the robot drives elsewhere than its wheels say: it seems to be turned by about "
+        f"{180 if degrees == -180 else degrees} degrees against its configuration (mount_yaw_rad), or wheels have "
+        "the wrong sign"
+    )
+
+
 def _said(params: MountCheckParameters, now: MountCheck, off_rad: float) -> MountCheck:
     if abs(off_rad) < params.least_rad:
         return MountCheck()

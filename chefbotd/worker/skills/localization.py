@@ -1,6 +1,5 @@
 """The skill that finds the way on a stored map: localization scan by scan, and the pose kept for the next run."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -18,7 +17,7 @@ from chefbotd.localization.localizer import (
     set_pose,
     step,
 )
-from chefbotd.localization.mount_check import MountCheck, checked
+from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.saved import SavedPose
 from chefbotd.localization.searching import LocalizationMap
@@ -88,14 +87,8 @@ class LocalizationSkill:
     @property
     def problem(self) -> str:
         """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
-        turned_rad = self._mount.turned_rad
-        if turned_rad is None:
-            return ""
-        return (
-            f"by the lidar {self._parameters.lidar!r} the robot drives elsewhere than its wheels say: it seems to be "
-            f"turned by {_degrees(turned_rad)} degrees against its configuration (mount_yaw_rad), or wheels "
-            "have the wrong sign; mend that, then send localize"
-        )
+        told = mount_problem(self._mount, self._parameters.lidar)
+        return f"{told}; mend that, then send localize" if told else ""
 
     def warm(self) -> None:
         """Load, or compile, all that localization needs."""
@@ -251,12 +244,6 @@ class LocalizationSkill:
             0.0,
             self.problem or self._reason,
         )
-
-
-def _degrees(angle_rad: float) -> int:
-    """Whole degrees, half a turn always positive."""
-    degrees = round(math.degrees(angle_rad))
-    return 180 if degrees == -180 else degrees
 
 
 def _triple(pose: Floats) -> tuple[float, float, float]:

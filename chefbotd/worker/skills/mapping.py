@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.localization.mount_check import MountCheck, MountCheckParameters, checked, mount_problem
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.live_map import LiveMap, Patch, changes, grid_of, nothing, updated
 from chefbotd.mapping.occupancy import occupancy
@@ -20,7 +21,7 @@ from chefbotd.mapping.parts import apart
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
 from chefbotd.mapping.slam import Report, step
-from chefbotd.mapping.state import SlamState, start
+from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
@@ -39,6 +40,8 @@ SESSION: Final = "daemon_session"
 
 WHOLE_EVERY_S: Final = 10.0
 """Whoever has begun to listen late, or has missed a part, has the whole map after so long."""
+
+MOUNT: Final = MountCheckParameters()
 
 BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
@@ -76,6 +79,7 @@ class MappingSkill:
         self._live: LiveMap = nothing(self._parameters.mapping.resolution_m)
         self._grid: OccupancyGrid | None = None
         self._scans = 0
+        self._mount = MountCheck()
         self._told_number = self._saved_number = 0
         self._tell_at_s = self._save_at_s = self._whole_at_s = float("-inf")
         self._aligner.clear()
@@ -111,6 +115,8 @@ class MappingSkill:
         slam = self._parameters.mapping.slam
         self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan)
         self._scans += 1
+        fits = report.mode in (SlamMode.MAPPING, SlamMode.SLIPPED)
+        self._mount = checked(MOUNT, self._mount, aligned.odometry, report.map_pose if fits else None)
         return _pose_found(aligned, report)
 
     # what has its own time
@@ -309,9 +315,13 @@ class MappingSkill:
             path_m=way_m(state),
             scans=self._scans,
             unfinished=unfinished,
-            reason="; ".join(filter(None, (self._silence.told, self._reason))),
+            reason="; ".join(filter(None, (self._silence.told, self._mount_problem(), self._reason))),
             warning=warning,
         )
+
+    def _mount_problem(self) -> str:
+        told = mount_problem(self._mount, self._parameters.lidar)
+        return f"{told}; mend that, and begin the map anew" if told else ""
 
     def _arrays(self) -> Arrays:
         return saved(self._state) | {SESSION: np.array(self._parameters.session)}

@@ -46,7 +46,7 @@ async def unknown_to_the_robot(drive: Drive) -> AsyncIterator[None]:
     assert way_m < 0.45, f"it drove {way_m:.2f} m without knowing where"
     known = (await drive.client.get_state()).topics["localization"].data
     assert known.state == "lost"
-    assert "turned by 180 degrees against its configuration" in known.reason
+    assert "turned by about 180 degrees against its configuration" in known.reason
     drive.robot.lidars["lidar"].runner.turn(math.pi)
     await drive.client.localize()
     await asyncio.sleep(2.0)
@@ -170,7 +170,7 @@ WAY_FAULTS = (
         "lidar turned by 180 degrees",
         unknown_to_the_robot,
         end="fault",
-        reason="turned by 180 degrees against its configuration",
+        reason="turned by about 180 degrees against its configuration",
         lasts_s=3.0,
         before=turned_round,
         drives_after=True,

@@ -1,10 +1,13 @@
 """The skill that makes maps, by what it is given and asked, and what it tells; the disk is in memory."""
 
+import math
+import re
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -356,6 +359,23 @@ def test_a_lidar_that_falls_silent_in_mid_mapping_is_said_with_the_seconds() -> 
     assert told == ["no scan of the lidar 'top' for 2 s", "no scan of the lidar 'top' for 3 s"]
     bench.drive(38, 40)
     assert bench.ask(GetStatus()).reason == ""
+
+
+def test_a_lidar_that_is_turned_in_its_mount_is_said_while_the_map_is_made() -> None:
+    """The configuration is off by half a turn: the map comes out well, and whoever makes it is told what is wrong."""
+    bench = Bench()
+    bench.ask(Start())
+    turned = [
+        msgspec.structs.replace(each, mount=(each.mount[0], each.mount[1], each.mount[2] - math.pi))
+        if isinstance(each, ScanSeen)
+        else each
+        for each in measured(0, 40)
+    ]
+    bench.drive(0, 40, turned)
+    told = re.search(r"turned by about (-?\d+) degrees against its conf", bench.ask(GetStatus()).reason)
+    assert told is not None
+    assert abs(math.remainder(int(told[1]) - 180, 360)) < 15, "odometry has its error"
+    assert bench.ask(Discard()).reason == ""
 
 
 def test_odometry_that_falls_silent_in_mid_mapping_is_said() -> None:
