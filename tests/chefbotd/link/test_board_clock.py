@@ -297,6 +297,16 @@ def test_a_leap_of_exactly_ten_seconds_is_still_a_gap():
     assert clock.latest_s - before == pytest.approx(10.0)
 
 
+def test_a_leap_of_half_a_second_more_is_none():
+    """10.5 s ahead within 11 ms: two readings were damaged alike, and board time goes on by what the host saw pass."""
+    clock = BoardClock()
+    host_s = run(clock, 50_000_000, 10)
+    before, last = clock.latest_s, 50_000_000 + 9 * 20_000
+    assert clock.observe(last + 10_480_000, 0.02, host_s + 0.01) is Verdict.SUSPECT
+    assert clock.observe(last + 10_500_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.latest_s - before == pytest.approx(0.011)
+
+
 def test_a_line_that_comes_twice_is_in_doubt():
     """The same microseconds again: no cycle of 20 ms has passed between two of them."""
     clock = BoardClock()
