@@ -144,6 +144,7 @@ class Daemon:
         self.leases = ControlLeases(settings.api.lease_s, let_go_s, self.driving.release, self.bus.publish)
         self.metrics = Metrics()
         built = _recording(settings, self.bus, clock, start_writer, session, simulated=simulated)
+        built += _foxglove(settings, self.bus, clock)
         built += [feature(self.bus, clock) for feature in features]
         built += _lidars(settings, self.bus, clock, opener, rng)
         built += self._map_features(settings, spawn_worker, simulated=simulated)
@@ -350,6 +351,21 @@ def _page(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) ->
     return PageServer(rpc, parameters, guard, metrics)
 
 
+def _foxglove(settings: Settings, bus: Bus, clock: Clock) -> list[Feature]:
+    """Loaded only where it is served."""
+    if not settings.foxglove.enabled:
+        return []
+    from chefbotd.features.foxglove.feature import foxglove
+
+    return [foxglove(bus, clock, settings.foxglove, settings.robot.name, _first_scanner(settings))]
+
+
+def _first_scanner(settings: Settings) -> str | None:
+    """Whose scans are drawn as the robot's."""
+    scanners = [lidar.name for lidar in settings.lidar] + [each.name for each in settings.depth_camera]
+    return scanners[0] if scanners else None
+
+
 def _recording(
     settings: Settings,
     bus: Bus,
@@ -369,13 +385,12 @@ def _recording(
 
     parameters = settings.recording
     folder = folder_of(parameters, os.environ, simulated=simulated)
-    scanners = [lidar.name for lidar in settings.lidar] + [each.name for each in settings.depth_camera]
     made = Made(
         settings.robot.name,
         session,
         lambda: settings.model_dump_json(by_alias=True),
         lambda: _description(settings),
-        scanners[0] if scanners else None,
+        _first_scanner(settings),
     )
     intake = intake_of(parameters, made, clock.now_s())
     make = recorder_maker(parameters, folder, made, intake)

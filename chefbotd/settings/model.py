@@ -13,6 +13,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.discovery.parameters import DiscoveryParameters
 from chefbotd.features.driving.service import ControlParameters
+from chefbotd.features.foxglove.parameters import FoxgloveParameters
 from chefbotd.link.port import LinkParameters
 from chefbotd.localization.section import LocalizationSection
 from chefbotd.mapping.parameters import MappingParameters
@@ -104,6 +105,7 @@ class Settings(Parameters):
     recording: RecordingParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
+    foxglove: FoxgloveParameters = section()
     discovery: DiscoveryParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()

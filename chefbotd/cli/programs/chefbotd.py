@@ -59,6 +59,9 @@ def main() -> None:
     "--page", "with_page", is_flag=True, help="Serve the page in the browser, as [page] enabled = true does."
 )
 @click.option(
+    "--foxglove", "with_foxglove", is_flag=True, help="Serve Foxglove, as [foxglove] enabled = true does."
+)
+@click.option(
     "--log-level", metavar="LEVEL", help="The lowest level that is logged: debug, info, warning, error."
 )
 @click.pass_context
@@ -70,6 +73,7 @@ def run(
     sketch: str | None,
     where: Address | None,
     with_page: bool,
+    with_foxglove: bool,
     log_level: str | None,
 ) -> None:
     """Run the daemon until SIGINT or SIGTERM."""
@@ -85,6 +89,7 @@ def run(
         "api.host": where and where.host,
         "api.port": where and where.port,
         "page.enabled": with_page or None,
+        "foxglove.enabled": with_foxglove or None,
         "log.level": log_level,
     }
     overrides = {key: value for key, value in wanted.items() if value is not None}
@@ -92,6 +97,9 @@ def run(
         settings = load_valid(path, overrides)
         if simulated:
             simulation_of(settings)
+        if settings.foxglove.enabled:
+            with extra("foxglove", "foxglove"):
+                import foxglove  # noqa: F401 - whether it is there
         if settings.page.enabled:
             with extra("page", "aiohttp", "websockets", "prometheus_client"):
                 pass

@@ -1,0 +1,1 @@
+"""Foxglove: everything that a recording has, live."""

@@ -1,0 +1,74 @@
+"""The server by Foxglove's own library, which has threads of its own."""
+
+import threading
+from typing import Any
+
+import foxglove
+from foxglove.websocket import ServerListener
+
+from chefbotd.features.foxglove.parameters import FoxgloveParameters
+from chefbotd.recording.channels import Channel
+
+
+class _Subscriptions(ServerListener):
+    """Counts subscriptions; the library calls it in its own threads."""
+
+    def __init__(self) -> None:
+        self._lock, self._held = threading.Lock(), set[tuple[int, int]]()
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._held)
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Somebody looks at a channel."""
+        with self._lock:
+            self._held.add((client.id, channel.id))
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Somebody does no more, or is gone."""
+        with self._lock:
+            self._held.discard((client.id, channel.id))
+
+
+class FoxgloveServer:
+    """Listens from its construction on; raises ``OSError`` where it cannot."""
+
+    def __init__(self, parameters: FoxgloveParameters, name: str) -> None:
+        self._context, self._subscriptions = foxglove.Context(), _Subscriptions()
+        try:
+            self._server = foxglove.start_server(
+                name=name,
+                host=parameters.host,
+                port=parameters.port,
+                server_listener=self._subscriptions,
+                context=self._context,
+            )
+        except RuntimeError as error:
+            raise OSError(
+                f"Foxglove cannot be served on {parameters.host}:{parameters.port}: {error}"
+            ) from error
+        self.port: int = self._server.port
+        self._channels: dict[int, Any] = {}
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether anybody is subscribed to anything."""
+        return self._subscriptions.count > 0
+
+    def send(self, channel: Channel, log_ns: int, payload: bytes) -> None:
+        """Send a message, and offer its channel where it is new; the library drops what a slow client does not take."""
+        found = self._channels.get(channel.number)
+        if found is None:
+            schema = foxglove.Schema(
+                name=channel.schema.name, encoding="jsonschema", data=channel.schema.text
+            )
+            found = self._channels[channel.number] = foxglove.Channel(
+                channel.topic, schema=schema, message_encoding="json", context=self._context
+            )
+        found.log(payload, log_time=log_ns)
+
+    def stop(self) -> None:
+        """End it."""
+        self._server.stop()

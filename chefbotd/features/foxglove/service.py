@@ -1,0 +1,128 @@
+"""Tells Foxglove what happens: the channels of a recording, as they fill."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.entries import entries_of
+from chefbotd.logs import RateLimitedLog
+from chefbotd.recording.channels import Channel, Channels
+from chefbotd.recording.encoder import REPEATED, Encoder, MapEvent
+from chefbotd.recording.maps import MapDrawer, ReadMap
+
+log = structlog.get_logger(component="foxglove")
+
+INBOX_EVENTS = 4096
+MAP_AGAIN_S = 5.0
+EXCLUDED = frozenset({"LineSeen"})
+
+
+class Server(Protocol):
+    """What Foxglove connects to."""
+
+    port: int
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether anybody is subscribed to anything."""
+        ...
+
+    def send(self, channel: Channel, log_ns: int, payload: bytes) -> None:
+        """Send a message, and offer its channel where it is new; never waits."""
+        ...
+
+    def stop(self) -> None:
+        """End it."""
+        ...
+
+
+class _Live:
+    """A sink of messages that sends them."""
+
+    def __init__(self, server: Server, channels: Channels) -> None:
+        self._server, self._channels = server, channels
+
+    def add(self, channel: int, sequence: int, log_ns: int, payload: bytes) -> None:
+        """Send one."""
+        self._server.send(self._channels.between(channel - 1, channel)[0], log_ns, payload)
+
+
+class FoxgloveService:
+    """Serves Foxglove. While nobody is subscribed, an event costs a look at its class."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        start: Callable[[], Server],
+        first_scanner: str | None,
+        read_map: ReadMap,
+    ) -> None:
+        self._bus, self._clock, self._start = bus, clock, start
+        self._first_scanner, self._read_map = first_scanner, read_map
+        self._problems = RateLimitedLog(log)
+        self.port: int | None = None
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        inbox = self._bus.subscribe_all(INBOX_EVENTS, EXCLUDED)
+        end_inputs = entries_of(self._clock).begin_recording()
+        try:
+            server = self._start()
+        except OSError as error:
+            log.error("Foxglove is not served", error=str(error))
+            end_inputs()
+            inbox.close()
+            await asyncio.Event().wait()  # the robot drives on without
+            return
+        self.port = server.port
+        log.info("Foxglove can connect", port=server.port)
+        try:
+            await self._serve(server, inbox)
+        finally:
+            server.stop()
+            end_inputs()
+            inbox.close()
+
+    async def _serve(self, server: Server, inbox: Any) -> None:
+        channels = Channels()
+        live = _Live(server, channels)
+        offset_ns = time.time_ns() - round(self._clock.now_s() * 1e9)
+        encoder = Encoder(live, channels, offset_ns, self._first_scanner)
+        maps = MapDrawer(channels, self._read_map)
+        offered = set[type[Any]]()
+        while True:
+            await inbox.next_put()
+            watched = server.is_watched
+            for event in inbox.take_all():
+                if watched or type(event) not in offered:
+                    offered.add(type(event))
+                    self._send(encoder, event)
+            drawn = encoder.take_maps()
+            if drawn or (watched and self._now_ns(offset_ns) - maps.drawn_ns > MAP_AGAIN_S * 1e9):
+                await asyncio.to_thread(_draw, maps, drawn, self._now_ns(offset_ns), live)
+
+    def _send(self, encoder: Encoder, event: Any) -> None:
+        try:
+            encoder.take(event)
+        except Exception as error:  # noqa: BLE001 - told; the robot is not to suffer
+            self._problems.warning(
+                "an event cannot be shown", event_class=type(event).__name__, error=repr(error)
+            )
+
+    def _now_ns(self, offset_ns: int) -> int:
+        return offset_ns + int(self._clock.now_s() * 1e9)
+
+
+def _draw(maps: MapDrawer, events: tuple[MapEvent, ...], now_ns: int, sink: Any) -> None:
+    """In a thread: a large map takes its time."""
+    for event, log_ns, sequence in events:
+        maps.draw(event, log_ns, sequence, sink)
+    if not events:
+        maps.tell(now_ns, REPEATED, sink)
+        maps.drawn_ns = now_ns
