@@ -47,15 +47,16 @@ class Row:
         self.recorded += 1
         self.replayed += 1
 
-    def add(self, recorded: Any, replayed: Any) -> None:
-        """Events as plain values (None: none). They are paired by their stamps, across entries."""
-        if recorded is not None:
-            self.recorded += 1
-            self._waiting[0].append(recorded)
-        if replayed is not None:
-            self.replayed += 1
-            self._waiting[1].append(replayed)
+    def add(self, recorded: list[Any], replayed: list[Any]) -> None:
+        """What followed one entry, as plain values: pairs in their order. What is left finds its pair by its stamp."""
+        self.recorded += len(recorded)
+        self.replayed += len(replayed)
+        pairs = min(len(recorded), len(replayed))
+        for one, other in zip(recorded[:pairs], replayed[:pairs], strict=True):
+            self._compare(one, other)
         ours, theirs = self._waiting
+        ours += recorded[pairs:]
+        theirs += replayed[pairs:]
         while ours and theirs:
             early = _stamp(ours[0]) - _stamp(theirs[0])
             if early != 0.0 and abs(early) > _NEAR_S:
@@ -106,10 +107,8 @@ class Comparison:
         if self.first is None:
             self.first = _first_difference(stamp_s, after, was, replayed)
         self.different += 1
-        for kind, payload in was:
-            self._row(kind).add(msgspec.json.decode(payload), None)
-        for kind, payload in replayed:
-            self._row(kind).add(None, msgspec.json.decode(payload))
+        for kind in dict.fromkeys(kind for kind, _ in (*was, *replayed)):
+            self._row(kind).add(_of_kind(kind, was), _of_kind(kind, replayed))
 
     def _row(self, kind: str) -> Row:
         row = self.rows.get(kind)
@@ -155,6 +154,10 @@ def differences(one: Any, other: Any, where: str = "") -> Iterator[tuple[str, An
             yield from differences(*pair, f"{where}[{index}]")
     elif one != other:
         yield where, one, other
+
+
+def _of_kind(kind: str, told: list[Told]) -> list[Any]:
+    return [msgspec.json.decode(payload) for name, payload in told if name == kind]
 
 
 def _stamp(told: Any) -> float:

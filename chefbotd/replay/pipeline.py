@@ -132,7 +132,8 @@ class Pipeline:
         self._ports: dict[str, ReplayedPort] = {}
         self._callers: dict[int, ReplayedCaller] = {}
         services = [each for feature in daemon.features for each in feature.services if each.in_steps]
-        self._tasks = Tasks({each.name: each.run for each in services})
+        self._services = {each.name: each.run for each in services}
+        self._tasks = Tasks(self._services)
         self._regular = {health_timer(name): each.judge_health for name, each in entries.links.items()}
         self._regular[LEASES_TIMER] = lambda: daemon.leases.expire(entries.now_s())
         self._handlers: dict[type[Any], Callable[[Any], None]] = {
@@ -167,6 +168,13 @@ class Pipeline:
         except UnknownLink as problem:
             return str(problem)
         return ""
+
+    async def begin_late(self) -> None:
+        """The recording began while the daemon ran: services wait, and ports are open."""
+        for name in self._services:
+            await self._tasks.step(name, cancelled=False)
+        for link in self._entries.links:
+            self._open(link)
 
     def close(self) -> None:
         """The replay is over."""
@@ -214,8 +222,6 @@ class Pipeline:
         self._session(entry.link).connection_lost(error)
 
     def _read(self, entry: inputs.LinkBytesRead) -> None:
-        if entry.link not in self._ports:  # the recording began after the port was opened
-            self._open(entry.link)
         self._session(entry.link).data_received(entry.data)
 
     # timers and what came from outside

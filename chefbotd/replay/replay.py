@@ -114,6 +114,9 @@ class Replay:
             self._fire_due(stamp_s)
             replayed = self._told()
         self._entries.set_time(stamp_s)
+        if outcome.entries == 1 and not outcome.from_start:
+            await self._pipeline.begin_late()
+            self._told()
         if not (self._own_timers and self._is_of_the_other(entry)):
             problem = await self._pipeline.handle(group)
             if problem and not self._own_timers:
