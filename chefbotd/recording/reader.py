@@ -3,20 +3,26 @@
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import msgspec
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
 from msgspec import Struct
 
 from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import class_of, decode
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.errors import UnreadableRecording, explain
+
+RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
+"""Source: https://mcap.dev/spec."""
 
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
@@ -88,9 +94,7 @@ class RecordingReader:
         try:
             for record in reader.records:
                 ended = isinstance(record, Footer)
-                for each in (
-                    breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
-                ):
+                for each in _records_in(record) if isinstance(record, Chunk) else [record]:
                     self._note(each)
                     yield each
         except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
@@ -111,6 +115,31 @@ class RecordingReader:
             self.metadata[record.name] = record.metadata
         elif isinstance(record, Attachment):
             self.attachments[record.name] = record.data
+
+
+def _records_in(chunk: Chunk) -> Iterator[McapRecord]:
+    """The records of a chunk. There are a thousand messages a second, and the library takes 10 us for each of them.
+
+    Raises:
+        ValueError: the chunk is damaged.
+    """
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    data: bytes = stream.read(size)
+    at = 0
+    while at < size:
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
+        if end > size:
+            raise ValueError("a record is longer than its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(data, at)
+            body = data[at + MESSAGE_HEAD.size : end]
+            yield McapMessage(channel, log_ns, body, publish_ns, sequence)
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(ReadDataStream(BytesIO(data[at:end])))
+        elif opcode == Opcode.SCHEMA:
+            yield Schema.read(ReadDataStream(BytesIO(data[at:end])))
+        at = end
 
 
 def _check(path: Path) -> int:
