@@ -7,6 +7,13 @@ from typing import Any
 
 import msgspec
 
+from chefbotd.core.events.inputs import (
+    EventObserved,
+    LinkBytesRead,
+    RequestHandled,
+    TaskStepped,
+    TimerFired,
+)
 from chefbotd.core.record import Record
 from chefbotd.replay.recorded import NOT_COMPARED, Recorded
 
@@ -41,11 +48,6 @@ class Row:
         self.recorded = self.replayed = self.differing = 0
         self.largest, self.field = 0.0, ""
         self._waiting: tuple[deque[Any], deque[Any]] = (deque(), deque())
-
-    def add_equal(self) -> None:
-        """One of each, and they are the same."""
-        self.recorded += 1
-        self.replayed += 1
 
     def add(self, recorded: list[Any], replayed: list[Any]) -> None:
         """What followed one entry, as plain values: pairs in their order. What is left finds its pair by its stamp."""
@@ -90,22 +92,24 @@ class Comparison:
         self._left_out = NOT_COMPARED | set(left_out)
         self.rows: dict[str, Row] = {}
         self.first: Difference | None = None
-        self.equal = self.different = 0
+        self.different = 0
 
     def takes(self, kind: str) -> bool:
         """Whether events of this class are compared."""
         return kind not in self._left_out
 
-    def add(self, stamp_s: float, after: str, recorded: list[Recorded], replayed: list[Told]) -> None:
-        """What followed one entry, then and now."""
-        was = [(each.kind, each.payload) for each in recorded if self.takes(each.kind)]
+    def add(self, entry: Any, recorded: list[Recorded], replayed: list[Told]) -> None:
+        """What followed an entry, then and now."""
+        left_out, rows = self._left_out, self.rows
+        was = [(each.kind, each.payload) for each in recorded if each.kind not in left_out]
         if was == replayed:
-            self.equal += len(was)
             for kind, _ in was:
-                self._row(kind).add_equal()
+                row = rows.get(kind) or self._row(kind)
+                row.recorded += 1
+                row.replayed += 1
             return
         if self.first is None:
-            self.first = _first_difference(stamp_s, after, was, replayed)
+            self.first = _first_difference(entry.stamp_s, described(entry), was, replayed)
         self.different += 1
         for kind in dict.fromkeys(kind for kind, _ in (*was, *replayed)):
             self._row(kind).add(_of_kind(kind, was), _of_kind(kind, replayed))
@@ -176,3 +180,19 @@ def _text(value: object) -> str:
 def _short(told: Told, most: int = 160) -> str:
     text = f"{told[0]} {told[1].decode(errors='replace')}"
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def described(entry: Any) -> str:
+    """An entry in a few words."""
+    match entry:
+        case LinkBytesRead():
+            return f"{len(entry.data)} bytes from {entry.link}"
+        case TimerFired():
+            return f"the timer '{entry.timer}'"
+        case RequestHandled():
+            return f"the request {entry.method} of {entry.name or entry.where}"
+        case TaskStepped():
+            return f"a step of '{entry.task}'"
+        case EventObserved():
+            return "what was observed outside"
+    return type(entry).__name__

@@ -8,15 +8,7 @@ import msgspec
 
 from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
-from chefbotd.core.events.inputs import (
-    DaemonStarted,
-    EventObserved,
-    LinkBytesRead,
-    LinkBytesWritten,
-    RequestHandled,
-    TaskStepped,
-    TimerFired,
-)
+from chefbotd.core.events.inputs import DaemonStarted, TimerFired
 from chefbotd.recording.classes import encode
 from chefbotd.replay.comparison import Comparison, Difference, Told
 from chefbotd.replay.entries import ReplayEntries
@@ -122,13 +114,17 @@ class Replay:
             if problem and not self._own_timers:
                 outcome.note(f"at {stamp_s:.6f} s: {problem}")
         replayed += self._told()
-        outcome.comparison.add(stamp_s, described(entry), group.followers, replayed)
+        outcome.comparison.add(entry, group.followers, replayed)
+        if self._own_timers:
+            self._add_errors(group, replayed)
+
+    def _add_errors(self, group: Group, replayed: list[Told]) -> None:
         for each in group.followers:
             if each.kind == "WheelsDriven":
-                outcome.recorded_error.add(msgspec.json.decode(each.payload))
+                self.outcome.recorded_error.add(msgspec.json.decode(each.payload))
         for kind, payload in replayed:
             if kind == "WheelsDriven":
-                outcome.replayed_error.add(msgspec.json.decode(payload))
+                self.outcome.replayed_error.add(msgspec.json.decode(payload))
 
     def _is_of_the_other(self, entry: Any) -> bool:
         """Whether a timer fired that does not run here, or is set for later."""
@@ -146,14 +142,11 @@ class Replay:
             self._entries.fire(first.name)
 
     def _told(self) -> list[Told]:
-        inbox, takes = self._inbox, self.outcome.comparison.takes
-        told = []
-        while len(inbox):
-            event = inbox.take()
-            kind = type(event).__name__
-            if takes(kind):
-                told.append((kind, encode(event)))
-        return told
+        if not len(self._inbox):
+            return []
+        takes = self.outcome.comparison.takes
+        told = [(type(event).__name__, event) for event in self._inbox.take_all()]
+        return [(kind, encode(event)) for kind, event in told if takes(kind)]
 
 
 class Pace:
@@ -171,19 +164,3 @@ class Pace:
         wait_s = began_s + (stamp_s - first_s) / self._rate - self._now_s()
         if wait_s > 0:
             await asyncio.sleep(wait_s)
-
-
-def described(entry: Any) -> str:
-    """An entry in a few words."""
-    match entry:
-        case LinkBytesRead() | LinkBytesWritten():
-            return f"{len(entry.data)} bytes from {entry.link}"
-        case TimerFired():
-            return f"the timer '{entry.timer}'"
-        case RequestHandled():
-            return f"the request {entry.method} of {entry.name or entry.where}"
-        case TaskStepped():
-            return f"a step of '{entry.task}'"
-        case EventObserved():
-            return "what was observed outside"
-    return type(entry).__name__

@@ -7,6 +7,8 @@ from chefbotd.core.events.inputs import DaemonStarted, DaemonStopping, LinkBytes
 from chefbotd.replay.comparison import Comparison
 from chefbotd.replay.recorded import Recorded, groups_of, recorded_of
 
+READ = LinkBytesRead(5.0, "board", bytes(34))
+
 
 def driven(duty: list[int], speed: float = 0.1, stamp_s: float = 5.0) -> bytes:
     """A control step as JSON."""
@@ -17,7 +19,7 @@ def test_what_is_the_same_is_counted() -> None:
     """Not a bit differs."""
     comparison = Comparison()
     told = driven([203, -201])
-    comparison.add(5.0, "bytes", [Recorded(7, "WheelsDriven", told)], [("WheelsDriven", told)])
+    comparison.add(READ, [Recorded(7, "WheelsDriven", told)], [("WheelsDriven", told)])
     comparison.finish()
     row = comparison.rows["WheelsDriven"]
     assert (row.recorded, row.replayed, row.differing) == (1, 1, 0)
@@ -28,10 +30,8 @@ def test_the_first_difference_has_both_values_to_the_last_bit() -> None:
     """The least difference that a number can have is one."""
     comparison = Comparison()
     recorded = [Recorded(7, "WheelsDriven", driven([203, -201], 0.1))]
-    comparison.add(
-        5.0, "34 bytes from board", recorded, [("WheelsDriven", driven([203, -201], 0.1 + 2**-56))]
-    )
-    comparison.add(6.0, "later", recorded, [("WheelsDriven", driven([190, -201]))])
+    comparison.add(READ, recorded, [("WheelsDriven", driven([203, -201], 0.1 + 2**-56))])
+    comparison.add(READ, recorded, [("WheelsDriven", driven([190, -201]))])
     assert str(comparison.first) == (
         "at 5.000000 s, after 34 bytes from board: WheelsDriven velocity_rad_s[0]: "
         "recorded 0.1, replayed 0.10000000000000002"
@@ -44,9 +44,9 @@ def test_an_event_too_many_or_too_few_is_a_difference() -> None:
     """It is told as a whole; what came in another entry with the same stamp is no difference of the table."""
     comparison = Comparison()
     early = Recorded(7, "WheelsDriven", driven([1, 2]))
-    comparison.add(5.0, "one", [early], [])
+    comparison.add(READ, [early], [])
     comparison.add(
-        5.0, "two", [], [("WheelsDriven", driven([1, 2])), ("WheelsDriven", driven([3, 4], stamp_s=5.5))]
+        READ, [], [("WheelsDriven", driven([1, 2])), ("WheelsDriven", driven([3, 4], stamp_s=5.5))]
     )
     comparison.finish()
     assert comparison.first is not None
@@ -58,7 +58,7 @@ def test_an_event_too_many_or_too_few_is_a_difference() -> None:
 def test_what_was_left_out_of_the_recording_is_not_compared() -> None:
     """Neither is what the recorder says of itself."""
     comparison = Comparison(["DutyWritten"])
-    comparison.add(5.0, "one", [Recorded(7, "RecordingChanged", b"{}")], [])
+    comparison.add(READ, [Recorded(7, "RecordingChanged", b"{}")], [])
     assert comparison.first is None
     assert not comparison.takes("DutyWritten")
     assert comparison.takes("WheelsDriven")

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import struct
 from pathlib import Path
 
 import pytest
@@ -98,10 +99,20 @@ def test_a_file_that_was_cut_off_is_replayed_up_to_there(whole: bytes, share: fl
     assert "replayed up to there" in replay(cut, tmp_path).output
 
 
+def in_a_chunk(data: bytes) -> int:
+    """A place within a chunk's compressed messages, in the second half of the file."""
+    at = 8
+    while True:
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if opcode == 6 and at > len(data) // 2:
+            return at + 9 + int(length) - 20
+        at += 9 + length
+
+
 def test_a_damaged_chunk_ends_the_replay(whole: bytes, tmp_path: Path) -> None:
     """A byte that has changed on the disk is noticed, and nothing behind it is believed."""
     damaged = bytearray(whole)
-    damaged[len(whole) // 2] ^= 0x55
+    damaged[in_a_chunk(whole)] ^= 0x55
     told = json.loads(replay(bytes(damaged), tmp_path, "--json").stdout)
     assert told["exact"]
     assert "damaged" in told["problem"]
