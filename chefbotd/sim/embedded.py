@@ -54,6 +54,14 @@ class EmbeddedBoard:
             self._truth_file.close()
         self._folder.cleanup()
 
+    def unplug_board(self) -> None:
+        """Pull the board's cable."""
+        self._pty.unplug()
+
+    def plug_board(self) -> None:
+        """Put it back."""
+        self._pty.plug()
+
     def share_truth(self) -> Path:
         """The path of a file that from now on has the truth for other processes (``truth_file.TruthReader``)."""
         path = Path(self._folder.name) / "truth"

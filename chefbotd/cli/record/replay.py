@@ -68,6 +68,8 @@ def replay(
         listen=(wanted.host, wanted.port) if serves else None,
         any_version=any_version,
     )
+    if serves:
+        click.echo(f"Shown on {wanted}, and on the page where it is installed; Ctrl-C ends it.", err=True)
     try:
         replayed = replay_files(files, wishes)
     except NotReplayable as problem:

@@ -64,6 +64,14 @@ async def recorded_live(settings: Settings) -> tuple[list[Any], Settings]:
             await drive(client, -0.1, 0.3, 0.4)
             await client.reset_board()
             await asyncio.sleep(3.0)
+            await arm(client)
+            await drive(client, 0.1, 0.0, 0.3)
+            board.unplug_board()
+            await asyncio.sleep(0.7)
+            board.plug_board()
+            await asyncio.sleep(2.5)
+            await arm(client)
+            await drive(client, 0.0, 0.7, 0.5)
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
@@ -71,7 +79,7 @@ async def recorded_live(settings: Settings) -> tuple[list[Any], Settings]:
 
 
 def test_what_the_real_clock_has_seen_is_replayed_bit_for_bit() -> None:
-    """With a lidar, an e-stop, other gains and a restarted board in it."""
+    """With a lidar, an e-stop, other gains, a restarted board and a pulled cable in it."""
     settings = load(packaged("chefbot_lidar"), overrides={"api.port": 0})
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         events, plugged = runner.run(recorded_live(settings))
@@ -82,3 +90,4 @@ def test_what_the_real_clock_has_seen_is_replayed_bit_for_bit() -> None:
     assert counted["WheelsDriven"] > 60
     assert counted["ScanMeasured"] > 20
     assert counted["BoardRestarted"] == 1
+    assert counted["LinkClosed"] == 1

@@ -2,9 +2,11 @@
 
 import asyncio
 
+import pytest
+
 from chefbotd.core.events import SafetyChanged
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.settings import load
+from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.replay.recordings import recorded, replayed
 
@@ -83,3 +85,36 @@ def test_a_drive_is_replayed_bit_for_bit() -> None:
     assert faults >= {"loop_blocked", "internal_error", "link_lost", "board_restarted"}
     assert {"SetpointWithdrawn", "DrainAnswered", "FaultTaken"} <= set(outcome.comparison.rows)
     assert outcome.comparison.rows["WheelsDriven"].recorded > 200
+
+
+async def with_a_lost_link(robot: SimulatedRobot) -> None:
+    """An arc, a pulled cable, an arc backwards, an e-stop."""
+    await asyncio.sleep(1.2)
+    await drive(robot, 0.21, 0.37, 1.1)
+    robot.device.unplug()
+    await asyncio.sleep(0.7)
+    robot.device.plug()
+    await asyncio.sleep(2.0)
+    await robot.client.arm()
+    await drive(robot, -0.1, -0.37, 0.8)
+    await robot.client.estop("a test")
+    await asyncio.sleep(0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "camera", "kinds"),
+    [
+        ("khan", False, {"AnalogueCounted", "WheelsDriven"}),
+        ("chefbot_lidar", False, {"ScanMeasured", "LidarChanged"}),
+        ("chefbot", True, {"ScanMeasured", "DepthCameraChanged"}),
+    ],
+)
+def test_every_kind_of_robot_is_replayed_bit_for_bit(robot: str, camera: bool, kinds: set[str]) -> None:
+    """Four wheels, a lidar, a depth camera."""
+    told: dict[str, object] = {"depth_camera": [{"name": "eye", "rate_hz": 10.0}]} if camera else {}
+    settings = load(packaged(robot), overrides=told)
+    outcome = replayed(recorded(with_a_lost_link, settings), settings)
+    assert outcome.first is None, str(outcome.first)
+    assert outcome.problems == []
+    assert kinds <= set(outcome.comparison.rows)
