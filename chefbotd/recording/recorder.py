@@ -24,7 +24,7 @@ from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.mcap_file import RecordingFile
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
-from chefbotd.recording.status import AUTOMATIC, FAULT, About, Status, Stored
+from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, Status, Stored
 
 MEGABYTE = 1_000_000
 LOOK_AT_DISK_S = 1.0
@@ -169,8 +169,8 @@ class Recorder:
         if self._file is not None:
             self.stop(now_s)
 
-    def save_ring(self, reason: str, now_s: float) -> Status:
-        """Write the ring into a file of its own, which is named after the reason.
+    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> Status:
+        """Write the ring into a file of its own, which is named after the reason; that of a ``fault`` may be removed.
 
         Raises:
             RecordingError: there is no ring, or the disk does not take it.
@@ -182,7 +182,7 @@ class Recorder:
         self._require_room()
         try:
             self._disk.make_folder(self.folder)
-            path = self._free_path(f"{FAULT}_{file_name(reason)}_{self._time_text()}")
+            path = self._free_path(f"{FAULT if fault else RING}_{file_name(reason)}_{self._time_text()}")
             file = self._create(path, reason)
             try:
                 for chunk in self._ring.chunks:

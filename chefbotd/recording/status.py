@@ -8,6 +8,9 @@ from msgspec import Struct
 AUTOMATIC, FAULT = "auto", "fault"
 """How the names of files begin that nobody asked for; the oldest of them give way to newer ones."""
 
+RING = "ring"
+"""How those begin that have the last minutes because somebody asked for them."""
+
 State = Literal["idle", "recording", "failed"]
 
 

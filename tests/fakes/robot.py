@@ -156,7 +156,7 @@ class FakeRecorder:
     async def save_ring(self, reason: str) -> RingSaved:
         """Remember it."""
         self._robot.calls.append(("save_ring", reason))
-        return RingSaved(file=f"/recordings/fault_{reason}_1.mcap", seconds=118.0)
+        return RingSaved(file=f"/recordings/ring_{reason}_1.mcap", seconds=118.0)
 
 
 class FakeRobot:

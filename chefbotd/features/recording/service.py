@@ -192,7 +192,7 @@ class RecordingService:
 
     async def _save_fault(self, fault: str) -> None:
         try:
-            saved = await self.save_ring(fault)
+            saved = await self._save_ring(fault, fault=True)
         except RecordingError as problem:
             log.warning("the minutes before a fault cannot be written", fault=fault, error=str(problem))
             return
@@ -244,7 +244,10 @@ class RecordingService:
 
     async def save_ring(self, reason: str) -> RingSaved:
         """Write the last minutes into a file."""
-        status = await self._ask(lambda recorder, now_s: recorder.save_ring(reason, now_s))
+        return await self._save_ring(reason, fault=False)
+
+    async def _save_ring(self, reason: str, *, fault: bool) -> RingSaved:
+        status = await self._ask(lambda recorder, now_s: recorder.save_ring(reason, now_s, fault=fault))
         self._publish()
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 

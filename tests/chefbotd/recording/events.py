@@ -59,10 +59,10 @@ class SyncRecorder(Recorder):
         self.flush(now_s)
         return super().stop(now_s)
 
-    def save_ring(self, reason: str, now_s: float) -> Status:
+    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> Status:
         """After all that was taken before."""
         self.flush(now_s)
-        return super().save_ring(reason, now_s)
+        return super().save_ring(reason, now_s, fault=fault)
 
 
 def no_map(event: Any) -> Cells | None:

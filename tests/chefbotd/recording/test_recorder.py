@@ -197,7 +197,7 @@ def test_the_ring_keeps_the_last_seconds_and_no_more_bytes(tmp_path: Path) -> No
     made = recorder(tmp_path, ring_s=10.0, chunk_s=0.5)
     for k in range(6000):
         made.take(cycle(START_S + k / 100), START_S + k / 100)
-    saved = made.save_ring("stalled", START_S + 60.0)
+    saved = made.save_ring("stalled", START_S + 60.0, fault=True)
     stamps = [event.stamp_s for event in read(Path(str(saved.saved)))]
     assert 10.0 <= stamps[-1] - stamps[0] < 11.1
     assert stamps[-1] == pytest.approx(START_S + 59.99)

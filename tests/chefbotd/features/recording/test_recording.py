@@ -123,7 +123,7 @@ def test_a_stop_by_somebody_is_no_fault(tmp_path: Path) -> None:
             await asyncio.sleep(6.0)
             assert files(tmp_path) == []
             saved = await robot.client.save_ring("odd noise")
-            assert Path(saved.file).name.startswith("fault_odd noise_")
+            assert Path(saved.file).name.startswith("ring_odd noise_")
             assert any(getattr(event, "method", "") == "estop" for event in read(saved.file))
 
     run_virtual(main())
