@@ -212,7 +212,7 @@ class FakeDaemon:
             "discard_mapping": lambda: MAPPING | {"state": "idle"},
             "start_recording": lambda: {"name": "evening_1", "file": "/recordings/evening_1.mcap"},
             "stop_recording": lambda: RECORDED,
-            "save_ring": lambda: {"file": "/recordings/fault_asked_1.mcap", "seconds": 118.4},
+            "save_ring": lambda: {"file": "/recordings/ring_asked_1.mcap", "seconds": 118.4},
             "list_recordings": lambda: {"folder": "/recordings", "files": self.recordings},
             "set_pid": lambda: {"wheels": self._set_pid(**params)},
             "describe": lambda: description(simulated=self.simulated),

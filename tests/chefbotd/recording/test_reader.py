@@ -7,6 +7,7 @@ import pytest
 from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.errors import UnreadableRecording
 from chefbotd.recording.reader import RecordingReader
+from tests.chefbotd.recording.damage import damaged_chunk
 from tests.chefbotd.recording.events import START_S, cycle, recorder
 
 
@@ -44,9 +45,7 @@ def test_damage_in_the_middle_ends_the_reading_and_is_told(tmp_path: Path) -> No
         made.take(cycle(START_S + k / 100), START_S + k / 100)
     made.stop(START_S + 3.0)
     (path,) = tmp_path.glob("*.mcap")
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path.write_bytes(data)
+    path.write_bytes(damaged_chunk(path.read_bytes()))
     reader = RecordingReader(path)
     found = [event for event in reader.events() if type(event).__name__ == "WheelsDriven"]
     assert reader.problem is not None

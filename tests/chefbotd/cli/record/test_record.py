@@ -79,7 +79,7 @@ def test_the_last_minutes_are_written_on_request(daemon: FakeDaemon, control: Co
     result = control("record", "--ring", "odd noise")
     assert result.exit_code == 0, result.output
     assert ("save_ring", {"reason": "odd noise"}) in [(m, p) for _, m, p in daemon.calls]
-    assert "Wrote the last 118 s: /recordings/fault_asked_1.mcap" in result.output
+    assert "Wrote the last 118 s: /recordings/ring_asked_1.mcap" in result.output
     assert control("record", "--ring", "--for", "3s").exit_code == Exit.USAGE
 
 
