@@ -21,8 +21,6 @@ from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.transport.web.parameters import PageParameters
-from firmware_protocol.codec import VARIANTS, to_board
-from firmware_protocol.messages import SetDuty
 
 
 def alone(settings: Settings) -> Settings:
@@ -49,7 +47,7 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
     """
     clock = SystemClock()
     daemon = build(alone(settings), clock=clock, opener=opener)
-    async with _guarded(settings), _watched(daemon, settings, clock):
+    async with stop_guard(settings), _watched(daemon, settings, clock):
         task = asyncio.create_task(daemon.run())
         try:
             host, port = await daemon.server.address()
@@ -59,11 +57,6 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
-
-
-def _guarded(settings: Settings) -> contextlib.AbstractAsyncContextManager[None]:
-    variant, link = VARIANTS[settings.robot.wire], settings.link
-    return stop_guard(link.device, link.baud, to_board(variant).encode(SetDuty((0,) * variant.wheels)))
 
 
 @contextlib.asynccontextmanager

@@ -15,6 +15,7 @@ from chefbotd.clock import SystemClock
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
 from chefbotd.process.service import Load, Service, service_of
+from chefbotd.process.stop_guard import stop_guard
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
@@ -124,7 +125,8 @@ async def _serve_real(settings: Settings, as_service: AsService) -> None:
         log.info(
             "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
         )
-    await _serve(daemon, settings, as_service)
+    async with stop_guard(settings):
+        await _serve(daemon, settings, as_service)
 
 
 async def _serve_simulated(settings: Settings, as_service: AsService) -> None:

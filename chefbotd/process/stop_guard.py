@@ -1,69 +1,66 @@
-"""A process that outlives another: when that one is killed without having said goodbye, it stops the motors.
-
-No program can do anything about ``kill -9``, and a classic board keeps its last duty for ever. So the guard waits for
-the end of a pipe. A goodbye before it: all is well. Without one the program has died: the guard opens its port and
-puts stops on the wire.
-"""
+"""Starts the program that stops the motors should this one be killed (``last_stop``), and says goodbye to it."""
 
 import asyncio
 import contextlib
 import sys
-import time
-from asyncio.subprocess import DEVNULL, PIPE
+from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 
-import serial
+import structlog
 
-GOODBYE = b"goodbye\n"
-STOPS, APART_S = 20, 0.1
-"""The sketch may wait a second for an echo before it reads."""
+from chefbotd.link.port import LinkParameters
+from chefbotd.process import last_stop
+from chefbotd.process.last_stop import GOODBYE
+from chefbotd.settings import Settings
+from firmware_protocol.codec import VARIANTS, to_board
+from firmware_protocol.messages import SetDuty
 
-OPENING_TRIES = 20
 ENDING_S = 2.0
+log = structlog.get_logger(component="stop_guard")
 
 
 @contextlib.asynccontextmanager
-async def stop_guard(device: str, baud: int, stop: bytes) -> AsyncIterator[None]:
-    """Have a guard in a session of its own while the block lasts, however the block ends.
+async def stop_guard(settings: Settings) -> AsyncIterator[None]:
+    """Have a guard of the robot's motors while the block lasts, however the block ends.
 
-    A device that is no path (``socket://``) has none.
+    The block begins before the guard has started. A device that is no path (``socket://``) has none.
     """
-    if "://" in device:
+    variant, link = VARIANTS[settings.robot.wire], settings.link
+    if "://" in link.device:
         yield
         return
-    guard = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", __name__, device, str(baud), stop.hex()),
-        stdin=PIPE,
-        stdout=DEVNULL,
-        stderr=DEVNULL,
-        start_new_session=True,  # Ctrl-C is for the program, which stops the motors by itself
-    )
+    stop = to_board(variant).encode(SetDuty((0,) * variant.wheels))
+    starting = asyncio.create_task(_started(link, stop))
     try:
         yield
     finally:
-        with contextlib.suppress(OSError, TimeoutError):
-            async with asyncio.timeout(ENDING_S):
-                await guard.communicate(GOODBYE)
+        guard = await starting
+        if guard is not None:
+            with contextlib.suppress(OSError, TimeoutError):
+                async with asyncio.timeout(ENDING_S):
+                    await guard.communicate(GOODBYE)
 
 
-def stop_motors(device: str, baud: int, stop: bytes) -> bool:
-    """Open the port, which its killed owner has just left, and write stops: whether that went."""
-    for _ in range(OPENING_TRIES):
-        with contextlib.suppress(OSError), serial.Serial(device, baud, write_timeout=1.0) as port:
-            for _ in range(STOPS):
-                port.write(stop)
-                time.sleep(APART_S)
-            return True
-        time.sleep(APART_S)
-    return False
-
-
-def main() -> None:
-    """Wait for the pipe's end."""
-    device, baud, stop = sys.argv[1:]
-    if sys.stdin.buffer.read() != GOODBYE:
-        stop_motors(device, int(baud), bytes.fromhex(stop))
-
-
-if __name__ == "__main__":
-    main()
+async def _started(link: LinkParameters, stop: bytes) -> Process | None:
+    """In a session of its own: Ctrl-C is for the program itself. None where the system has no room for it."""
+    lines = (str(int(link.dtr)), str(int(link.rts)))
+    try:
+        return await asyncio.create_subprocess_exec(
+            *(
+                sys.executable,
+                "-P",
+                "-m",
+                last_stop.__name__,
+                link.device,
+                str(link.baud),
+                *lines,
+                stop.hex(),
+            ),
+            stdin=PIPE,
+            stdout=DEVNULL,
+            stderr=DEVNULL,
+            start_new_session=True,
+        )
+    except OSError as error:
+        log.warning("nobody stops the motors should chefbotd be killed", error=str(error))
+        return None

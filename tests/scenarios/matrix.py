@@ -29,7 +29,7 @@ from tests.scenarios.robots import BOARDS, EVERY_ROBOT, ROBOTS, packaged_name
 REMARKS = (
     "Times count from the moment of the fault, on the simulated robot, which was driven at 0.2 m/s.",
     "Frames are lost only on a wire that is cut, silent or damaged; clients only with a program that has ended.",
-    "After kill -9, a crash, and while a cable is pulled, the motors run on: only firmware with a dead-man stops them.",
+    "While a cable is pulled the motors run on: only firmware with a dead-man stops them.",
 )
 
 PAGE_COLUMNS = 132

@@ -47,6 +47,11 @@ FEW_DESCRIPTORS = """
 import resource
 resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
 """
+NO_GUARD = """
+import types
+from chefbotd.process import stop_guard
+stop_guard.sys = types.SimpleNamespace(executable="/nowhere/python")
+"""
 BROKEN_SERVICE = """
 from chefbotd.features.odometry import service as odometry
 async def broken(self): raise RuntimeError("broken")

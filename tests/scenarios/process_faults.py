@@ -149,7 +149,8 @@ async def _frozen(program: Program, client: Client) -> tuple[str, ...]:
 
 
 STOPPED = Expected(ENDED, None, 0.25, ("stopped",))
-RUNS_ON = Expected(ENDED)
+KILLED = Expected(ENDED, None, 0.6)
+"""The guard, a process of its own, opens the port that the dead one has left."""
 
 PROCESS_FAULTS = (
     *(
@@ -194,8 +195,8 @@ PROCESS_FAULTS = (
         latched("link_lost", 0.5, "link lost"),
     ),
     Ending("Device in use by another program", "second daemon on the device", _contended, DRIVES_ON),
-    Ending("`kill -9`", "SIGKILL (kill -9)", partial(_signalled, signal.SIGKILL), RUNS_ON, -signal.SIGKILL),
-    Ending("`kill -9`", "crash (SIGSEGV)", _asked, RUNS_ON, -signal.SIGSEGV, CRASH),
+    Ending("`kill -9`", "SIGKILL (kill -9)", partial(_signalled, signal.SIGKILL), KILLED, -signal.SIGKILL),
+    Ending("`kill -9`", "crash (SIGSEGV)", _asked, KILLED, -signal.SIGSEGV, CRASH),
 )
 
 

@@ -47,6 +47,8 @@ NOT_INJECTED = {
     "The latch cannot be written": "its test has no board",
     "Obstacle that only a depth camera sees": "its test has a taller robot",
     "A depth camera is gone": "its tests have a camera",
+    "The disk with recordings": "its tests have a disk of their own",
+    "`chefbotctl doctor`, which drives": "its tests start the doctor",
     "Whoever saves a map is killed": "its test kills a program that saves",
     "The worker cannot work here": "its test has another worker",
     "The daemon dies while it has a worker": "its test starts a program of its own",

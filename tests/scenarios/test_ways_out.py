@@ -14,10 +14,12 @@ from tests.budget import sample
 from tests.scenarios.process import (
     BLOCKED,
     BROKEN_SERVICE,
+    NO_GUARD,
     OUT_OF_MEMORY,
     PERIOD_S,
     SPEED_M_S,
     driving,
+    second_daemon,
     started,
 )
 
@@ -116,14 +118,65 @@ def test_a_service_that_cannot_run_ends_the_program_with_a_stop(tmp_path: Path):
     asyncio.run(scenario())
 
 
-@pytest.mark.slow
-def test_kill_9_leaves_the_motors_running(tmp_path: Path):
-    """Nothing that runs in the process can help: the last duty stays in force. Only firmware can cover this."""
+def test_kill_9_is_followed_by_stops_from_the_guard(tmp_path: Path):
+    """Nothing that runs in the process can help: another one, which waited for its end, puts a stop on the wire."""
 
     async def scenario() -> None:
         async with driving(tmp_path) as (program, _):
             program.process.kill()
             assert await program.ended() == -signal.SIGKILL
+            while program.board.told_to_move:  # noqa: ASYNC110 - nobody tells us
+                await asyncio.sleep(PERIOD_S)
+            await asyncio.sleep(1.0)
+            assert not program.board.told_to_move
+            assert program.board.speed_m_s < 0.01
+
+    asyncio.run(scenario())
+
+
+def test_who_ends_in_order_is_followed_by_no_guard(tmp_path: Path):
+    """After SIGTERM the daemon's own four stops are the last that the board hears."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, _):
+            program.process.terminate()
+            assert await program.ended() == 0
+            heard = len(program.board.heard)
+            await asyncio.sleep(0.5)
+            assert len(program.board.heard) == heard
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_guard_leaves_the_port_to_whoever_has_it(tmp_path: Path):
+    """A second daemon, which waits for the port, is killed: the first one's robot drives on."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, client):
+            async with second_daemon(program) as second:
+                for _ in range(round(2.0 / PERIOD_S)):
+                    await client.drive(SPEED_M_S, 0.0)
+                    await asyncio.sleep(PERIOD_S)
+                before = len(program.board.heard)
+                second.process.kill()
+                await second.process.wait()
+            for _ in range(round(1.0 / PERIOD_S)):
+                await client.drive(SPEED_M_S, 0.0)
+                await asyncio.sleep(PERIOD_S)
+            heard = program.board.heard[before:]
+            assert len(heard) > 5
+            assert not any(program.board.is_stop(line) for _, line in heard)
+
+    asyncio.run(scenario())
+
+
+def test_a_guard_that_cannot_be_started_is_said_and_holds_up_nothing(tmp_path: Path):
+    """The daemon drives without it."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path, NO_GUARD) as (program, _):
             assert program.board.told_to_move
+        assert "nobody stops the motors should chefbotd be killed" in program.log.read_text()
 
     asyncio.run(scenario())

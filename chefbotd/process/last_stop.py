@@ -1,0 +1,59 @@
+"""A program that outlives another one, and stops the motors when that one was killed without having said goodbye.
+
+No program can do anything about ``kill -9``, and a classic board keeps its last duty for ever. So this one waits for
+the end of a pipe. A goodbye before it: all is well. Without one the other has died: this one opens the port, which
+the dead one has just left, and puts stops on the wire. It imports next to nothing, and sleeps until then.
+"""
+
+import contextlib
+import fcntl
+import signal
+import sys
+import time
+
+GOODBYE = b"goodbye\n"
+STOPS, APART_S = 20, 0.1
+"""The sketch may wait a second for an echo before it reads."""
+
+OPENING_TRIES = 20
+
+
+def stop_motors(device: str, baud: int, dtr: bool, rts: bool, stop: bytes) -> bool:
+    """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed."""
+    import serial  # only now, so that the wait costs no memory
+
+    for _ in range(OPENING_TRIES):
+        port = serial.Serial(None, baud, write_timeout=1.0)
+        port.port, port.dtr, port.rts = device, dtr, rts
+        with contextlib.suppress(OSError), port:
+            for _ in range(STOPS):
+                if not _is_free(port.fileno()):
+                    return True
+                port.write(stop)
+                time.sleep(APART_S)
+            return True
+        time.sleep(APART_S)
+    return False
+
+
+def _is_free(descriptor: int) -> bool:
+    """Whether no other program has the port; one that has it has put a stop on the wire first."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    fcntl.flock(descriptor, fcntl.LOCK_UN)
+    return True
+
+
+def main() -> None:
+    """Wait for the pipe's end; signals that end programs are for the other one."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    device, baud, dtr, rts, stop = sys.argv[1:]
+    if sys.stdin.buffer.read() != GOODBYE:
+        stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop))
+
+
+if __name__ == "__main__":
+    main()
