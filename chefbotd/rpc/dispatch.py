@@ -2,9 +2,10 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from functools import partial
 from inspect import iscoroutinefunction
+from typing import Any
 
 import structlog
 from pydantic import BaseModel, ValidationError
@@ -126,7 +127,8 @@ class Dispatcher:
             if request.method in self._async_methods:
                 handler = partial(method.handle, caller, params)
                 with self._clock.entry(partial(self._record, method, caller, params)):
-                    in_steps = partial(self._clock.in_steps, job_name(self._handled))
+                    in_steps = partial(self._run_job, caller.session, method, self._arrivals.stops)
+                    in_steps = partial(in_steps, job_name(self._handled))
                     self.jobs.start(caller, request, handler, self._failure, in_steps)
                 return None
             body = self._constants.get(request.method) or self._handle(method, caller, params)
@@ -141,6 +143,19 @@ class Dispatcher:
             failure = self._failure(request, problem)
             return None if answered else failure
         return None
+
+    async def _run_job(
+        self,
+        session: Session,
+        method: Method,
+        stops: int,
+        job: str,
+        run: Callable[[], Coroutine[Any, Any, bytes]],
+    ) -> bytes:
+        """Run a handler in steps. Its task begins a turn of the loop later: a stop meanwhile makes it void."""
+        if method.moves and self._arrivals.stops != stops:
+            raise self._void(session, method.name, ErrorKind.OVERTAKEN, self._overtaken(method.name))
+        return await self._clock.in_steps(job, run)
 
     def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
         """The result as JSON. A stop makes older commands of others void, even where it has failed."""
@@ -181,8 +196,7 @@ class Dispatcher:
         """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""
         age_s = self._arrivals.age_s(arrival)
         if self._arrivals.is_before_a_stop(arrival):
-            kind = ErrorKind.OVERTAKEN
-            message = f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it still holds"
+            kind, message = ErrorKind.OVERTAKEN, self._overtaken(method)
         elif age_s > self._command_timeout_s:
             kind = ErrorKind.TOO_OLD
             message = (
@@ -191,11 +205,18 @@ class Dispatcher:
             )
         else:
             return
+        raise self._void(session, method, kind, message)
+
+    def _overtaken(self, method: str) -> str:
+        return f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it still holds"
+
+    def _void(self, session: Session, method: str, kind: ErrorKind, message: str) -> Unserved:
+        """Count and log a command that is not carried out; what its client is told."""
         self.void[kind] += 1
         self._limited_log.warning(
             "command_void", client=str(session), method=method, kind=str(kind), reason=message
         )
-        raise Unserved(kind, message)
+        return Unserved(kind, message)
 
     def _admit(self, session: Session, request: Request) -> Method:
         """The method, if there is one and the client may call it now."""

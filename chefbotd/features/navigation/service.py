@@ -98,8 +98,8 @@ class NavigationService:
         """Accept goals; their numbers."""
         self._require_armed()
         self._end_if_stopped()
-        await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
         stops = self._stops
+        await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
         goals = [await self._goal(each) for each in waypoints]
         self._goals.require_room(len(goals))
         if self._driver.stops != stops:

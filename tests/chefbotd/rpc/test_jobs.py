@@ -13,7 +13,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.jobs import MAX_JOBS, Progress
 from chefbotd.rpc.method import Caller, Method, method, methods_of
-from chefbotd.rpc.models import Params, Result
+from chefbotd.rpc.models import DONE, Done, NoParams, Params, Result
 from chefbotd.rpc.roles import Role
 from tests.fakes.api import LineClient, Served, line_client, serving
 
@@ -270,3 +270,43 @@ def test_a_fault_of_the_progress_listener_is_raised_where_the_answer_is_awaited(
             assert survey.cancelled == 1
 
     with_survey(scenario)
+
+
+class Go:
+    """A feature whose job moves the robot; ``begun`` counts how often it did."""
+
+    def __init__(self) -> None:
+        self.begun = 0
+
+    @method(role=Role.DRIVE, moves=True)
+    async def go(self, caller: Caller, params: NoParams, progress: Progress) -> Done:
+        """Move, sooner or later."""
+        self.begun += 1
+        await asyncio.sleep(1.0)
+        return DONE
+
+
+@pytest.mark.parametrize("stop", ["stop", "estop"])
+def test_a_stop_voids_a_job_that_moves_and_whose_task_has_not_begun(stop: str) -> None:
+    """One read brings a job and another client's stop behind it: the job never begins, and its client hears why."""
+
+    async def main() -> None:
+        async with serving() as served:
+            go, known = Go(), served.server.connections.dispatcher
+            (row,) = methods_of(go)
+            dispatcher = served.server.connections.dispatcher = Dispatcher(
+                {**known._methods, "go": row}, known._clock, known._arrivals, 0.5, known.jobs
+            )
+            async with line_client(served) as goes, line_client(served) as stops:
+                goes.request("go", 1)
+                stops.request(stop, 2)
+                answer = await goes.read()
+                assert answer["error"]["data"]["kind"] == "overtaken"
+                assert go.begun == 0
+                assert dispatcher.void == {"overtaken": 1}
+                assert "result" in await stops.read()
+                goes.request("go", 3)
+                assert (await goes.read())["id"] == 3
+                assert go.begun == 1
+
+    run_virtual(main())

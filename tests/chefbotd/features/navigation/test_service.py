@@ -224,3 +224,21 @@ def test_while_the_worker_hangs_orders_do_not_pile_up_and_a_goal_does_not_overta
         assert set(kinds) <= {NavigateTo, Pause, Resume, CancelGoals}
 
     benched(scenario)
+
+
+def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worker_tells_meanwhile() -> None:
+    """A goal waits 5 s behind a cancel; a stop comes, and the worker tells of a step after it: nothing is driven."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        bench.worker.busy_s = 5.0
+        bench.service.cancel("by a key")
+        asked = asyncio.create_task(bench.navigate(THERE))
+        await asyncio.sleep(1.0)
+        bench.driver.stops = 1
+        bench.worker.end(1, "cancelled")
+        with pytest.raises(Refused, match="stopped after this goal was asked for"):
+            await asked
+        assert not [t for t in bench.worker.received[1:] if isinstance(t, NavigateTo)]
+
+    benched(scenario)
