@@ -31,7 +31,7 @@ class ControlLeases:
         withdraw: Callable[[str], None],
         announce: Callable[[ControlChanged], None],
     ) -> None:
-        self._lease_s, self._let_go_s = lease_s, let_go_s
+        self._lease_s, self.let_go_s = lease_s, let_go_s
         self._withdraw, self._announce = withdraw, announce
         self._leases: dict[str, Lease] = {}
         self._tried: dict[str, Session] = {}
@@ -58,6 +58,11 @@ class ControlLeases:
             self._leases[source].stamp_s = now_s
         self._tried[source] = session
 
+    def is_own(self, source: str, session: Session, now_s: float) -> bool:
+        """Whether a client has a source, or was the last to try to drive it while nobody had it."""
+        holder = self.holder(source, now_s)
+        return (self._tried.get(source) if holder is None else holder) is session
+
     def tried(self, session: Session) -> list[str]:
         """The sources that this client was the last to try to drive, refused or not."""
         return [source for source, last in self._tried.items() if last is session]
@@ -69,7 +74,7 @@ class ControlLeases:
         }
 
     def _has_let_go(self, lease: Lease, now_s: float) -> bool:
-        return now_s - lease.stamp_s >= self._let_go_s
+        return now_s - lease.stamp_s >= self.let_go_s
 
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""

@@ -225,6 +225,34 @@ def test_who_begins_to_drive_during_an_estop_is_held_after_it():
     on_robot(scenario)
 
 
+@pytest.mark.parametrize("way", ["own stop", "stop", "estop"])
+def test_who_tries_to_drive_what_another_client_has_is_held_by_a_stop_too(way: str):
+    """Ann drives and Bob tries at 10 Hz; Ann or Carl stops, and Ann lets go. Bob moves nothing until he has let go.
+
+    Ann had the source for 3 s after her last drive. Bob's first drive after that would have moved the robot.
+    """
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async with another(robot, "Ann") as ann, another(robot, "Bob") as bob, another(robot, "Carl") as carl:
+            await drive(ann, -0.2, 0.5)
+            await refused(bob, "lease_held")
+            await (ann.stop() if way == "own stop" else carl.stop() if way == "stop" else carl.estop("smoke"))
+            for _ in range(28):
+                await refused(bob, "lease_held")
+                await asyncio.sleep(0.1)
+            if way == "estop":
+                await ann.arm()
+            await asyncio.sleep(0.3)
+            for _ in range(10):
+                assert (await refused(bob, "stopped")).message.startswith("teleop was stopped by ")
+                await asyncio.sleep(0.1)
+            assert speed_m_s(robot) == 0.0
+            await asyncio.sleep(1.0)
+            await drive(bob, 0.2, 0.5)
+
+    on_robot(scenario)
+
+
 def test_connections_that_come_and_go_for_each_drive_are_held_as_well():
     """Ten a second, each with one drive and an end: after a stop not one of them moves the robot."""
 

@@ -10,6 +10,7 @@ from chefbotd.core import events
 from chefbotd.core.commands import Allowed
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record, replace
+from chefbotd.features.driving.contenders import Contenders
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.models import DONE, SOURCE, Done, NoParams, Params, TopicData
 from chefbotd.rpc.roles import Role
@@ -153,6 +154,7 @@ class DrivingMethods:
     ) -> None:
         self._robot, self._leases, self._clock = robot, leases, clock
         self._sources, self._default_source = sources, default_source
+        self._contenders = Contenders(leases)
 
     @method(role=Role.DRIVE, moves=True)
     def drive(self, caller: Caller, params: DriveParams) -> Driven:
@@ -168,6 +170,7 @@ class DrivingMethods:
 
     def _require_control(self, source: str, caller: Caller, now_s: float) -> None:
         if source in self._sources:  # the robot refuses any other
+            self._contenders.note_attempt(source, caller.session, now_s)
             self._leases.require(source, caller.session, now_s)
 
     @method(role=Role.DRIVE, moves=True)
@@ -183,15 +186,19 @@ class DrivingMethods:
     @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
     def stop(self, caller: Caller, params: StopParams) -> Stopped:
         """Come to rest within the deceleration limit; sources that others drive are held until they let go."""
-        drivers = self._leases.drivers(self._clock.now_s())
-        self._robot.stop(str(caller.session), self._leases.tried(caller.session))
+        now_s, by = self._clock.now_s(), str(caller.session)
+        drivers = self._leases.drivers(now_s)
+        self._robot.stop(by, self._leases.tried(caller.session))
+        self._contenders.stop(caller.session, by, now_s)
         return Stopped(drivers=drivers)
 
     @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
     def estop(self, caller: Caller, params: EstopParams) -> Stopped:
         """Stop the motors at once, and until armed again."""
-        drivers = self._leases.drivers(self._clock.now_s())
+        now_s = self._clock.now_s()
+        drivers = self._leases.drivers(now_s)
         self._robot.estop(params.reason)
+        self._contenders.estop(now_s)
         return Stopped(drivers=drivers)
 
     @method(role=Role.DRIVE, moves=True)
@@ -199,6 +206,7 @@ class DrivingMethods:
         """Allow motion, after an emergency stop or a fault."""
         self._robot.arm()
         self._robot.resume(self._leases.tried(caller.session))
+        self._contenders.arm(caller.session)
         return DONE
 
 

@@ -135,12 +135,7 @@ class SafetyKeeper:
     def _require_free(self, source: str) -> None:
         stopped_by = hold.holder_of(self._attempts, source)
         if stopped_by:
-            let_go_s = self._parameters.held_until_silent_s
-            raise Refused(
-                RefusalKind.STOPPED,
-                f"{source} was stopped by {stopped_by}: do not drive for {let_go_s:g} s, or send arm",
-                {"source": source, "stopped_by": stopped_by, "let_go_s": let_go_s},
-            )
+            raise stopped(source, stopped_by, self._parameters.held_until_silent_s)
 
     def _hold(self, by: str, excluded: Collection[str] = ()) -> None:
         now_s, let_go_s = self._clock.now_s(), self._parameters.held_until_silent_s
@@ -349,3 +344,12 @@ class SafetyKeeper:
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
             self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
+
+
+def stopped(source: str, stopped_by: str, let_go_s: float) -> Refused:
+    """What the driver of a source is told that a stop holds."""
+    return Refused(
+        RefusalKind.STOPPED,
+        f"{source} was stopped by {stopped_by}: do not drive for {let_go_s:g} s, or send arm",
+        {"source": source, "stopped_by": stopped_by, "let_go_s": let_go_s},
+    )
