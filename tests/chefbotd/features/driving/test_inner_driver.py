@@ -23,7 +23,7 @@ class Navigation:
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self.robot = robot
-        self.driver = InnerDriver(robot.daemon.driving, robot.daemon._leases, LoopClock(), "navigation")
+        self.driver = InnerDriver(robot.daemon.driving, robot.daemon.leases, LoopClock(), "navigation")
         self.changes = robot.daemon.bus.subscribe(SafetyChanged, size=200)
         self.duties: list[WheelsDriven] = []
         robot.daemon.bus.add_handler(self.duties.append, WheelsDriven)
