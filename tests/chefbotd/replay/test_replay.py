@@ -71,6 +71,7 @@ async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, 
         await asyncio.sleep(0.0731)
 
 
+@pytest.mark.slow
 def test_a_drive_is_replayed_bit_for_bit() -> None:
     """With a dead-man's timeout, an e-stop, gains, a restarted board and a pulled cable in it."""
     settings = load()
