@@ -107,8 +107,8 @@ def test_the_stopping_speed_counts_the_delay_and_the_braking() -> None:
 
 
 def test_changes_of_speed_keep_to_the_limits() -> None:
-    """Half a metre per second squared for 0.1 s is 0.05 m/s; braking may take half more."""
-    assert slewed(PARAMS, STANDING, Twist2D(0.3, -1.0), 0.1) == Twist2D(0.05, pytest.approx(-0.15))
+    """0.5 m/s2 for 0.1 s is 0.05 m/s, and 1.8 rad/s2 is 0.18 rad/s; braking may take half more."""
+    assert slewed(PARAMS, STANDING, Twist2D(0.3, -1.0), 0.1) == Twist2D(0.05, pytest.approx(-0.18))
     assert slewed(PARAMS, Twist2D(0.3, 0.0), STANDING, 0.1).linear_m_s == pytest.approx(0.225)
 
 
