@@ -59,7 +59,7 @@ class Navigator:
         self._planned_s = -math.inf
         self._blocked_since_s: float | None = None
         self._lost_since_s: float | None = None
-        self._blind_since_s: float | None = None
+        self._blind_s: float | None = None
         self._moved = (-math.inf, Pose2D())
         self._backed_from = Pose2D()
         self._evaded_from: Pose2D | None = None
@@ -226,7 +226,7 @@ class Navigator:
         self, known: Awareness, now_s: float, pose: Pose2D, status: PoseStatus, dt_s: float
     ) -> Twist2D | None:
         """The twist of the present state; None is standing."""
-        if self._is_lost(now_s, status) or self._is_blind(known, now_s):
+        if self._is_lost(now_s, status) or self._is_blind(known, now_s, dt_s):
             return None
         if self._state is State.PLANNING:
             self._plan(known, now_s, pose)
@@ -243,7 +243,7 @@ class Navigator:
             self._say_over(self._lost_since_s)
             self._lost_since_s = None
             return False
-        self._blind_since_s = None
+        self._blind_s = None
         if self._lost_since_s is None:
             self._lost_since_s = now_s
         self._reason = "stands, for it does not know where it is"
@@ -257,15 +257,15 @@ class Navigator:
         if since_s is not None and self._state is State.DRIVING:
             self._reason = self._drives()
 
-    def _is_blind(self, known: Awareness, now_s: float) -> bool:
+    def _is_blind(self, known: Awareness, now_s: float, dt_s: float) -> bool:
+        """Whether scans are missing. Their absence is counted by steps: a computer that stood still proves nothing."""
         if now_s - known.scan_stamp_s < self._params.scan_silent_s:
-            self._say_over(self._blind_since_s)
-            self._blind_since_s = None
+            self._say_over(self._blind_s)
+            self._blind_s = None
             return False
-        if self._blind_since_s is None:
-            self._blind_since_s = now_s
+        self._blind_s = dt_s + (self._blind_s or 0.0)
         self._reason = "stands, for no scan arrives"
-        if now_s - self._blind_since_s >= self._params.scan_fault_s:
+        if self._blind_s >= self._params.scan_fault_s:
             self._end(End.FAULT, f"fault: no scan arrived for {self._params.scan_fault_s:.0f} s")
         return True
 

@@ -37,7 +37,7 @@ class NavigationParameters(Parameters):
     """By a scan that is older it drives more slowly: a busy computer, or a lidar that skips turns."""
     scan_silent_s: float = Field(default=0.6, gt=0, le=10)
     """Without a scan for so long the robot stands,"""
-    scan_fault_s: float = Field(default=5.0, gt=0, le=60)
+    scan_fault_s: float = Field(default=10.0, gt=0, le=60)
     """and after so much longer the goal ends."""
     lost_s: float = Field(default=20.0, gt=0, le=600)
     """A robot that does not know where it is stands, and after so long the goal ends."""

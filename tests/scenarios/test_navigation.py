@@ -203,7 +203,7 @@ def test_somebody_who_steps_in_front_is_not_touched(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", [LidarFault.SILENT, LidarFault.FROZEN])
 def test_without_scans_the_robot_stands_and_the_goal_ends(tmp_path: Path, fault: LidarFault) -> None:
-    """The lidar falls silent or repeats itself in mid-drive: at rest within 2 s, a fault after 5 s more."""
+    """The lidar falls silent or repeats itself in mid-drive: at rest within 2 s, a fault after 10 s more."""
 
     async def scenario(drive: Drive) -> None:
         leg = drive.begin()

@@ -162,7 +162,7 @@ WAY_FAULTS = (
             end="fault",
             reason="no scan arrived",
             rest_s=NO_SCAN_S,
-            lasts_s=7.0,
+            lasts_s=13.0,
             drives_after=what is LidarFault.SILENT,
             logged=("goal ended",),
         )
