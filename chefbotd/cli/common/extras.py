@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 
@@ -20,3 +21,14 @@ def extra(name: str, *packages: str) -> Iterator[None]:
             raise
         advice = f"pip install 'chefbotd[{name}]'"
         raise ProgramError(Exit.NOT_INSTALLED, f"an optional part is missing ({error}): {advice}") from error
+
+
+def require(name: str, *packages: str) -> None:
+    """Import the ``packages`` of the extra ``name``, so that a missing one is told before anything is begun.
+
+    Raises:
+        ProgramError: one of them, or a shared library that it needs, is missing.
+    """
+    with extra(name, *packages):
+        for package in packages:
+            import_module(package)

@@ -15,7 +15,7 @@ from chefbotd import __version__, start
 from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.extras import require
 from chefbotd.cli.programs.completion import completion
 from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
@@ -98,14 +98,11 @@ def run(
         if simulated:
             simulation_of(settings)
         if settings.foxglove.enabled:
-            with extra("foxglove", "foxglove"):
-                import foxglove  # noqa: F401 - whether it is there
+            require("foxglove", "foxglove")
         if settings.page.enabled:
-            with extra("page", "aiohttp", "websockets", "prometheus_client"):
-                pass
+            require("page", "aiohttp", "websockets", "prometheus_client")
         if settings.discovery.enabled:
-            with extra("discovery", "zeroconf", "ifaddr"):
-                import zeroconf  # noqa: F401 - what is missing is told before the robot is touched
+            require("discovery", "zeroconf", "ifaddr")
         from chefbotd.process import logs
         from chefbotd.process import run as process
         from chefbotd.settings import load

@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.extras import extra, require
 
 
 def test_a_missing_package_of_the_extra() -> None:
@@ -23,3 +23,10 @@ def test_any_other_failure_is_a_fault() -> None:
     """What is none of the extra's passes through."""
     with pytest.raises(ImportError), extra("tune", "a"):
         raise ImportError("cannot import name 'x'", name="chefbotd.cli.x")
+
+
+def test_what_is_required_is_imported_here_and_now() -> None:
+    """What is there passes; the first that is missing is told, with the extra that has it."""
+    require("page", "json", "click")
+    with pytest.raises(ProgramError, match=r"no_such_package.*pip install 'chefbotd\[page\]'"):
+        require("page", "json", "no_such_package")

@@ -20,6 +20,7 @@ from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.settings import packaged
+from tests.missing import hide
 
 pytestmark = pytest.mark.realtime
 
@@ -119,6 +120,16 @@ def test_an_unknown_log_level() -> None:
     result = chefbotd("run", "--sim", "--log-level", "loud")
     assert result.exit_code == Exit.BAD_CONFIGURATION
     assert "log.level" in result.stderr
+
+
+def test_a_page_that_is_not_installed_is_told_before_the_robot_is_touched(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Exit code 7 and the command of pip."""
+    hide(monkeypatch, "aiohttp")
+    result = chefbotd("run", "--sim", "--page")
+    assert result.exit_code == Exit.NOT_INSTALLED
+    assert "pip install 'chefbotd[page]'" in result.stderr
 
 
 def test_a_port_that_is_taken() -> None:
