@@ -99,6 +99,17 @@ def test_every_dependency_has_a_reason(group: str) -> None:
     assert sorted(told) == sorted(names({group}))
 
 
+def test_an_installation_without_extras_has_neither_image_codecs_nor_an_xml_library() -> None:
+    """They are a third of what it would take on a disk, and most robots use neither."""
+    assert closure(extras=()).keys() & {"pillow"} == set()
+    assert {"numpy", "pydantic-core"} <= closure(extras=()).keys()
+
+
+def test_a_robot_with_a_lidar_has_what_reads_maps() -> None:
+    """``navigation`` brings all of ``maps``, in the same versions."""
+    assert set(EXTRAS["maps"]) <= set(EXTRAS["navigation"])
+
+
 def test_what_users_install_may_be_built_into_anything() -> None:
     """Metadata states a licence for each, and none that reaches beyond the package's own files."""
     for name in closure():

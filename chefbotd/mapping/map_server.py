@@ -3,21 +3,25 @@
 Source: the documentation of map_server (https://wiki.ros.org/map_server) and what Nav2's map_io computes. Both read what
 is written here, and what either writes is read. Where they differ (a scale's middle, colours with transparency), this
 follows Nav2.
+
+Pillow (extra ``maps``) is imported where an image is read or a PNG is written; a PGM is written without it.
 """
 
 import io
 from enum import StrEnum
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import yaml
-from PIL import Image, UnidentifiedImageError
 from pydantic import Field, ValidationError, model_validator
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 Pixels: TypeAlias = npt.NDArray[np.uint8]
 Floats: TypeAlias = npt.NDArray[np.float64]
@@ -91,7 +95,10 @@ def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:
 
     Raises:
         MapFileError: it is no image, or one too large.
+        ModuleNotFoundError: Pillow is not installed.
     """
+    from PIL import Image, UnidentifiedImageError
+
     try:
         with Image.open(io.BytesIO(data)) as image:
             if image.width * image.height > MOST_PIXELS:
@@ -106,7 +113,7 @@ def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:
     return OccupancyGrid(description.resolution, Pose2D(x_m, y_m, yaw_rad), np.ascontiguousarray(percent))
 
 
-def _shades(image: Image.Image, *, average_alpha: bool) -> tuple[Floats, npt.NDArray[np.bool_]]:
+def _shades(image: "Image", *, average_alpha: bool) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Shades from 0 (black) to 255, the average of a pixel's channels, and where the image is opaque.
 
     Whether the average includes the transparency is the mode's: map_server's first one did, and stayed so.
@@ -144,6 +151,9 @@ def to_image(grid: OccupancyGrid, mode: Mode = Mode.TRINARY) -> bytes:
 
     Trinary keeps free (to 19 percent), occupied (from 65) and unknown, which is also what lies between; the others keep
     every percent.
+
+    Raises:
+        ModuleNotFoundError: a PNG is wanted, and Pillow is not installed.
     """
     percent = np.flipud(grid.percent)
     if mode is Mode.TRINARY:
@@ -155,6 +165,8 @@ def to_image(grid: OccupancyGrid, mode: Mode = Mode.TRINARY) -> bytes:
         return _pgm(np.where(percent == UNKNOWN, 255, percent).astype(np.uint8))
     shades = np.rint((100 - np.maximum(percent, 0).astype(np.float64)) * 2.55).astype(np.uint8)
     opaque = np.where(percent == UNKNOWN, 0, 255).astype(np.uint8)
+    from PIL import Image
+
     image = Image.fromarray(np.stack([shades, opaque], axis=-1), mode="LA")
     data = io.BytesIO()
     image.save(data, format="PNG")

@@ -18,6 +18,9 @@ from chefbotd.maps.store import MapStore
 
 Arrays = Mapping[str, NDArray[Any]]
 SLAM = "made by SLAM"
+NO_PILLOW = (
+    "Pillow, which reads images, is not installed on the robot's computer: pip install 'chefbotd[maps]'"
+)
 LARGEST_YAML_BYTES, LARGEST_IMAGE_BYTES = 1 << 20, 1 << 30
 
 
@@ -106,7 +109,7 @@ def read_map_server(path: Path) -> OccupancyGrid:
     """The map of a YAML file of map_server's and of the image that it names.
 
     Raises:
-        MapStoreError: one of them cannot be read, or is not what it should be.
+        MapStoreError: one of them cannot be read, or is not what it should be, or Pillow is not installed.
     """
     try:
         description = parse_description(_content(path, LARGEST_YAML_BYTES).decode("utf-8-sig"), path.name)
@@ -120,6 +123,10 @@ def read_map_server(path: Path) -> OccupancyGrid:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: is not text") from error
     except MapFileError as error:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, str(error)) from error
+    except ModuleNotFoundError as error:
+        if error.name != "PIL":
+            raise
+        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: {NO_PILLOW}") from error
 
 
 def _content(path: Path, most: int) -> bytes:

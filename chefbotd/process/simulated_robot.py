@@ -45,6 +45,7 @@ def checked_simulation(settings: Settings) -> Simulation:
 
     Raises:
         CannotSimulateError: it cannot, and why.
+        ModuleNotFoundError: its world is a map, and Pillow is not installed.
     """
     try:
         simulation = simulation_of(settings)

@@ -27,6 +27,7 @@ def scene_of(named: Path | None, closed_doors: Collection[str] = ()) -> Scene:
     Raises:
         OSError: a file cannot be read.
         ValueError: it is not a map, or nothing in it is occupied, or it has no such door.
+        ModuleNotFoundError: it is a map, and Pillow is not installed.
     """
     building = None if named is None else BUILDINGS.get(str(named))
     doors = {} if building is None else {door.name: door for door in building.doors}
@@ -78,6 +79,7 @@ def load_map(path: Path) -> World:
     Raises:
         OSError: a file cannot be read.
         ValueError: the YAML or the image is not a map, or nothing in it is occupied.
+        ModuleNotFoundError: Pillow is not installed.
     """
     return World(_map_walls(path))
 

@@ -10,6 +10,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.extras import require
 from chefbotd.cli.maps.asking import ask, write_file
 from chefbotd.cli.maps.making import COMMANDS as MAKING
 from chefbotd.cli.maps.progress import progress_bar
@@ -93,6 +94,8 @@ def import_command(context: CommandContext, yaml: str, name: str | None, replace
 @click.pass_obj
 def show(context: CommandContext, name: str | None, png: Path | None, force: bool) -> None:
     """Draw the map NAME in the terminal, or the one being made or in use, with its places and the robot."""
+    if png is not None:
+        require("maps", "PIL")
     image, marks = _fetch(context, name)
     facts = {key: getattr(image, key) for key in image.__dataclass_fields__ if key != "cells"}
     if png is not None:
@@ -177,6 +180,8 @@ def export(context: CommandContext, folder: Path, name: str | None, mode: str, f
     from chefbotd.maps.errors import MapStoreError
     from chefbotd.maps.names import map_name
 
+    if mode == Mode.SCALE:
+        require("maps", "PIL")
     with progress_bar("receiving the map", quiet=context.as_json) as report:
         image = ask(context, lambda robot: robot.get_map(name, report))
     try:

@@ -11,6 +11,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.extras import require
 from chefbotd.cli.maps.asking import write_file
 from chefbotd.cli.maps.progress import progress_bar
 from chefbotd.client import CallError, Client
@@ -97,6 +98,7 @@ def demo(context: CommandContext, out: Path) -> None:
     It is driven through the rooms, and the map is drawn as it grows. At the end the map is held against the flat's
     true walls. It takes about three minutes.
     """
+    require("navigation", "PIL")
     from chefbotd.cli.maps.against_truth import wall_errors
     from chefbotd.cli.maps.demo import Demo
     from chefbotd.cli.maps.demo_view import DemoView, as_json

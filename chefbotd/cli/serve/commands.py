@@ -14,6 +14,7 @@ from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.extras import require
 from chefbotd.client import CallError, Client
 from chefbotd.client.goals import GoalNotReached
 
@@ -191,6 +192,7 @@ def serve(context: CommandContext) -> None:
     It starts somewhere in a flat without being told where, finds out, goes to the tables and home to the kitchen.
     People walk about, and a chair that is on no map is in its way. At the end each leg is held against the truth.
     """
+    require("navigation", "PIL")
     from chefbotd.cli.serve import order
     from chefbotd.cli.serve.serve import Serve
     from chefbotd.cli.serve.view import NavigationView, as_json

@@ -17,6 +17,7 @@ Sleep: TypeAlias = Callable[[float], None]
 Now: TypeAlias = Callable[[], float]
 
 MISSING = "OpenNI2's bindings are not installed: pip install 'chefbotd[depth]'"
+NO_PILLOW = "Pillow, which reads images, is not installed: pip install 'chefbotd[depth]'"
 
 
 class Frame(NamedTuple):
@@ -61,8 +62,10 @@ def folder_frames(parameters: DepthSourceParameters, now: Now, sleep: Sleep) -> 
 
 
 def _read_image(path: Path, parameters: DepthSourceParameters) -> DepthImage:
-    from PIL import Image, UnidentifiedImageError  # for this source only
-
+    try:
+        from PIL import Image, UnidentifiedImageError  # for this source only
+    except ImportError as error:
+        raise NoImagesError(NO_PILLOW) from error
     try:
         with Image.open(path) as image:
             if not image.mode.startswith("I"):

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from chefbotd.link.depth.sources import NoImagesError, frames
 from chefbotd.perception.depth_camera import DepthSourceParameters
+from tests.missing import PILLOW, hide
 
 SMALL = {"width": 4, "height": 2, "center_x_px": 2, "center_y_px": 1}
 
@@ -55,6 +56,14 @@ def test_a_folder_is_played_in_order_again_and_again_at_its_rate(tmp_path: Path)
     assert [round(frame.stamp_s - 100, 6) for frame in seen] == [0.0, 0.2, 0.4, 0.6, 0.8]
     assert seen[0].depth_mm[1, 3] == 65_535  # as far as a millimetre of 16 bits goes
     assert seen[0].depth_mm.dtype == np.uint16
+
+
+def test_images_need_pillow_and_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the extra is not installed, with the command of pip."""
+    write(tmp_path / "a.png", [[1000, 2, 3, 4], [5, 6, 7, 8]])
+    hide(monkeypatch, *PILLOW)
+    with pytest.raises(NoImagesError, match=r"Pillow.*: pip install 'chefbotd\[depth\]'"):
+        next(frames(parameters(source="folder", folder=tmp_path), lambda: 0.0, lambda _: None))
 
 
 def test_what_gives_no_images_says_why(tmp_path: Path) -> None:
