@@ -23,7 +23,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from rich.console import Console
 
-EXTRAS = ("teleop", "tune", "joystick", "maps", "navigation", "page")
+EXTRAS = ("teleop", "tune", "joystick", "maps", "navigation", "page", "urdf")
 KNOWN_BAD = {"jinja2": "2.10"}
 """Its sandbox can be left (CVE-2019-10906)."""
 

@@ -101,7 +101,7 @@ def test_every_dependency_has_a_reason(group: str) -> None:
 
 def test_an_installation_without_extras_has_neither_image_codecs_nor_an_xml_library() -> None:
     """They are a third of what it would take on a disk, and most robots use neither."""
-    assert closure(extras=()).keys() & {"pillow"} == set()
+    assert closure(extras=()).keys() & {"pillow", "urdf-parser-py", "lxml"} == set()
     assert {"numpy", "pydantic-core"} <= closure(extras=()).keys()
 
 

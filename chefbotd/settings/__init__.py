@@ -1,7 +1,7 @@
 """The configuration of a robot: one TOML file, the environment and overrides, as validated parameters."""
 
-from chefbotd.settings.errors import SettingsError
+from chefbotd.settings.errors import MissingExtraError, SettingsError
 from chefbotd.settings.loader import DEFAULT_ROBOT, load, packaged
 from chefbotd.settings.model import Settings
 
-__all__ = ["DEFAULT_ROBOT", "Settings", "SettingsError", "load", "packaged"]
+__all__ = ["DEFAULT_ROBOT", "MissingExtraError", "Settings", "SettingsError", "load", "packaged"]

@@ -19,6 +19,10 @@ class SettingsError(Exception):
         self.differences = list(differences)
 
 
+class MissingExtraError(SettingsError):
+    """A configuration that may be right, and cannot be checked without a package of an extra; the text says which."""
+
+
 def explain(
     error: ValidationError,
     model: type[BaseModel],

@@ -16,11 +16,16 @@ from pydantic import ValidationError
 
 import chefbotd
 from chefbotd.settings.checks import check
-from chefbotd.settings.errors import SettingsError, explain
+from chefbotd.settings.errors import MissingExtraError, SettingsError, explain
 from chefbotd.settings.layers import Keys, UnknownKey, from_environment, place, read, variable
 from chefbotd.settings.model import Settings
 
 DEFAULT_ROBOT = "chefbot"
+URDF_PACKAGES = ("urdf_parser_py", "lxml")
+NO_URDF_PARSER = (
+    "urdf-parser-py, which reads it, is not installed: pip install 'chefbotd[urdf]' "
+    "(without the key, the URDF is made from the configuration, and needs nothing)"
+)
 
 
 def packaged(robot: str = DEFAULT_ROBOT) -> Path:
@@ -52,6 +57,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
 
     Raises:
         SettingsError: the file cannot be read or parsed, a value is refused, or the description is another robot's.
+        MissingExtraError: there is a description of one's own, and its parser is not installed.
     """
     path = path or packaged()
     values = _from_file(path)
@@ -140,12 +146,16 @@ def _check_description(settings: Settings) -> None:
     path = settings.robot.description
     if path is None:
         return
-    from chefbotd.settings.description import (  # slow to import, and rarely needed
-        Description,
-        DescriptionError,
-    )
-    from chefbotd.settings.description_check import differences
-
+    try:
+        from chefbotd.settings.description import (  # slow to import, and rarely needed
+            Description,
+            DescriptionError,
+        )
+        from chefbotd.settings.description_check import differences
+    except ModuleNotFoundError as error:
+        if str(error.name).partition(".")[0] not in URDF_PACKAGES:
+            raise
+        raise MissingExtraError(f"robot.description: {path}: {NO_URDF_PARSER}") from error
     try:
         found = differences(Description(path), settings)
     except DescriptionError as error:

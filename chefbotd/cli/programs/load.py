@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.extras import extra
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
@@ -15,26 +16,27 @@ def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None)
     """The configuration at ``path`` (None: the packaged ChefBot's).
 
     Raises:
-        ProgramError: it is not valid; the message says why.
+        ProgramError: it is not valid, or cannot be read without an extra; the message says why.
     """
+    from chefbotd.cli.common.bad_configuration import bad_configuration
     from chefbotd.settings import SettingsError, load
 
     try:
         return load(path, overrides=overrides)
     except SettingsError as error:
-        details = {"differences": error.differences} if error.differences else {}
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error), **details) from error
+        raise bad_configuration(error) from error
 
 
 def simulation(settings: "Settings") -> "Simulation":
     """The simulation that this configuration describes.
 
     Raises:
-        ProgramError: it cannot be simulated; the message says why.
+        ProgramError: it cannot be simulated, or its world is a map and Pillow is not installed; the message says why.
     """
     from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation
 
     try:
-        return checked_simulation(settings)
+        with extra("maps", "PIL"):
+            return checked_simulation(settings)
     except CannotSimulateError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error

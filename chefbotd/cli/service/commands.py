@@ -53,6 +53,7 @@ def install_service(
         raise click.UsageError(
             "--robot and --config exclude each other: a configuration says which robot it is"
         )
+    from chefbotd.cli.common.bad_configuration import bad_configuration
     from chefbotd.process.installation import plan
     from chefbotd.process.installation.host import Host
     from chefbotd.settings import SettingsError
@@ -65,7 +66,7 @@ def install_service(
     try:
         steps = plan.install(Host(root), wanted)
     except SettingsError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+        raise bad_configuration(error) from error
     _carry_out(ctx, steps, dry_run=dry_run)
 
 

@@ -67,13 +67,14 @@ def save(context: CommandContext, path: Path) -> None:
     """
     with extra("tune", "tomlkit"):
         from chefbotd.settings import gains_file
+    from chefbotd.cli.common.bad_configuration import bad_configuration
     from chefbotd.settings import SettingsError
 
     gains = context.run_with_client(lambda robot: robot.get_pid())
     try:
         gains_file.save(path, gains)
     except SettingsError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
+        raise bad_configuration(error) from error
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{path} was not written: {error.strerror}") from error
     output.say(context.as_json, {"saved": str(path)}, f"Saved to {path}.")

@@ -14,6 +14,7 @@ from chefbotd.process import logs
 from chefbotd.process.service import Service
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.missing import URDF_PARSER, hide
 
 OLD, NEW = "o" * 20, "n" * 20
 SPEED_M_S = 0.3
@@ -162,6 +163,26 @@ def test_an_invalid_file_changes_nothing(robot: Robot, old: str, new: str, reaso
             await service.reload()
         (told,) = [entry for entry in logged if entry["log_level"] == "error"]
         assert reason in told["error"]
+        assert await simulated.client.call("get_pid") == before
+
+    robot.run(scenario)
+    assert "nothing has changed" in robot.told[-1]
+
+
+def test_a_description_that_cannot_be_read_here_changes_nothing(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    """Where the parser of URDF is not installed; the daemon goes on, and the log says what to install."""
+
+    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+        before = await simulated.client.call("get_pid")
+        robot.edit("ks_duty = 21.2 ", "ks_duty = 25.5 ")
+        robot.edit('# description = "my.urdf" ', 'description = "my.urdf" ')
+        hide(monkeypatch, *URDF_PARSER)
+        with structlog.testing.capture_logs() as logged:
+            await service.reload()
+        (told,) = [entry for entry in logged if entry["log_level"] == "error"]
+        assert "pip install 'chefbotd[urdf]'" in told["error"]
         assert await simulated.client.call("get_pid") == before
 
     robot.run(scenario)
