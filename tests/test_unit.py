@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.cli.common.exits import Exit
+
 UNIT = Path(__file__).parents[1] / "config" / "chefbotd.service"
 MOST_EXPOSED = 2.0
 
@@ -34,6 +36,12 @@ def test_the_unit_never_gives_up_for_good_and_waits_longer_each_time():
     assert said("Restart") == ["always"]
     assert said("StartLimitIntervalSec") == ["0"]
     assert (said("RestartSec"), said("RestartSteps"), said("RestartMaxDelaySec")) == (["1"], ["6"], ["30"])
+
+
+def test_what_does_not_mend_itself_is_not_tried_again():
+    """A configuration that is not valid, or an extra that it needs and is not installed: by the exit codes for them."""
+    expected = [str(int(code)) for code in (Exit.NOT_INSTALLED, Exit.BAD_CONFIGURATION)]
+    assert said("RestartPreventExitStatus") == [" ".join(expected)]
 
 
 def test_the_unit_is_watched_and_reloads_by_sighup():
