@@ -9,23 +9,26 @@ import contextlib
 import fcntl
 import signal
 import sys
+import termios
 import time
 
 GOODBYE = b"goodbye\n"
 STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
 
-OPENING_TRIES = 20
+PATIENCE_S = 60.0
+"""How long a port that is gone is waited for: a cable that was pulled is likely to be plugged in again."""
 
 
 def stop_motors(device: str, baud: int, dtr: bool, rts: bool, stop: bytes) -> bool:
     """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed."""
     import serial  # only now, so that the wait costs no memory
 
-    for _ in range(OPENING_TRIES):
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
         port = serial.Serial(None, baud, write_timeout=1.0)
         port.port, port.dtr, port.rts = device, dtr, rts
-        with contextlib.suppress(OSError), port:
+        with contextlib.suppress(OSError, termios.error), port:  # a device that goes away raises either
             for _ in range(STOPS):
                 if not _is_free(port.fileno()):
                     return True
@@ -47,8 +50,8 @@ def _is_free(descriptor: int) -> bool:
 
 
 def main() -> None:
-    """Wait for the pipe's end; signals that end programs are for the other one."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    """Wait for the pipe's end; signals are for the other one. systemd's watchdog sends SIGABRT to this one, too."""
+    for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         signal.signal(number, signal.SIG_IGN)
     device, baud, dtr, rts, stop = sys.argv[1:]
     if sys.stdin.buffer.read() != GOODBYE:

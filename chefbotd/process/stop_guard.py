@@ -16,6 +16,7 @@ from firmware_protocol.codec import VARIANTS, to_board
 from firmware_protocol.messages import SetDuty
 
 ENDING_S = 2.0
+AGAIN_S = 1.0
 log = structlog.get_logger(component="stop_guard")
 
 
@@ -30,15 +31,41 @@ async def stop_guard(settings: Settings) -> AsyncIterator[None]:
         yield
         return
     stop = to_board(variant).encode(SetDuty((0,) * variant.wheels))
-    starting = asyncio.create_task(_started(link, stop))
+    guard = _Guard(link, stop)
+    keeping = asyncio.create_task(guard.keep())
     try:
         yield
     finally:
-        guard = await starting
-        if guard is not None:
+        keeping.cancel()
+        await guard.say_goodbye()
+
+
+class _Guard:
+    """The second process, and another one in its place should it end."""
+
+    def __init__(self, link: LinkParameters, stop: bytes) -> None:
+        self._link, self._stop = link, stop
+        self._starting = self._start()
+
+    async def keep(self) -> None:
+        """See to it that there is one, for as long as the system has room for it."""
+        while (process := await asyncio.shield(self._starting)) is not None:
+            code = await process.wait()
+            log.warning(
+                "what stops the motors should chefbotd be killed has ended; it starts anew", code=code
+            )
+            await asyncio.sleep(AGAIN_S)
+            self._starting = self._start()
+
+    async def say_goodbye(self) -> None:
+        """Have the one that there is end, without a stop."""
+        if (process := await self._starting) is not None:
             with contextlib.suppress(OSError, TimeoutError):
                 async with asyncio.timeout(ENDING_S):
-                    await guard.communicate(GOODBYE)
+                    await process.communicate(GOODBYE)
+
+    def _start(self) -> "asyncio.Task[Process | None]":
+        return asyncio.create_task(_started(self._link, self._stop))
 
 
 async def _started(link: LinkParameters, stop: bytes) -> Process | None:

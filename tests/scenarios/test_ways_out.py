@@ -1,6 +1,7 @@
 """Every way out of the real program on a real pty: what is the last thing that the board hears."""
 
 import asyncio
+import contextlib
 import os
 import signal
 import time
@@ -18,6 +19,8 @@ from tests.scenarios.process import (
     OUT_OF_MEMORY,
     PERIOD_S,
     SPEED_M_S,
+    Program,
+    drive_until_told,
     driving,
     second_daemon,
     started,
@@ -132,6 +135,88 @@ def test_kill_9_is_followed_by_stops_from_the_guard(tmp_path: Path):
             assert program.board.speed_m_s < 0.01
 
     asyncio.run(scenario())
+
+
+def test_a_guard_that_is_killed_itself_is_told_and_started_again(tmp_path: Path):
+    """So a daemon that is killed later is followed by stops all the same."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, client):
+            first = await _guard_of(program.process.pid)
+            os.kill(first, signal.SIGKILL)
+            while await _guard_of(program.process.pid) == first:
+                await client.drive(SPEED_M_S, 0.0)
+                await asyncio.sleep(PERIOD_S)
+            await drive_until_told(program.board, client)
+            await _killed_and_stopped(program)
+        assert "it starts anew" in program.log.read_text()
+
+    asyncio.run(scenario())
+
+
+def test_a_guard_outlives_every_signal_that_can_be_caught(tmp_path: Path):
+    """A service manager sends its own (SIGABRT, SIGTERM) to each process of a service, not to the daemon alone."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, client):
+            guard = await _guard_of(program.process.pid)
+            for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}:
+                os.kill(guard, number)
+            await drive_until_told(program.board, client)
+            await _killed_and_stopped(program)
+        assert "it starts anew" not in program.log.read_text()
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_cable_pulled_as_the_daemon_is_killed_is_followed_by_stops_once_it_is_back(tmp_path: Path):
+    """It is away for four seconds; the board, which has its own power, drives on meanwhile."""
+
+    async def scenario() -> None:
+        async with driving(tmp_path) as (program, _):
+            program.board.unplug()
+            program.process.kill()
+            await program.ended()
+            await asyncio.sleep(4.0)
+            assert program.board.told_to_move
+            assert program.board.speed_m_s > 0.02
+            program.board.plug()
+            await _stopped(program)
+
+    asyncio.run(scenario())
+
+
+async def _guard_of(daemon_pid: int) -> int:
+    """The process that waits for the daemon's end, once it does: with its signals set."""
+    while (found := _waiting_for(daemon_pid)) is None:  # noqa: ASYNC110 - nobody tells us
+        await asyncio.sleep(PERIOD_S)
+    return found
+
+
+def _waiting_for(daemon_pid: int) -> int | None:
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            status = dict(line.split(":\t", 1) for line in (folder / "status").read_text().splitlines())
+            is_child = int(status["PPid"]) == daemon_pid
+            if is_child and int(status["SigIgn"], 16) & (1 << signal.SIGHUP - 1):
+                return int(folder.name)
+    return None
+
+
+async def _killed_and_stopped(program: Program) -> None:
+    program.process.kill()
+    await program.ended()
+    await _stopped(program)
+
+
+async def _stopped(program: Program) -> None:
+    """Within the time that a scenario has."""
+    while program.board.told_to_move:  # noqa: ASYNC110 - nobody tells us
+        await asyncio.sleep(PERIOD_S)
+    await asyncio.sleep(1.0)
+    assert not program.board.told_to_move
+    assert program.board.speed_m_s < 0.01
 
 
 def test_who_ends_in_order_is_followed_by_no_guard(tmp_path: Path):
