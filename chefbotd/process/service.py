@@ -110,6 +110,9 @@ class Service:
         except CANNOT_RELOAD as error:
             self.status.note = "reload failed, nothing has changed: see the log"
             log.error("the configuration was not reloaded, and nothing has changed", error=str(error))
+        except Exception as error:  # told: no file may end a daemon whose robot drives
+            self.status.note = "reload failed: see the log"
+            log.error("the configuration was not reloaded", error=repr(error), exc_info=error)
         else:
             self.status.note = f"reloaded: {outcome}"
             told = log.warning if outcome.refused else log.info

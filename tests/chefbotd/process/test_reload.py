@@ -189,6 +189,26 @@ def test_a_description_that_cannot_be_read_here_changes_nothing(
     assert "nothing has changed" in robot.told[-1]
 
 
+def test_a_file_that_the_reader_stumbles_over_does_not_end_the_daemon(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    """Whatever the reader raises, and however: the robot drives on at its speed, and systemd is told."""
+
+    def stumble(path: Path) -> Settings:
+        raise RecursionError("too deep")
+
+    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+        monkeypatch.setattr("tests.chefbotd.process.test_reload.load", stumble)
+        await speed_after(simulated.client, simulated, 1.0)
+        with structlog.testing.capture_logs() as logged:
+            await service.reload()
+        assert "too deep" in next(entry for entry in logged if entry["log_level"] == "error")["error"]
+        assert await speed_after(simulated.client, simulated, 1.0) == pytest.approx(SPEED_M_S, rel=0.05)
+
+    robot.run(scenario)
+    assert "reload failed: see the log" in robot.told[-1]
+
+
 def test_what_is_valid_with_a_restart_only_changes_nothing(robot: Robot):
     """A duty range of 1023 would allow an output of 900; without a restart the range is 255, and the gains stay."""
 

@@ -187,6 +187,11 @@ def test_a_missing_file_and_a_broken_one_are_told_apart(tmp_path: Path):
     broken.write_bytes(b"\xff\xfe")
     with pytest.raises(SettingsError, match="not valid TOML"):
         load(broken)
+    broken.write_text("link = " + "[" * 20_000)
+    with pytest.raises(
+        SettingsError, match=r"broken.toml: not valid TOML: lists or tables are nested too deep"
+    ):
+        load(broken)
 
 
 def test_an_unknown_robot_is_told_which_there_are():
