@@ -33,7 +33,9 @@ def test_an_upgrade_takes_nothing_away(name: str, action: str):
 
 
 def test_the_package_has_extras_that_there_are():
-    """Those of the Makefile's DEB_EXTRAS, with which a service finds its page and its name."""
+    """Those of the Makefile's DEB_EXTRAS: page, name, and what earlier packages had without asking (maps, urdf)."""
     (said,) = re.findall(r"^DEB_EXTRAS \?= (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert {"page", "discovery"} <= set(said.split(",")) <= set(project["optional-dependencies"])
+    assert (
+        {"page", "discovery", "maps", "urdf"} <= set(said.split(",")) <= set(project["optional-dependencies"])
+    )
