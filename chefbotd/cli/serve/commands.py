@@ -14,7 +14,7 @@ from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import require
+from chefbotd.cli.common.extras import extra, require
 from chefbotd.client import CallError, Client
 from chefbotd.client.goals import GoalNotReached
 
@@ -193,8 +193,9 @@ def serve(context: CommandContext) -> None:
     People walk about, and a chair that is on no map is in its way. At the end each leg is held against the truth.
     """
     require("navigation", "PIL")
+    with extra("navigation", "numba", "llvmlite", "scipy"):
+        from chefbotd.cli.serve.serve import Serve
     from chefbotd.cli.serve import order
-    from chefbotd.cli.serve.serve import Serve
     from chefbotd.cli.serve.view import NavigationView, as_json
 
     view = NavigationView(quiet=context.as_json)

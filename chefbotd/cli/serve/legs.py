@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from chefbotd.cli.serve.results import Disc, Leg
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.navigation.distance import distances_m
@@ -14,43 +15,8 @@ from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
 from chefbotd.sim.world import World
 
-Disc = tuple[float, float, float]
-"""x, y and radius in metres."""
-
-
 STILL_M = 1e-4
 """A robot that comes no nearer than this between two of the simulation's reports (25 a second) stands."""
-
-
-@dataclass(frozen=True, slots=True)
-class Leg:
-    """From where the robot stood to a place. ``end`` is the goal's, ``reason`` its sentence.
-
-    ``closest_m`` is the least distance of the robot's outline from anything that it could bump into, as far as its own
-    motion led there; ``closest_of_all_m`` counts also who walked up to it.
-    """
-
-    place: str
-    end: str
-    reason: str
-    length_m: float
-    shortest_m: float
-    seconds: float
-    ideal_s: float
-    closest_m: float
-    closest_of_all_m: float
-    off_m: float
-    off_rad: float
-    touched: bool
-
-    @property
-    def failure(self) -> str | None:
-        """Why this leg does not count as done."""
-        if self.end != "reached":
-            return f"{self.place}: {self.reason or self.end}"
-        if self.touched:
-            return f"{self.place}: it touched something"
-        return None
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from chefbotd.cli.maps.draw import Mark
 from chefbotd.cli.maps.live import MapTracker
-from chefbotd.cli.serve.legs import Disc, Leg
+from chefbotd.cli.serve.results import Disc, Leg
 from chefbotd.client import Client
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 

@@ -6,7 +6,6 @@ import tempfile
 import time
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +16,8 @@ from chefbotd.cli.drive.simulated_daemon import simulated_process
 from chefbotd.cli.maps.draw import Mark
 from chefbotd.cli.maps.worker_ready import until_worker_ready
 from chefbotd.cli.serve import order
-from chefbotd.cli.serve.legs import Best, Leg, Truth, ended_leg
+from chefbotd.cli.serve.legs import Best, Truth, ended_leg
+from chefbotd.cli.serve.results import Found, Leg, Served
 from chefbotd.cli.serve.scene import PLACE, NavigationScene, Show, listen
 from chefbotd.client import CallError, Client
 from chefbotd.client.goals import GoalNotReached
@@ -34,30 +34,6 @@ LEG_S, ORDER_S = 75.0, 165.0
 """The longest time for one leg, and for the whole order from the loaded map on: three minutes with the start."""
 
 TRUTH_HZ, SENT_AGAIN_S = 25.0, 0.2
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """How it found out where it was: after how long, and how far from the truth."""
-
-    seconds: float
-    off_m: float
-    off_rad: float
-    turned: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Served:
-    """What came of it."""
-
-    found: Found
-    legs: tuple[Leg, ...]
-    seconds: float
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Why it does not count as done; nothing where it does."""
-        return tuple(leg.failure for leg in self.legs if leg.failure is not None)
 
 
 class Serve:
