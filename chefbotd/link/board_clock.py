@@ -170,14 +170,23 @@ class ClockRelation:
         """Fit one more pair of simultaneous readings, unless it came too late to say anything."""
         if self._count > 1:
             residual_s = host_s - self.host_s(board_s)
-            if self._count >= self.FIRST_READINGS:
-                if residual_s > self.LATE_FLOOR_S and residual_s > 6 * self._scatter_s:
-                    self._leave_out()
+            if (
+                self._count >= self.FIRST_READINGS
+                and residual_s > self.LATE_FLOOR_S
+                and residual_s > 6 * self._scatter_s
+            ):
+                self._leave_out()
+                if self.is_known:
                     return
+            else:
                 self._left_out_in_a_row = 0
-            count = self._count if self._count < 200 else 200
-            self._scatter_s += (abs(residual_s) - self._scatter_s) / count
+                self._scatter_s += (abs(residual_s) - self._scatter_s) / min(self._count, 200)
         self._fit(board_s, host_s)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there was a reading to go by."""
+        return self._count > 0
 
     def _leave_out(self) -> None:
         self.excluded += 1

@@ -99,11 +99,21 @@ class Ld19Reader:
         """The turns that these bytes complete.
 
         Of all packets of a read the last has waited least: the lidar's clock is compared with the host's by that one.
+        A turn whose time is not known is none: of a clock that has just begun, or of one that ended within the read.
         """
         packets = self._decoder.feed_bytes(data)
-        ended = [self._whole_turn() for packet in packets if self._place(packet, now_s)]
-        if packets and self._last is not None and self._last.packet is packets[-1]:
+        ended: list[tuple[list[_Placed], int] | None] = []
+        for packet in packets:
+            before = self.relation
+            is_placed = self._place(packet, now_s)
+            if self.relation is not before:
+                ended.clear()
+            if is_placed:
+                ended.append(self._whole_turn())
+        if packets and self._last is not None and self._last.packet == packets[-1]:
             self.relation.observe(self._last.device_ms * 1e-3, now_s - self._packet_s)
+        if not self.relation.is_known:
+            return []
         turns = [self._turn_of(*each, now_s) for each in ended if each is not None]
         return [turn for turn in turns if turn is not None]
 

@@ -329,3 +329,17 @@ def test_the_scatter_is_known_from_the_third_reading_on():
     for board_s, host_s in ((0.0, 7.0), (0.1, 7.1), (0.2, 7.21)):
         relation.observe(board_s, host_s)
     assert relation.jitter_s == pytest.approx(0.005, rel=1e-3)
+
+
+def test_clocks_that_have_parted_are_related_anew_by_the_reading_that_showed_it():
+    """The board's clock runs from 3.5 s on at the host's 100 s; then all is read 0.7 s later, for fifty readings."""
+    relation = ClockRelation()
+    for index in range(40):
+        relation.observe(3.5 + index * 0.05, 100.0 + index * 0.05)
+    told_s = []
+    for index in range(40, 100):
+        relation.observe(3.5 + index * 0.05, 100.7 + index * 0.05)
+        told_s.append(relation.host_s(3.5 + index * 0.05) - index * 0.05)
+    assert told_s[0] == pytest.approx(100.0, abs=0.01)
+    assert told_s[-1] == pytest.approx(100.7, abs=0.01)
+    assert min(told_s) > 99.9

@@ -67,6 +67,34 @@ def test_each_beam_has_its_time_on_the_host_s_clock() -> None:
     assert reader.relation.jitter_s is not None
 
 
+def test_no_turn_has_the_lidar_s_own_time_for_the_host_s() -> None:
+    """After 1.4 s without a look all comes in at once, its end from after a gap in which the buffer was full.
+
+    The last packet, which alone tells the host's time, follows nothing: the turns before it have no time, and are none.
+    """
+    packets, reader = ld19_bytes(noisy_box(), 700), Ld19Reader(BAUD)
+    for index, data in enumerate(packets[:120]):
+        reader.read_bytes(data, 500.0 + index / 300)
+    late = reader.read_bytes(b"".join(packets[150:260] + packets[690:692]), 501.9)
+    after = [
+        turn for index in range(200) for turn in reader.read_bytes(packets[260 + index], 502.0 + index / 300)
+    ]
+    assert late == []
+    assert len(after) >= 4
+    assert all(501.0 < turn.stamp_s[0] <= turn.stamp_s[-1] < 502.7 for turn in after)
+
+
+def test_a_read_in_which_the_lidar_starts_again_has_no_turn_of_before() -> None:
+    """Its clock begins at 5 s instead of 29.5 s, in the middle of a read: what ended before it has no time by it."""
+    before, reader = ld19_bytes(noisy_box(), 330), Ld19Reader(BAUD)
+    for index, data in enumerate(before[:120]):
+        reader.read_bytes(data, 500.0 + index / 300)
+    again = ld19_bytes(noisy_box(), 400, start_ms=15_000)
+    turns = reader.read_bytes(b"".join(before[120:330] + again), 502.1)
+    assert turns
+    assert all(500.4 < turn.stamp_s[0] <= turn.stamp_s[-1] <= 502.1 for turn in turns)
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 3000))
 def test_chunks_make_no_difference(size: int) -> None:
