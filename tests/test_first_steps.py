@@ -1,8 +1,17 @@
 """What a newcomer reads first: README, CONTRIBUTING and `make help` name only what there is."""
 
+import json
+import os
 import re
+import shlex
 import shutil
+import signal
+import socket
 import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -40,3 +49,70 @@ def test_the_files_that_readme_runs_with_are_those_that_init_writes() -> None:
     shell = " ".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL))
     assert "chefbotd init my-robot " in shell
     assert set(re.findall(r"\S+\.toml", re.sub(r"#.*", "", shell))) == {"my-robot/chefbot.toml"}
+
+
+@contextmanager
+def daemon(words: list[str], port: int, log: Path) -> Iterator[None]:
+    """The daemon of README's first line, on a port that is free; it is ended by Ctrl-C."""
+    where = ["--listen", f"127.0.0.1:{port}"]
+    environment = {**os.environ, "XDG_STATE_HOME": str(log.parent), "CHEFBOTD_PAGE__PORT": "0"}
+    with (
+        log.open("wb") as sink,
+        subprocess.Popen([*words, *where], stderr=sink, env=environment) as process,
+    ):
+        try:
+            until_s = time.monotonic() + 30.0
+            while '"mode": "armed"' not in log.read_text() or "link opened" not in log.read_text():
+                assert time.monotonic() < until_s, log.read_text()
+                time.sleep(0.05)
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(20)
+
+
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_what_readme_says_of_driving_recording_and_replaying_works(tmp_path: Path) -> None:
+    """Each line of it is run as it stands, but for the ports and the folder of the user's state."""
+    pytest.importorskip("mcap")
+    pytest.importorskip("matplotlib")
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (block,) = (each for each in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) if "--record" in each)
+    lines = [shlex.split(line, comments=True) for line in block.splitlines()]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    here = tmp_path
+
+    def run(words: list[str]) -> str:
+        program = str(Path(sys.executable).with_name(words[0]))
+        filled = [str(path) for word in words[1:] for path in ([*here.glob(word)] if "*" in word else [word])]
+        environment = {
+            **os.environ,
+            "CHEFBOTCTL_CONNECT": f"127.0.0.1:{port}",
+            "XDG_STATE_HOME": str(tmp_path),
+        }
+        done = subprocess.run(
+            [program, *filled],
+            cwd=here,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr + done.stdout
+        return done.stdout
+
+    start, drive, folder, info, plot, replay, serve = lines
+    program = str(Path(sys.executable).with_name(start[0]))
+    with daemon([program, *start[1:]], port, tmp_path / "log"):
+        assert "Moved" in run(drive)
+    assert folder[1].startswith("~/.local/state/")
+    here = tmp_path / folder[1].removeprefix("~/.local/state/")
+    assert "robot chefbot" in run(info)
+    run(plot)
+    assert [path.suffix for path in sorted(here.glob("auto_*"))] == [".mcap", ".png"]
+    assert "are the same, bit for bit." in run(replay)
+    served = run([*serve, "--listen", f"127.0.0.1:{port}", "--rate", "20", "--json"])
+    assert json.loads(served)["exact"]

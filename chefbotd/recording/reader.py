@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import msgspec
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
@@ -97,8 +97,10 @@ class RecordingReader:
                 for each in _records_in(record) if isinstance(record, Chunk) else [record]:
                     self._note(each)
                     yield each
+        except EndOfFile:
+            self.problem = "it ends in the middle of a chunk: its writer was killed, or the file was cut"
         except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
-            self.problem = f"it is damaged or was cut: {error or type(error).__name__}"
+            self.problem = f"it is damaged or was cut: {str(error) or type(error).__name__}"
         except Exception as error:
             if type(error).__module__.partition(".")[0] not in ("zstandard", "zstd", "lz4"):
                 raise

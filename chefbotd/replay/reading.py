@@ -20,8 +20,8 @@ class RecordingFiles:
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = with_parts(paths)
         self.problem: str | None = None
-        first = RecordingReader(self._paths[0])
         try:
+            first = RecordingReader(self._paths[0])
             first.read_about()
         except UnreadableRecording as problem:
             raise NotReplayable(str(problem)) from problem

@@ -59,6 +59,12 @@ def main() -> None:
     "--page", "with_page", is_flag=True, help="Serve the page in the browser, as [page] enabled = true does."
 )
 @click.option(
+    "--record",
+    "with_recording",
+    is_flag=True,
+    help="Record from the start on, so that 'replay' can repeat it, as [recording] auto_start = true does.",
+)
+@click.option(
     "--foxglove", "with_foxglove", is_flag=True, help="Serve Foxglove, as [foxglove] enabled = true does."
 )
 @click.option(
@@ -73,6 +79,7 @@ def run(
     sketch: str | None,
     where: Address | None,
     with_page: bool,
+    with_recording: bool,
     with_foxglove: bool,
     log_level: str | None,
 ) -> None:
@@ -89,6 +96,8 @@ def run(
         "api.host": where and where.host,
         "api.port": where and where.port,
         "page.enabled": with_page or None,
+        "recording.enabled": with_recording or None,
+        "recording.auto_start": with_recording or None,
         "foxglove.enabled": with_foxglove or None,
         "log.level": log_level,
     }
@@ -101,6 +110,8 @@ def run(
             require("foxglove", "foxglove")
         if settings.page.enabled:
             require("page", "aiohttp", "websockets", "prometheus_client")
+        if settings.recording.auto_start:  # what keeps only the last minutes runs without
+            require("recording", "mcap", "zstandard", "lz4")
         if settings.discovery.enabled:
             require("discovery", "zeroconf", "ifaddr")
         from chefbotd.process import logs

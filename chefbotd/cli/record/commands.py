@@ -76,12 +76,15 @@ def export(context: CommandContext, file: Path, folder: Path, topics: tuple[str,
 
 @log_group.command()
 @click.argument("file", type=FILE)
-@click.option("--out", type=FILE, required=True, metavar="PNG", help="The picture to write.")
+@click.option(
+    "--out", type=FILE, metavar="PNG", help="The picture to write; FILE's name with .png, here, by default."
+)
 @click.option("--force", is_flag=True, help="Replace a picture that exists.")
 @click.pass_obj
-def plot(context: CommandContext, file: Path, out: Path, force: bool) -> None:
+def plot(context: CommandContext, file: Path, out: Path | None, force: bool) -> None:
     """Draw wheel speeds beside what was asked for, the path, the battery and the faults of the recording FILE."""
     from chefbotd.cli.record.plot import plot_png
 
+    out = out or Path(f"{file.stem}.png")
     plot_png(file, out, force=force)
     output.say(context.as_json, {"png": str(out)}, f"Wrote {out}.")

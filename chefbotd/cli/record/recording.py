@@ -95,6 +95,8 @@ def list_files(context: CommandContext) -> None:
         return
     rows = [[row.file, _size(row.size_bytes), _time(row), _condition(row)] for row in listed.files]
     output.table(context.as_json, listed.model_dump(mode="json"), ["recording", "size", "changed", ""], rows)
+    if not context.as_json:
+        echo(f"In {listed.folder}, on the robot's computer.")
 
 
 def _time(row: "RecordedFile") -> str:

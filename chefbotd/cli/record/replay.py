@@ -45,7 +45,8 @@ def replay(
 ) -> None:
     """Run a recording again, without a robot, and hold every event against the recorded one.
 
-    FILE is a recording that began with the daemon ([recording] auto_start), or several that go on from each other.
+    FILE is a recording that began with the daemon ('run --record', or [recording] auto_start), or several that go on
+    from each other.
 
     With --config, the robot is configured otherwise: what it would have commanded is told in a table. What the robot
     would then have done is not known: it moves as it did.

@@ -132,6 +132,16 @@ def test_a_page_that_is_not_installed_is_told_before_the_robot_is_touched(
     assert "pip install 'chefbotd[page]'" in result.stderr
 
 
+def test_a_recorder_that_is_asked_for_and_not_installed_is_told_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not after the drive, when there is nothing to replay."""
+    hide(monkeypatch, "mcap")
+    result = chefbotd("run", "--sim", "--record")
+    assert result.exit_code == Exit.NOT_INSTALLED
+    assert "pip install 'chefbotd[recording]'" in result.stderr
+
+
 def test_a_port_that_is_taken() -> None:
     """A second daemon on a port says so in one line, and ends with 1."""
     with socket.create_server(("127.0.0.1", 0)) as taken:

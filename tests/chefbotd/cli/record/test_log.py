@@ -71,6 +71,18 @@ def test_a_file_that_was_cut_is_told_and_read(recorded: Path) -> None:
     assert run("plot", recorded, "--out", recorded.parent / "cut.png").exit_code == 0
 
 
+def test_a_picture_is_named_after_its_recording(
+    recorded: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is written where the command is called, which may differ from where the recording is."""
+    here = tmp_path_factory.mktemp("here")
+    monkeypatch.chdir(here)
+    result = run("plot", recorded)
+    assert result.exit_code == 0, result.output
+    assert [path.name for path in here.iterdir()] == [f"{recorded.stem}.png"]
+    assert f"{recorded.stem}.png" in result.output
+
+
 @pytest.mark.parametrize("command", [["info"], ["export", "--csv", "tables"], ["plot", "--out", "x.png"]])
 @pytest.mark.parametrize(
     ("content", "told"), [(b"", "is empty"), (b"PK not at all", "is no MCAP file"), (None, "No such file")]

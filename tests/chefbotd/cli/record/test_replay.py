@@ -82,8 +82,8 @@ def test_a_configuration_for_another_board_is_refused(whole: bytes, tmp_path: Pa
     """The bytes of one wire mean nothing on another."""
     result = replay(whole, tmp_path, "--config", "khan")
     assert result.exit_code == Exit.FAILED
-    assert "'khan" in str(result.exception) + result.output
-    assert "'classic'" in str(result.exception) + result.output
+    assert "'khan" in result.output
+    assert "'classic'" in result.output
 
 
 @pytest.mark.parametrize("share", [0.4, 0.73])
@@ -94,7 +94,7 @@ def test_a_file_that_was_cut_off_is_replayed_up_to_there(whole: bytes, share: fl
     assert result.exit_code == Exit.OK, result.output
     told = json.loads(result.stdout)
     assert told["exact"]
-    assert told["problem"].startswith("drive.mcap: ")
+    assert told["problem"].startswith("drive.mcap: it ends in the middle")
     assert 0.3 < told["seconds"] < 2.3
     assert "replayed up to there" in replay(cut, tmp_path).output
 
@@ -127,7 +127,7 @@ def test_a_damaged_chunk_ends_the_replay(whole: bytes, tmp_path: Path) -> None:
 def test_what_is_no_recording_is_refused(data: bytes, expected: str, tmp_path: Path) -> None:
     """The message names the file and what is wrong with it."""
     result = replay(data, tmp_path)
-    told = str(result.exception) + result.output
+    told = result.output
     assert result.exit_code == Exit.FAILED
     assert expected in told
     assert "drive.mcap" in told
@@ -138,7 +138,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     for path in (tmp_path / "nothing.mcap", tmp_path):
         result = CliRunner().invoke(main, ["replay", str(path)])
         assert result.exit_code == Exit.FAILED
-        assert str(path) in str(result.exception) + result.output
+        assert str(path) in result.output
 
 
 def test_somebody_elses_mcap_file_has_no_configuration(tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_somebody_elses_mcap_file_has_no_configuration(tmp_path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
     result = CliRunner().invoke(main, ["replay", str(tmp_path / "drive.mcap")])
     assert result.exit_code == Exit.FAILED
-    assert "no configuration" in str(result.exception) + result.output
+    assert "no configuration" in result.output
 
 
 def test_what_another_version_recorded_is_replayed_only_when_asked_for(
@@ -160,7 +160,7 @@ def test_what_another_version_recorded_is_replayed_only_when_asked_for(
     monkeypatch.setattr(reading, "__version__", "99.1")
     result = replay(whole, tmp_path)
     assert result.exit_code == Exit.FAILED
-    assert f"recorded by chefbotd {recorded_by}, and this is 99.1" in str(result.exception) + result.output
+    assert f"recorded by chefbotd {recorded_by}, and this is 99.1" in result.output
     assert replay(whole, tmp_path, "--any-version").exit_code == Exit.OK
 
 
