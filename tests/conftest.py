@@ -5,6 +5,7 @@
 """
 
 import os
+from collections.abc import Iterator
 from importlib.util import find_spec
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,6 +28,15 @@ structlog.configure(
         structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback),
     ]
 )
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before() -> Iterator[None]:
+    """A command that sets up the log for its own process does so for no other test."""
+    before = structlog.get_config()
+    yield
+    structlog.configure(**before)
+
 
 collect_ignore_glob = [] if find_spec("numba") and find_spec("scipy") else list(NEED_NAVIGATION)
 

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
+from chefbotd.client.models import RecordingData
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
@@ -61,7 +62,8 @@ class FakeDaemon:
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.held_by: str | None = None
         self.scan: dict[str, Any] | None = None
-        self.recording: dict[str, Any] = {"state": "recording", "name": "evening_1"}
+        recording = RecordingData(state="recording", name="evening_1")
+        self.recording: dict[str, Any] = recording.model_dump(mode="json")
         self.recordings: list[dict[str, Any]] = []
         self.lidar_condition = "healthy"
         self.age_s = 0.004

@@ -178,6 +178,7 @@ def test_a_serial_port_says_how_many_bytes_wait():
     async def scenario() -> None:
         with pty() as (board, port):
             transport = SerialPortTransport(asyncio.get_running_loop(), asyncio.Protocol(), port)
+            await asyncio.sleep(0.01)  # it reads from now on
             os.write(board, b"e\t1\t2\r\n")
             assert transport.unread_bytes() == 7
             transport.abort()

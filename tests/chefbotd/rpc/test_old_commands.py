@@ -94,25 +94,25 @@ def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., No
 @LOOPS
 @MOVES
 @pytest.mark.parametrize("stop", [ESTOP, STOP])
+@pytest.mark.parametrize("mover_first", [True, False])
 def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
-    run: Callable[..., None], command: bytes, stop: bytes
+    run: Callable[..., None], command: bytes, stop: bytes, mover_first: bool
 ) -> None:
     """Both are there when the loop comes back from 0.1 s: whichever is read first, no motion follows the stop."""
 
     async def scenario(served: Served) -> None:
-        for mover_first in (True, False):
-            with ExitStack() as stack:
-                mover, stopper = connect(served, stack), connect(served, stack)
-                await asyncio.sleep(0.1)
-                served.robot.calls.clear()
-                pair: Sequence[tuple[socket.socket, bytes]] = [(mover, PING * 60 + command), (stopper, stop)]
-                for client, said in pair if mover_first else pair[::-1]:
-                    client.sendall(said)
-                time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
-                assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
-                assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]
-                mover.sendall(command)
-                assert await answer(mover, 9) == "ok"
+        with ExitStack() as stack:
+            mover, stopper = connect(served, stack), connect(served, stack)
+            await asyncio.sleep(0.1)
+            served.robot.calls.clear()
+            pair: Sequence[tuple[socket.socket, bytes]] = [(mover, PING * 60 + command), (stopper, stop)]
+            for client, said in pair if mover_first else pair[::-1]:
+                client.sendall(said)
+            time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
+            assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
+            assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]
+            mover.sendall(command)
+            assert await answer(mover, 9) == "ok"
 
     serve(run, scenario)
 
