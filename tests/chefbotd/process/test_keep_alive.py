@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -180,6 +181,10 @@ def test_a_serial_port_says_how_many_bytes_wait():
             transport = SerialPortTransport(asyncio.get_running_loop(), asyncio.Protocol(), port)
             await asyncio.sleep(0.01)  # it reads from now on
             os.write(board, b"e\t1\t2\r\n")
+            for _ in range(100):  # the kernel hands them over in its own time
+                if transport.unread_bytes() == 7:
+                    break
+                time.sleep(0.01)  # noqa: ASYNC251 - the loop reads nothing meanwhile
             assert transport.unread_bytes() == 7
             transport.abort()
             await asyncio.sleep(0)
