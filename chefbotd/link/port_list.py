@@ -45,7 +45,7 @@ def _described(device: str, usb: object, names: dict[Path, str]) -> SerialPort:
         usb_id="" if vendor is None or product is None else f"{vendor:04x}:{product:04x}",
         driver=_driver(device),
         product=getattr(usb, "description", None) or "",
-        permission=permission_problem(device),
+        permission=permission_problem(device) if Path(device).exists() else "there is no such device",
         held_by=holder(device),
     )
 

@@ -144,9 +144,13 @@ class RecordingService:
             self._writer.give(events, self._clock.now_s())
 
     async def _tell(self) -> None:
-        told = 0
+        told, last = 0, ""
         while True:
             self._look_at_thread()
+            problem = DISK_HANGS if self._stuck else self.status.reason
+            if problem and problem != last:
+                log.warning("recording has a problem", reason=problem, state=str(self.status.state))
+            last = problem
             if self.dropped > told:
                 log.warning("events are missing in the recording", events=self.dropped - told)
                 told = self.dropped

@@ -32,6 +32,13 @@ def test_a_device_that_is_named(pty: tuple[int, str], tmp_path: Path):
     assert not port.usb_id
 
 
+def test_a_named_device_that_is_not_there_cannot_be_opened(tmp_path: Path):
+    """A name with a letter wrong is told as such, not as a free port."""
+    (port,) = serial_ports((str(tmp_path / "ttyACM9"),))
+    assert port.permission == "there is no such device"
+    assert not port.held_by
+
+
 def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A file that we may not open says which group may, or that its rule is to blame."""
     device = tmp_path / "board"

@@ -1,18 +1,25 @@
 """Recording over the socket: the whole daemon with the simulated robot, on a virtual clock and with real files."""
 
 import asyncio
+import errno
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters, folder_of
 from chefbotd.recording.reader import RecordingReader
+from chefbotd.recording.recorder import Recorder
+from chefbotd.recording.writer import InlineWriter
 from chefbotd.settings import Settings, SettingsError, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
+from tests.chefbotd.recording.disks import FailingDisk
 
 TOKEN = "5a1d" * 12
 
@@ -268,3 +275,31 @@ def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
     path.write_text(packaged().read_text() + '\n[recording]\nwithout = ["ScanMeasured", "ScansMeasured"]\n')
     with pytest.raises(SettingsError, match="there is no class of events 'ScansMeasured'"):
         load(path)
+
+
+def test_a_disk_that_is_full_is_told_once_in_the_log(tmp_path: Path) -> None:
+    """Whoever looks for the evening's recording finds there why it ended; the robot goes on."""
+    disk = FailingDisk()
+
+    def on_this_disk(intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> InlineWriter:
+        def made() -> Recorder:
+            recorder = make()
+            recorder._disk = disk
+            return recorder
+
+        return write_inline(intake, made, most_bytes)
+
+    async def main() -> None:
+        made = settings(tmp_path, auto_start=True)
+        async with simulated_robot(made, start_writer=on_this_disk) as robot:
+            await robot.client.wait_until_armed()
+            disk.error = errno.ENOSPC
+            await drive(robot, 4.0)
+            assert (await robot.client.get_state()).safety.mode == "armed"
+
+    with capture_logs() as log:
+        run_virtual(main())
+    told = [line for line in log if line["event"] == "recording has a problem"]
+    assert len(told) == 1
+    assert told[0]["state"] == "failed"
+    assert "the disk is full" in told[0]["reason"]
