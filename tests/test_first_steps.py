@@ -14,7 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import click
 import pytest
+
+from chefbotd.cli.programs import chefbotctl, chefbotd
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="only the sources have it")
@@ -49,6 +52,26 @@ def test_the_files_that_readme_runs_with_are_those_that_init_writes() -> None:
     shell = " ".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL))
     assert "chefbotd init my-robot " in shell
     assert set(re.findall(r"\S+\.toml", re.sub(r"#.*", "", shell))) == {"my-robot/chefbot.toml"}
+
+
+def test_readme_names_only_commands_and_options_that_there_are() -> None:
+    """In every block for a shell, with a robot too."""
+    programs = {"chefbotd": chefbotd.main, "chefbotctl": chefbotctl.main}
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```(?:sh|console)\n(.*?)```", text, re.DOTALL)
+    lines = [line.partition("#")[0] for block in blocks for line in block.splitlines()]
+    named = [
+        found for line in lines for found in re.findall(r"(?:^|[ /])(chefbotd|chefbotctl) ([a-z].*)", line)
+    ]
+    assert len(named) > 20
+    for program, said in named:
+        command: click.Command = programs[program]
+        words = said.split()
+        while isinstance(command, click.Group):
+            assert words[0] in command.commands, (program, said)
+            command = command.commands[words.pop(0)]
+        known = {option for parameter in command.params for option in parameter.opts}
+        assert {word for word in words if word.startswith("--")} <= known, (program, said)
 
 
 @contextmanager

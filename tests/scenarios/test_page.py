@@ -423,6 +423,7 @@ def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, r
     page.goto(robot.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     page.emulate_media(color_scheme="light")
+    sync_api.expect(page.locator("#goal")).to_have_text("No goal. Click in the view to send the robot there.")
     daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.3, state="localized")
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     sync_api.expect(page.locator("#goal")).to_have_text("driving, 3.2 m left")
