@@ -5,6 +5,7 @@ the rate of the control.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,12 +14,13 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.evade import evasion, is_in_the_way
+from chefbotd.navigation.evade import is_in_the_way
 from chefbotd.navigation.follower import Followed, Phase, Track, backwards, follow, predicted, slewed
+from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
-from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step
+from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.travel import seconds
 from chefbotd.navigation.trips import Trip, blocked_after_m, find, turn_worth, worth
@@ -26,9 +28,6 @@ from chefbotd.navigation.zones import NO_ZONES, Zones
 
 TURN_S = 4.0
 """The robot does not stop to turn to a better path where somebody will come by within this time."""
-
-CALM_S = 3.0
-"""When nobody was evaded for so long, the next one is another."""
 
 
 class NoMapError(RuntimeError):
@@ -62,8 +61,7 @@ class Navigator:
         self._blind_s: float | None = None
         self._moved = (-math.inf, Pose2D())
         self._backed_from = Pose2D()
-        self._evaded_from: Pose2D | None = None
-        self._evaded_s, self._is_evading = -math.inf, False
+        self._making_way = MakingWay()
         if self._known is not None:
             self._known.open_all()
 
@@ -180,7 +178,7 @@ class Navigator:
         twist = None
         if self._known is not None and self._goals and self._state is not State.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
-            wanted = self._act(self._known, now_s, pose, status, dt_s)
+            wanted = self._act(self._known, StepInput(now_s, dt_s, pose, status, self._last))
             twist = standing if wanted is None else wanted
         self._last = STANDING if twist is None else twist
         ended, self._ended = tuple(self._ended), []
@@ -222,32 +220,33 @@ class Navigator:
         if following:
             self._begin()
 
-    def _act(
-        self, known: Awareness, now_s: float, pose: Pose2D, status: PoseStatus, dt_s: float
-    ) -> Twist2D | None:
+    def _act(self, known: Awareness, now: StepInput) -> Twist2D | None:
         """The twist of the present state; None is standing."""
-        if self._is_lost(now_s, status) or self._is_blind(known, now_s, dt_s):
+        if self._is_lost(now) or self._is_blind(known, now):
             return None
         if self._state is State.PLANNING:
-            self._plan(known, now_s, pose)
+            self._plan(known, now)
             return None
-        near = self._near(known, now_s, pose)
+        near = self._near(known, now)
         if self._state is State.RECOVERING and self._recovery is not None:
-            wanted = self._recover(known, self._recovery, near, now_s, pose, dt_s)
+            wanted = self._recover(known, self._recovery, now, near)
         else:
-            wanted = self._drive(known, near, now_s, pose, status, dt_s)
-        return self._evading(wanted, near, dt_s) if self._goals else None
+            wanted = self._drive(known, now, near)
+        if not self._goals:
+            return None
+        self._making_way, twist = make_way(self._params, self._making_way, now, near, wanted)
+        return twist
 
-    def _is_lost(self, now_s: float, status: PoseStatus) -> bool:
-        if status is not PoseStatus.LOST:
+    def _is_lost(self, now: StepInput) -> bool:
+        if now.status is not PoseStatus.LOST:
             self._say_over(self._lost_since_s)
             self._lost_since_s = None
             return False
         self._blind_s = None
         if self._lost_since_s is None:
-            self._lost_since_s = now_s
+            self._lost_since_s = now.now_s
         self._reason = "stands, for it does not know where it is"
-        if now_s - self._lost_since_s >= self._params.lost_s:
+        if now.now_s - self._lost_since_s >= self._params.lost_s:
             told = f"lost: for {self._params.lost_s:.0f} s it was not known where the robot is"
             self._end(End.LOST, told)
         return True
@@ -257,13 +256,13 @@ class Navigator:
         if since_s is not None and self._state is State.DRIVING:
             self._reason = self._drives()
 
-    def _is_blind(self, known: Awareness, now_s: float, dt_s: float) -> bool:
+    def _is_blind(self, known: Awareness, now: StepInput) -> bool:
         """Whether scans are missing. Their absence is counted by steps: a computer that stood still proves nothing."""
-        if now_s - known.scan_stamp_s < self._params.scan_silent_s:
+        if now.now_s - known.scan_stamp_s < self._params.scan_silent_s:
             self._say_over(self._blind_s)
             self._blind_s = None
             return False
-        self._blind_s = dt_s + (self._blind_s or 0.0)
+        self._blind_s = now.dt_s + (self._blind_s or 0.0)
         self._reason = "stands, for no scan arrives"
         if self._blind_s >= self._params.scan_fault_s:
             self._end(End.FAULT, f"fault: no scan arrived for {self._params.scan_fault_s:.0f} s")
@@ -271,109 +270,97 @@ class Navigator:
 
     # Planning
 
-    def _find(
-        self, known: Awareness, now_s: float, pose: Pose2D, *, with_closed: bool = True
-    ) -> Trip | NoPath:
-        self._planned_s = now_s
-        self._costs = known.costs(now_s, known.frame.pose_to_grid(pose), with_closed=with_closed)
+    def _find(self, known: Awareness, now: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
+        self._planned_s = now.now_s
+        self._costs = known.costs(now.now_s, known.frame.pose_to_grid(now.pose), with_closed=with_closed)
         goal, params = self._goals[0][1], self._params
-        return find(params.planner, params.outline, self._costs, known.ground, pose, goal)
+        return find(params.planner, params.outline, self._costs, known.ground, now.pose, goal)
 
-    def _plan(self, known: Awareness, now_s: float, pose: Pose2D) -> None:
-        found = self._find(known, now_s, pose)
+    def _plan(self, known: Awareness, now: StepInput) -> None:
+        found = self._find(known, now)
         if isinstance(found, Trip):
-            self._set_out(found, now_s, pose)
+            self._set_out(found, now)
         elif found.only_for_now:
-            self._become_stuck(known, now_s, pose, found.reason)
+            self._become_stuck(known, now, found.reason)
         else:
             self._end(End.UNREACHABLE, f"unreachable: {found.reason}")
 
-    def _set_out(self, trip: Trip, now_s: float, pose: Pose2D) -> None:
+    def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(Event.PATH_FOUND)
-        self._trip, self._blocked_since_s, self._moved = trip, None, (now_s, pose)
+        self._trip, self._blocked_since_s, self._moved = trip, None, (now.now_s, now.pose)
         self._reason = self._drives()
 
     def _drives(self) -> str:
         goal = self._goals[0][1]
         return f"drives to ({goal.x_m:.2f}, {goal.y_m:.2f})"
 
-    def _replan(self, known: Awareness, trip: Trip, near: Surroundings, now_s: float, pose: Pose2D) -> None:
+    def _replan(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> None:
         """Take a better path, or one round what blocks the present one."""
         at_goal = trip.follow.phase in (Phase.APPROACHING, Phase.FINAL_TURN, Phase.DONE)
-        if at_goal or now_s - self._planned_s < self._params.replan_s:
+        if at_goal or now.now_s - self._planned_s < self._params.replan_s:
             return
-        found = self._find(known, now_s, pose)
+        found = self._find(known, now)
         costs, left = self._costs or known.ground, trip.left
         blocked_m = blocked_after_m(self._params.planner, costs, left)
         if isinstance(found, Trip):
-            turn = turn_worth(self._params.follower, found.path, pose)
+            turn = turn_worth(self._params.follower, found.path, now.pose)
             is_better = worth(costs, found.path) + turn < self._params.better_share * worth(costs, left)
             if turn > 0 and is_in_the_way(self._params.evade, self._params.outline, near, TURN_S):
                 is_better = False
             same_kind = found.is_interim == trip.is_interim
             if blocked_m is not None or (is_better and not trip.is_interim) or not same_kind:
-                self._set_out(found, now_s, pose)
+                self._set_out(found, now)
         elif blocked_m is not None and blocked_m < self._params.turn_back_m:
-            self._become_stuck(known, now_s, pose, found.reason)
+            self._become_stuck(known, now, found.reason)
 
     # Driving
 
-    def _drive(
-        self,
-        known: Awareness,
-        near: Surroundings,
-        now_s: float,
-        pose: Pose2D,
-        status: PoseStatus,
-        dt_s: float,
-    ) -> Twist2D | None:
+    def _drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
         if self._trip is not None:
-            self._replan(known, self._trip, near, now_s, pose)
+            self._replan(known, self._trip, now, near)
         trip = self._trip
         if self._state is not State.DRIVING or trip is None:
             return None
-        done = self._follow(known, trip, near, status, dt_s)
+        done = self._follow(known, trip, now, near)
         self._trip = trip = Trip(trip.path, done.state, trip.is_interim)
         if done.state.phase is Phase.DONE:
-            self._arrive(known, trip, now_s, pose)
+            self._arrive(known, trip, now)
             return None
         self._remember_trail(near.grid_from_base, done.twist)
-        self._judge(known, done, near, now_s, pose)
+        self._judge(known, done, now, near)
         return done.twist if self._state is State.DRIVING else None
 
-    def _near(self, known: Awareness, now_s: float, pose: Pose2D) -> Surroundings:
-        here = predicted(self._params.follower, known.frame.pose_to_grid(pose), self._last)
-        return known.surroundings(here, now_s)
+    def _near(self, known: Awareness, now: StepInput) -> Surroundings:
+        here = predicted(self._params.follower, known.frame.pose_to_grid(now.pose), now.last)
+        return known.surroundings(here, now.now_s)
 
-    def _follow(
-        self, known: Awareness, trip: Trip, near: Surroundings, status: PoseStatus, dt_s: float
-    ) -> Followed:
+    def _follow(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> Followed:
         goal, frame, heading_rad = trip.path.goal, trip.path.frame, None
         if goal.heading_rad is not None:
             heading_rad = frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad)).heading_rad
         cell = frame.cell(near.grid_from_base.x_m, near.grid_from_base.y_m)
         limit = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
-        if status is PoseStatus.DOUBTFUL:
+        if now.status is PoseStatus.DOUBTFUL:
             limit = min(limit, self._params.doubtful_speed_m_s)
-        limit = min(limit, self._seen_speed_m_s(known))
+        limit = min(limit, self._seen_speed_m_s(known, now))
         track, params = Track(trip.path.points_m, heading_rad, limit), self._params
-        return follow(params.follower, params.outline, trip.follow, track, near, self._last, dt_s)
+        return follow(params.follower, params.outline, trip.follow, track, near, now.last, now.dt_s)
 
-    def _seen_speed_m_s(self, known: Awareness) -> float:
+    def _seen_speed_m_s(self, known: Awareness, now: StepInput) -> float:
         """Late scans are driven by more slowly, down to standing when they count as missing."""
-        params, age_s = self._params, self._stepped_s - known.scan_stamp_s
+        params, age_s = self._params, now.now_s - known.scan_stamp_s
         if age_s <= params.scan_late_s:
             return math.inf
         left = (params.scan_silent_s - age_s) / (params.scan_silent_s - params.scan_late_s)
         return params.follower.max_speed_m_s * max(left, 0.0)
 
-    def _arrive(self, known: Awareness, trip: Trip, now_s: float, pose: Pose2D) -> None:
+    def _arrive(self, known: Awareness, trip: Trip, now: StepInput) -> None:
         if trip.is_interim:
             goal = self._goals[0][1]
             taken = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
-            self._become_stuck(known, now_s, pose, taken)
+            self._become_stuck(known, now, taken)
             return
-        told = f"reached ({pose.x_m:.2f}, {pose.y_m:.2f})"
+        told = f"reached ({now.pose.x_m:.2f}, {now.pose.y_m:.2f})"
         if trip.path.is_substitute:
             told += ", the nearest free place within the tolerance"
         self._end(End.REACHED, told)
@@ -385,70 +372,47 @@ class Navigator:
         if not self._trail or math.hypot(here.x_m - self._trail[-1][0], here.y_m - self._trail[-1][1]) > 0.05:
             self._trail = [*self._trail[-40:], (here.x_m, here.y_m)]
 
-    def _judge(
-        self, known: Awareness, done: Followed, near: Surroundings, now_s: float, pose: Pose2D
-    ) -> None:
+    def _judge(self, known: Awareness, done: Followed, now: StepInput, near: Surroundings) -> None:
         """Whether it has been blocked, or has not come on, for too long."""
         if done.is_blocked:
             if self._blocked_since_s is None:
-                self._blocked_since_s = now_s
+                self._blocked_since_s = now.now_s
                 self._reason = f"waits, for something is in the way{known.nearest_ahead(near)}"
             recovery = self._params.recovery
             patient = known.meets_walker(near.grid_from_base)
-            if now_s - self._blocked_since_s >= (recovery.walker_s if patient else recovery.stuck_s):
-                self._become_stuck(known, now_s, pose, f"something is in the way{known.nearest_ahead(near)}")
+            if now.now_s - self._blocked_since_s >= (recovery.walker_s if patient else recovery.stuck_s):
+                self._become_stuck(known, now, f"something is in the way{known.nearest_ahead(near)}")
                 return
         elif self._blocked_since_s is not None:
             self._blocked_since_s, self._reason = None, self._drives()
         since_s, there = self._moved
-        moved_m = math.hypot(pose.x_m - there.x_m, pose.y_m - there.y_m)
-        turned_rad = abs(math.remainder(pose.heading_rad - there.heading_rad, math.tau))
+        moved_m = math.hypot(now.pose.x_m - there.x_m, now.pose.y_m - there.y_m)
+        turned_rad = abs(math.remainder(now.pose.heading_rad - there.heading_rad, math.tau))
         if moved_m > 0.04 or turned_rad > 0.15:
-            self._moved = (now_s, pose)
-        elif now_s - since_s > self._params.idle_s:
-            self._become_stuck(known, now_s, pose, "the robot does not come on")
-
-    def _evading(self, wanted: Twist2D | None, near: Surroundings, dt_s: float) -> Twist2D | None:
-        """Make way for who comes nearer while the robot stands."""
-        params, here = self._params, near.grid_from_base
-        goes = wanted is not None and wanted.linear_m_s > 0.0
-        if goes or (not self._is_evading and self._last.linear_m_s > 0.01):
-            self._is_evading = False
-            return wanted
-        if self._evaded_from is None or self._stepped_s - self._evaded_s > CALM_S:
-            self._evaded_from = here
-        away_m = math.hypot(here.x_m - self._evaded_from.x_m, here.y_m - self._evaded_from.y_m)
-        arcs, delay_s = params.follower.arcs, params.follower.delay_s
-        is_stuck = self._is_evading or wanted is None or abs(wanted.angular_rad_s) < 0.05
-        found = evasion(
-            params.evade, arcs, params.outline, near, self._last, delay_s, away_m, is_stuck=is_stuck
-        )
-        self._is_evading = found is not None
-        if found is None:
-            return wanted
-        self._evaded_s = self._stepped_s
-        return slewed(params.follower, self._last, found, dt_s)
+            self._moved = (now.now_s, now.pose)
+        elif now.now_s - since_s > self._params.idle_s:
+            self._become_stuck(known, now, "the robot does not come on")
 
     # Recovering
 
-    def _become_stuck(self, known: Awareness, now_s: float, pose: Pose2D, why: str) -> None:
+    def _become_stuck(self, known: Awareness, now: StepInput, why: str) -> None:
         goal, self._why = self._goals[0][1], why
-        left_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
+        left_m = math.hypot(goal.x_m - now.pose.x_m, goal.y_m - now.pose.y_m)
         if self._trip is not None:
             left_m = self._trip.left.length_m
-        found = stuck(self._params.recovery, self._recovery, now_s, left_m)
+        found = stuck(self._params.recovery, self._recovery, now.now_s, left_m)
         if found is None:
-            self._give_up(now_s)
+            self._give_up(now)
         else:
             self._change(Event.STUCK)
-            self._try(known, found, pose)
+            self._try(known, found, now)
 
-    def _give_up(self, now_s: float) -> None:
-        began_s = now_s if self._recovery is None else self._recovery.began_s
-        self._end(End.BLOCKED, f"blocked for {now_s - began_s:.0f} s: {self._why}")
+    def _give_up(self, now: StepInput) -> None:
+        began_s = now.now_s if self._recovery is None else self._recovery.began_s
+        self._end(End.BLOCKED, f"blocked for {now.now_s - began_s:.0f} s: {self._why}")
 
-    def _try(self, known: Awareness, recovery: Recovery, pose: Pose2D) -> None:
-        self._recovery, self._backed_from = recovery, pose
+    def _try(self, known: Awareness, recovery: Recovery, now: StepInput) -> None:
+        self._recovery, self._backed_from = recovery, now.pose
         self._reason = f"{self._why}: {SAID[recovery.rung]}"
         if recovery.rung is Rung.OTHER_WAY and self._trip is not None:
             ahead = self._trip.left.points_m
@@ -456,52 +420,45 @@ class Navigator:
             known.close(ahead[min(len(ahead) - 1, 8)], until_s)
 
     def _recover(
-        self,
-        known: Awareness,
-        recovery: Recovery,
-        near: Surroundings,
-        now_s: float,
-        pose: Pose2D,
-        dt_s: float,
+        self, known: Awareness, recovery: Recovery, now: StepInput, near: Surroundings
     ) -> Twist2D | None:
         params = self._params.recovery
         waits = recovery.rung in (Rung.WAIT, Rung.ASK)
-        is_done = is_over(params, recovery, now_s)
+        is_done = is_over(params, recovery, now.now_s)
         if recovery.rung is Rung.BACK_OUT and not is_done:
-            backing = self._backing(near, pose, dt_s)
+            backing = self._backing(now, near)
             if backing is not None:
                 return backing
             is_done = True
-        is_due = is_done if not waits else now_s - self._planned_s >= params.again_s
-        if is_due and self._try_again(known, near, now_s, pose, with_closed=not waits):
+        is_due = is_done if not waits else now.now_s - self._planned_s >= params.again_s
+        if is_due and self._try_again(known, now, near, with_closed=not waits):
             return None
         if is_done:
-            following = after(recovery, now_s)
+            following = after(recovery, now.now_s)
             if following is None:
-                self._give_up(now_s)
+                self._give_up(now)
             else:
-                self._try(known, following, pose)
+                self._try(known, following, now)
         return None
 
-    def _backing(self, near: Surroundings, pose: Pose2D, dt_s: float) -> Twist2D | None:
+    def _backing(self, now: StepInput, near: Surroundings) -> Twist2D | None:
         """A twist backwards; None when it is far enough, or when there is no room or no way that it came."""
-        away_m = math.hypot(pose.x_m - self._backed_from.x_m, pose.y_m - self._backed_from.y_m)
+        away_m = math.hypot(now.pose.x_m - self._backed_from.x_m, now.pose.y_m - self._backed_from.y_m)
         if away_m >= self._params.recovery.back_out_m or len(self._trail) < 4:
             return None
         trail, params = np.array(self._trail[::-1]), self._params
-        done = backwards(params.follower, params.outline, trail, near, self._last, dt_s)
+        done = backwards(params.follower, params.outline, trail, near, now.last, now.dt_s)
         return None if done.is_blocked else done.twist
 
-    def _try_again(
-        self, known: Awareness, near: Surroundings, now_s: float, pose: Pose2D, *, with_closed: bool
-    ) -> bool:
+    def _try_again(self, known: Awareness, now: StepInput, near: Surroundings, *, with_closed: bool) -> bool:
         """Whether there is an end to recovering: a path that can be begun with, or none at all."""
-        found = self._find(known, now_s, pose, with_closed=with_closed)
+        found = self._find(known, now, with_closed=with_closed)
         if isinstance(found, NoPath):
             if not found.only_for_now:
                 self._end(End.UNREACHABLE, f"unreachable: {found.reason}")
             return not found.only_for_now
-        if not with_closed and self._follow(known, found, near, PoseStatus.LOCALIZED, dt_s=0.05).is_blocked:
+        known_well = replace(now, status=PoseStatus.LOCALIZED, dt_s=0.05)
+        if not with_closed and self._follow(known, found, known_well, near).is_blocked:
             return False
-        self._set_out(found, now_s, pose)
+        self._set_out(found, now)
         return True

@@ -1,4 +1,4 @@
-"""What navigation is given with a scan, and what it tells with each step."""
+"""What navigation is given with a scan and with a step, and what it tells with each step."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,6 +27,20 @@ class Seen:
     map_from_base: Pose2D
     sensor_m: Floats
     points_m: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class StepInput:
+    """What a step is made with: the time, the time since the last step, where the robot is (``map_from_base``).
+
+    ``last`` is the twist that was asked for last.
+    """
+
+    now_s: float
+    dt_s: float
+    pose: Pose2D
+    status: PoseStatus
+    last: Twist2D
 
 
 @dataclass(frozen=True, slots=True)
