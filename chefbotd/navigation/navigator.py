@@ -7,21 +7,20 @@ the rate of the control.
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
-from chefbotd.navigation.follower import Followed, Phase, Track, backwards, follow, predicted, slewed
+from chefbotd.navigation.follower import Followed, Phase, Track, follow, predicted, slewed
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.trail import Trail, back_out, extended
 from chefbotd.navigation.travel import seconds
 from chefbotd.navigation.trips import Trip, blocked_after_m, find, turn_worth, worth
 from chefbotd.navigation.zones import NO_ZONES, Zones
@@ -46,7 +45,7 @@ class Navigator:
         self._ended: list[Ended] = []
         self._count = 0
         self._last, self._stepped_s = STANDING, -math.inf
-        self._trail: list[tuple[float, float]] = []
+        self._trail: Trail = ()
         self._reason = ""
         self._forget_goal()
 
@@ -95,7 +94,7 @@ class Navigator:
     def use_map(self, grid: OccupancyGrid, zones: Zones = NO_ZONES) -> None:
         """Navigate on this map from now on; what was seen before is forgotten, and a path planned anew."""
         self._known = Awareness(self._params, grid, zones)
-        self._costs, self._trail = self._known.ground, []
+        self._costs, self._trail = self._known.ground, ()
         self._trip, self._recovery = None, None
         if self._state in (State.DRIVING, State.RECOVERING):
             self._state = State.PLANNING
@@ -326,7 +325,7 @@ class Navigator:
         if done.state.phase is Phase.DONE:
             self._arrive(known, trip, now)
             return None
-        self._remember_trail(near.grid_from_base, done.twist)
+        self._trail = extended(self._trail, near.grid_from_base, done.twist)
         self._judge(known, done, now, near)
         return done.twist if self._state is State.DRIVING else None
 
@@ -364,13 +363,6 @@ class Navigator:
         if trip.path.is_substitute:
             told += ", the nearest free place within the tolerance"
         self._end(End.REACHED, told)
-
-    def _remember_trail(self, here: Pose2D, twist: Twist2D) -> None:
-        """Where it drove forward, the newest last: 2 m."""
-        if twist.linear_m_s <= 0:
-            return
-        if not self._trail or math.hypot(here.x_m - self._trail[-1][0], here.y_m - self._trail[-1][1]) > 0.05:
-            self._trail = [*self._trail[-40:], (here.x_m, here.y_m)]
 
     def _judge(self, known: Awareness, done: Followed, now: StepInput, near: Surroundings) -> None:
         """Whether it has been blocked, or has not come on, for too long."""
@@ -426,7 +418,7 @@ class Navigator:
         waits = recovery.rung in (Rung.WAIT, Rung.ASK)
         is_done = is_over(params, recovery, now.now_s)
         if recovery.rung is Rung.BACK_OUT and not is_done:
-            backing = self._backing(now, near)
+            backing = back_out(self._params, self._trail, self._backed_from, now, near)
             if backing is not None:
                 return backing
             is_done = True
@@ -440,15 +432,6 @@ class Navigator:
             else:
                 self._try(known, following, now)
         return None
-
-    def _backing(self, now: StepInput, near: Surroundings) -> Twist2D | None:
-        """A twist backwards; None when it is far enough, or when there is no room or no way that it came."""
-        away_m = math.hypot(now.pose.x_m - self._backed_from.x_m, now.pose.y_m - self._backed_from.y_m)
-        if away_m >= self._params.recovery.back_out_m or len(self._trail) < 4:
-            return None
-        trail, params = np.array(self._trail[::-1]), self._params
-        done = backwards(params.follower, params.outline, trail, near, now.last, now.dt_s)
-        return None if done.is_blocked else done.twist
 
     def _try_again(self, known: Awareness, now: StepInput, near: Surroundings, *, with_closed: bool) -> bool:
         """Whether there is an end to recovering: a path that can be begun with, or none at all."""
