@@ -14,6 +14,7 @@ from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
 from chefbotd.navigation.follower import Followed, Phase, Track, follow, predicted, slewed
+from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
@@ -56,8 +57,7 @@ class Navigator:
         self._why = ""
         self._planned_s = -math.inf
         self._blocked_since_s: float | None = None
-        self._lost_since_s: float | None = None
-        self._blind_s: float | None = None
+        self._missing = Missing()
         self._moved = (-math.inf, Pose2D())
         self._backed_from = Pose2D()
         self._making_way = MakingWay()
@@ -221,7 +221,7 @@ class Navigator:
 
     def _act(self, known: Awareness, now: StepInput) -> Twist2D | None:
         """The twist of the present state; None is standing."""
-        if self._is_lost(now) or self._is_blind(known, now):
+        if not self._has_input(known, now):
             return None
         if self._state is State.PLANNING:
             self._plan(known, now)
@@ -236,36 +236,17 @@ class Navigator:
         self._making_way, twist = make_way(self._params, self._making_way, now, near, wanted)
         return twist
 
-    def _is_lost(self, now: StepInput) -> bool:
-        if now.status is not PoseStatus.LOST:
-            self._say_over(self._lost_since_s)
-            self._lost_since_s = None
-            return False
-        self._blind_s = None
-        if self._lost_since_s is None:
-            self._lost_since_s = now.now_s
-        self._reason = "stands, for it does not know where it is"
-        if now.now_s - self._lost_since_s >= self._params.lost_s:
-            told = f"lost: for {self._params.lost_s:.0f} s it was not known where the robot is"
-            self._end(End.LOST, told)
-        return True
-
-    def _say_over(self, since_s: float | None) -> None:
-        """What made it stand since then is over."""
-        if since_s is not None and self._state is State.DRIVING:
+    def _has_input(self, known: Awareness, now: StepInput) -> bool:
+        """Whether pose and scans are there to plan and drive by."""
+        found = watched(self._params, self._missing, now, known.scan_stamp_s)
+        self._missing = found.missing
+        if found.stands:
+            self._reason = found.stands
+        elif found.is_over and self._state is State.DRIVING:
             self._reason = self._drives()
-
-    def _is_blind(self, known: Awareness, now: StepInput) -> bool:
-        """Whether scans are missing. Their absence is counted by steps: a computer that stood still proves nothing."""
-        if now.now_s - known.scan_stamp_s < self._params.scan_silent_s:
-            self._say_over(self._blind_s)
-            self._blind_s = None
-            return False
-        self._blind_s = now.dt_s + (self._blind_s or 0.0)
-        self._reason = "stands, for no scan arrives"
-        if self._blind_s >= self._params.scan_fault_s:
-            self._end(End.FAULT, f"fault: no scan arrived for {self._params.scan_fault_s:.0f} s")
-        return True
+        if found.end is not None:
+            self._end(found.end, found.reason)
+        return not found.stands
 
     # Planning
 

@@ -1,0 +1,56 @@
+"""Whether a step has what it needs: a pose, and scans. Without them the robot stands, and at last the goal ends."""
+
+from dataclasses import dataclass
+
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.reports import PoseStatus, StepInput
+from chefbotd.navigation.states import End
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """Since when the robot does not know where it is, and for how long scans are missing; None: they are not.
+
+    The absence of scans is counted by steps: a computer that stood still proves nothing.
+    """
+
+    lost_since_s: float | None = None
+    without_scan_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What is missing now; why the robot stands ("": it can drive), and how the goal ends if that took too long.
+
+    ``is_over`` says that something was missing at the last step, and is there again.
+    """
+
+    missing: Missing
+    stands: str = ""
+    end: End | None = None
+    reason: str = ""
+    is_over: bool = False
+
+
+def watched(params: NavigationParameters, last: Missing, now: StepInput, scan_stamp_s: float) -> Watched:
+    """One step, with the time of the last scan."""
+    if now.status is PoseStatus.LOST:
+        return _lost(params, last, now)
+    is_found = last.lost_since_s is not None
+    if now.now_s - scan_stamp_s < params.scan_silent_s:
+        return Watched(Missing(), is_over=is_found or last.without_scan_s is not None)
+    without_scan_s = now.dt_s + (last.without_scan_s or 0.0)
+    missing, stands = Missing(without_scan_s=without_scan_s), "stands, for no scan arrives"
+    if without_scan_s < params.scan_fault_s:
+        return Watched(missing, stands, is_over=is_found)
+    told = f"fault: no scan arrived for {params.scan_fault_s:.0f} s"
+    return Watched(missing, stands, End.FAULT, told, is_over=is_found)
+
+
+def _lost(params: NavigationParameters, last: Missing, now: StepInput) -> Watched:
+    since_s = now.now_s if last.lost_since_s is None else last.lost_since_s
+    missing, stands = Missing(lost_since_s=since_s), "stands, for it does not know where it is"
+    if now.now_s - since_s < params.lost_s:
+        return Watched(missing, stands)
+    told = f"lost: for {params.lost_s:.0f} s it was not known where the robot is"
+    return Watched(missing, stands, End.LOST, told)
