@@ -18,6 +18,7 @@ from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
+from chefbotd.navigation.progress_check import Coming, InTheWay, checked
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
@@ -56,9 +57,8 @@ class Navigator:
         self._recovery: Recovery | None = None
         self._why = ""
         self._planned_s = -math.inf
-        self._blocked_since_s: float | None = None
         self._missing = Missing()
-        self._moved = (-math.inf, Pose2D())
+        self._coming = Coming(-math.inf, Pose2D())
         self._backed_from = Pose2D()
         self._making_way = MakingWay()
         if self._known is not None:
@@ -267,7 +267,7 @@ class Navigator:
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(Event.PATH_FOUND)
-        self._trip, self._blocked_since_s, self._moved = trip, None, (now.now_s, now.pose)
+        self._trip, self._coming = trip, Coming(now.now_s, now.pose)
         self._reason = self._drives()
 
     def _drives(self) -> str:
@@ -347,24 +347,15 @@ class Navigator:
 
     def _judge(self, known: Awareness, done: Followed, now: StepInput, near: Surroundings) -> None:
         """Whether it has been blocked, or has not come on, for too long."""
+        in_the_way = None
         if done.is_blocked:
-            if self._blocked_since_s is None:
-                self._blocked_since_s = now.now_s
-                self._reason = f"waits, for something is in the way{known.nearest_ahead(near)}"
-            recovery = self._params.recovery
-            patient = known.meets_walker(near.grid_from_base)
-            if now.now_s - self._blocked_since_s >= (recovery.walker_s if patient else recovery.stuck_s):
-                self._become_stuck(known, now, f"something is in the way{known.nearest_ahead(near)}")
-                return
-        elif self._blocked_since_s is not None:
-            self._blocked_since_s, self._reason = None, self._drives()
-        since_s, there = self._moved
-        moved_m = math.hypot(now.pose.x_m - there.x_m, now.pose.y_m - there.y_m)
-        turned_rad = abs(math.remainder(now.pose.heading_rad - there.heading_rad, math.tau))
-        if moved_m > 0.04 or turned_rad > 0.15:
-            self._moved = (now.now_s, now.pose)
-        elif now.now_s - since_s > self._params.idle_s:
-            self._become_stuck(known, now, "the robot does not come on")
+            in_the_way = InTheWay(known.nearest_ahead(near), known.meets_walker(near.grid_from_base))
+        found = checked(self._params, self._coming, now, in_the_way)
+        self._coming = found.coming
+        if found.waits or found.drives_again:
+            self._reason = found.waits or self._drives()
+        if found.stuck:
+            self._become_stuck(known, now, found.stuck)
 
     # Recovering
 

@@ -1,0 +1,68 @@
+"""Whether the robot comes on while it drives: it does not when it is blocked, or stays where it is, for too long."""
+
+import math
+from dataclasses import dataclass, replace
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.reports import StepInput
+
+MOVED_M, MOVED_RAD = 0.04, 0.15
+"""A robot that moved, or turned, farther than this has come on."""
+
+
+@dataclass(frozen=True, slots=True)
+class InTheWay:
+    """What blocks the robot: where it is, as a part of a sentence, and whether it is somebody who will walk on."""
+
+    where: str
+    walks: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Coming:
+    """When and where (in the map) the robot came on last, and since when it has been blocked."""
+
+    moved_s: float
+    pose: Pose2D
+    blocked_since_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """How the robot comes on; why it waits from now on, whether it drives again, and why it is stuck ("": it is not)."""
+
+    coming: Coming
+    waits: str = ""
+    drives_again: bool = False
+    stuck: str = ""
+
+
+def checked(
+    params: NavigationParameters, last: Coming, now: StepInput, in_the_way: InTheWay | None
+) -> Checked:
+    """One step of driving, with what blocks the robot now."""
+    if in_the_way is None:
+        free = replace(last, blocked_since_s=None)
+        return _moved(params, Checked(free, drives_again=last.blocked_since_s is not None), now)
+    told, waits = f"something is in the way{in_the_way.where}", ""
+    since_s = last.blocked_since_s
+    if since_s is None:
+        since_s, waits = now.now_s, f"waits, for {told}"
+    blocked = replace(last, blocked_since_s=since_s)
+    patience_s = params.recovery.walker_s if in_the_way.walks else params.recovery.stuck_s
+    if now.now_s - since_s >= patience_s:
+        return Checked(blocked, waits, stuck=told)
+    return _moved(params, Checked(blocked, waits), now)
+
+
+def _moved(params: NavigationParameters, found: Checked, now: StepInput) -> Checked:
+    """The same, with where the robot came on last."""
+    last = found.coming
+    moved_m = math.hypot(now.pose.x_m - last.pose.x_m, now.pose.y_m - last.pose.y_m)
+    turned_rad = abs(math.remainder(now.pose.heading_rad - last.pose.heading_rad, math.tau))
+    if moved_m > MOVED_M or turned_rad > MOVED_RAD:
+        return replace(found, coming=replace(last, moved_s=now.now_s, pose=now.pose))
+    if now.now_s - last.moved_s > params.idle_s:
+        return replace(found, stuck="the robot does not come on")
+    return found
