@@ -12,7 +12,6 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.evade import is_in_the_way
 from chefbotd.navigation.follower import Followed, Phase, Track, follow, predicted, slewed
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
@@ -20,15 +19,13 @@ from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
 from chefbotd.navigation.progress_check import Coming, InTheWay, checked
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
+from chefbotd.navigation.replanning import Choice, choice, is_due
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.trail import Trail, back_out, extended
 from chefbotd.navigation.travel import seconds
-from chefbotd.navigation.trips import Trip, blocked_after_m, find, turn_worth, worth
+from chefbotd.navigation.trips import Trip, find
 from chefbotd.navigation.zones import NO_ZONES, Zones
-
-TURN_S = 4.0
-"""The robot does not stop to turn to a better path where somebody will come by within this time."""
 
 
 class NoMapError(RuntimeError):
@@ -276,21 +273,13 @@ class Navigator:
 
     def _replan(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> None:
         """Take a better path, or one round what blocks the present one."""
-        at_goal = trip.follow.phase in (Phase.APPROACHING, Phase.FINAL_TURN, Phase.DONE)
-        if at_goal or now.now_s - self._planned_s < self._params.replan_s:
+        if not is_due(self._params, trip, self._planned_s, now.now_s):
             return
         found = self._find(known, now)
-        costs, left = self._costs or known.ground, trip.left
-        blocked_m = blocked_after_m(self._params.planner, costs, left)
-        if isinstance(found, Trip):
-            turn = turn_worth(self._params.follower, found.path, now.pose)
-            is_better = worth(costs, found.path) + turn < self._params.better_share * worth(costs, left)
-            if turn > 0 and is_in_the_way(self._params.evade, self._params.outline, near, TURN_S):
-                is_better = False
-            same_kind = found.is_interim == trip.is_interim
-            if blocked_m is not None or (is_better and not trip.is_interim) or not same_kind:
-                self._set_out(found, now)
-        elif blocked_m is not None and blocked_m < self._params.turn_back_m:
+        chosen = choice(self._params, self._costs or known.ground, trip, found, now, near)
+        if isinstance(found, Trip) and chosen is Choice.TAKE_NEW:
+            self._set_out(found, now)
+        elif isinstance(found, NoPath) and chosen is Choice.STUCK:
             self._become_stuck(known, now, found.reason)
 
     # Driving

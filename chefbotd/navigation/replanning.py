@@ -1,0 +1,53 @@
+"""Whether a path that is being driven gives way to a new one: when it is blocked, or when the new one is better."""
+
+from enum import StrEnum
+
+from chefbotd.navigation.arcs import Surroundings
+from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.evade import is_in_the_way
+from chefbotd.navigation.follower import Phase
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.planner import NoPath
+from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.trips import Trip, blocked_after_m, turn_worth, worth
+
+TURN_S = 4.0
+"""The robot does not stop to turn to a better path where somebody will come by within this time."""
+
+
+class Choice(StrEnum):
+    """What to do about the present path."""
+
+    KEEP = "keep"
+    TAKE_NEW = "take_new"
+    STUCK = "stuck"
+
+
+def is_due(params: NavigationParameters, trip: Trip, planned_s: float, now_s: float) -> bool:
+    """Whether to plan again; at the goal it is too late."""
+    at_goal = trip.follow.phase in (Phase.APPROACHING, Phase.FINAL_TURN, Phase.DONE)
+    return not at_goal and now_s - planned_s >= params.replan_s
+
+
+def choice(
+    params: NavigationParameters,
+    costs: Costmap,
+    trip: Trip,
+    found: Trip | NoPath,
+    now: StepInput,
+    near: Surroundings,
+) -> Choice:
+    """Compare what was found with these costs to what is left of the trip."""
+    left = trip.left
+    blocked_m = blocked_after_m(params.planner, costs, left)
+    if isinstance(found, NoPath):
+        is_stuck = blocked_m is not None and blocked_m < params.turn_back_m
+        return Choice.STUCK if is_stuck else Choice.KEEP
+    if blocked_m is not None or found.is_interim != trip.is_interim:
+        return Choice.TAKE_NEW
+    turn = turn_worth(params.follower, found.path, now.pose)
+    is_better = worth(costs, found.path) + turn < params.better_share * worth(costs, left)
+    if not is_better or trip.is_interim:
+        return Choice.KEEP
+    has_to_wait = turn > 0 and is_in_the_way(params.evade, params.outline, near, TURN_S)
+    return Choice.KEEP if has_to_wait else Choice.TAKE_NEW
