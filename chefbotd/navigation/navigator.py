@@ -5,14 +5,14 @@ the rate of the control.
 """
 
 import math
-from dataclasses import replace
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.follower import Followed, Phase, Track, follow, predicted, slewed
+from chefbotd.navigation.driving import can_begin, follow_trip, surroundings
+from chefbotd.navigation.follower import Followed, Phase, slewed
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
@@ -223,7 +223,7 @@ class Navigator:
         if self._state is State.PLANNING:
             self._plan(known, now)
             return None
-        near = self._near(known, now)
+        near = surroundings(self._params, known, now)
         if self._state is State.RECOVERING and self._recovery is not None:
             wanted = self._recover(known, self._recovery, now, near)
         else:
@@ -290,7 +290,7 @@ class Navigator:
         trip = self._trip
         if self._state is not State.DRIVING or trip is None:
             return None
-        done = self._follow(known, trip, now, near)
+        done = follow_trip(self._params, known, trip, now, near)
         self._trip = trip = Trip(trip.path, done.state, trip.is_interim)
         if done.state.phase is Phase.DONE:
             self._arrive(known, trip, now)
@@ -298,30 +298,6 @@ class Navigator:
         self._trail = extended(self._trail, near.grid_from_base, done.twist)
         self._judge(known, done, now, near)
         return done.twist if self._state is State.DRIVING else None
-
-    def _near(self, known: Awareness, now: StepInput) -> Surroundings:
-        here = predicted(self._params.follower, known.frame.pose_to_grid(now.pose), now.last)
-        return known.surroundings(here, now.now_s)
-
-    def _follow(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> Followed:
-        goal, frame, heading_rad = trip.path.goal, trip.path.frame, None
-        if goal.heading_rad is not None:
-            heading_rad = frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad)).heading_rad
-        cell = frame.cell(near.grid_from_base.x_m, near.grid_from_base.y_m)
-        limit = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
-        if now.status is PoseStatus.DOUBTFUL:
-            limit = min(limit, self._params.doubtful_speed_m_s)
-        limit = min(limit, self._seen_speed_m_s(known, now))
-        track, params = Track(trip.path.points_m, heading_rad, limit), self._params
-        return follow(params.follower, params.outline, trip.follow, track, near, now.last, now.dt_s)
-
-    def _seen_speed_m_s(self, known: Awareness, now: StepInput) -> float:
-        """Late scans are driven by more slowly, down to standing when they count as missing."""
-        params, age_s = self._params, now.now_s - known.scan_stamp_s
-        if age_s <= params.scan_late_s:
-            return math.inf
-        left = (params.scan_silent_s - age_s) / (params.scan_silent_s - params.scan_late_s)
-        return params.follower.max_speed_m_s * max(left, 0.0)
 
     def _arrive(self, known: Awareness, trip: Trip, now: StepInput) -> None:
         if trip.is_interim:
@@ -401,8 +377,7 @@ class Navigator:
             if not found.only_for_now:
                 self._end(End.UNREACHABLE, f"unreachable: {found.reason}")
             return not found.only_for_now
-        known_well = replace(now, status=PoseStatus.LOCALIZED, dt_s=0.05)
-        if not with_closed and self._follow(known, found, known_well, near).is_blocked:
+        if not with_closed and not can_begin(self._params, known, found, now, near):
             return False
         self._set_out(found, now)
         return True

@@ -1,0 +1,59 @@
+"""A step along a trip: what is about the robot, how fast it may go here, and the follower's twist."""
+
+import math
+from dataclasses import replace
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.navigation.arcs import Surroundings
+from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.follower import Followed, Track, follow, predicted
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.reports import PoseStatus, StepInput
+from chefbotd.navigation.trips import Trip
+
+TRIED_S = 0.05
+"""A first step that is only tried takes so long."""
+
+
+def surroundings(params: NavigationParameters, known: Awareness, now: StepInput) -> Surroundings:
+    """What is about the robot, where it will be when the twist takes effect."""
+    here = predicted(params.follower, known.frame.pose_to_grid(now.pose), now.last)
+    return known.surroundings(here, now.now_s)
+
+
+def follow_trip(
+    params: NavigationParameters, known: Awareness, trip: Trip, now: StepInput, near: Surroundings
+) -> Followed:
+    """The next twist along the trip."""
+    goal, heading_rad = trip.path.goal, None
+    if goal.heading_rad is not None:
+        end = Pose2D(goal.x_m, goal.y_m, goal.heading_rad)
+        heading_rad = trip.path.frame.pose_to_grid(end).heading_rad
+    limit_m_s = speed_limit_m_s(params, known, now, near.grid_from_base)
+    track = Track(trip.path.points_m, heading_rad, limit_m_s)
+    return follow(params.follower, params.outline, trip.follow, track, near, now.last, now.dt_s)
+
+
+def can_begin(
+    params: NavigationParameters, known: Awareness, trip: Trip, now: StepInput, near: Surroundings
+) -> bool:
+    """Whether nothing is in the way of the trip's first step."""
+    tried = replace(now, status=PoseStatus.LOCALIZED, dt_s=TRIED_S)
+    return not follow_trip(params, known, trip, tried, near).is_blocked
+
+
+def speed_limit_m_s(params: NavigationParameters, known: Awareness, now: StepInput, here: Pose2D) -> float:
+    """What zones, a doubtful pose and late scans allow at a pose of the grid's frame."""
+    cell = known.frame.cell(here.x_m, here.y_m)
+    limit_m_s = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
+    if now.status is PoseStatus.DOUBTFUL:
+        limit_m_s = min(limit_m_s, params.doubtful_speed_m_s)
+    return min(limit_m_s, _late_scan_limit_m_s(params, now.now_s - known.scan_stamp_s))
+
+
+def _late_scan_limit_m_s(params: NavigationParameters, age_s: float) -> float:
+    """Late scans are driven by more slowly, down to standing when they count as missing."""
+    if age_s <= params.scan_late_s:
+        return math.inf
+    left = (params.scan_silent_s - age_s) / (params.scan_silent_s - params.scan_late_s)
+    return params.follower.max_speed_m_s * max(left, 0.0)
