@@ -13,6 +13,7 @@ from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.driving import can_begin, follow_trip, surroundings
 from chefbotd.navigation.follower import Followed, Phase, slewed
+from chefbotd.navigation.goal_queue import GoalQueue, added, cancelled, first_ended
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
@@ -40,9 +41,8 @@ class Navigator:
         self._known: Awareness | None = None
         self._costs: Costmap | None = None
         self._state = State.IDLE
-        self._goals: list[tuple[int, Goal]] = []
-        self._ended: list[Ended] = []
-        self._count = 0
+        self._queue = GoalQueue()
+        self._ended: tuple[Ended, ...] = ()
         self._last, self._stepped_s = STANDING, -math.inf
         self._trail: Trail = ()
         self._reason = ""
@@ -118,23 +118,22 @@ class Navigator:
             raise NoMapError("there is no map to navigate on: load or make one first")
         if not queue:
             self.cancel("a new goal took its place")
-        accepted = [(self._count + k + 1, goal) for k, goal in enumerate(goals)]
-        self._count += len(goals)
-        self._goals += accepted
-        if self._state is State.IDLE and self._goals:
+        self._queue, numbers = added(self._queue, goals)
+        if self._state is State.IDLE and self._queue.goals:
             self._begin()
-        return tuple(number for number, _ in accepted)
+        return numbers
 
     def cancel(self, reason: str = "as asked") -> None:
         """End all goals."""
-        for number, _ in self._goals:
-            self._ended.append(Ended(number, End.CANCELLED, f"cancelled: {reason}"))
-        if self._goals:
-            self._become_idle(f"cancelled: {reason}")
+        told = f"cancelled: {reason}"
+        self._queue, ended = cancelled(self._queue, told)
+        self._ended += ended
+        if ended:
+            self._become_idle(told)
 
     def fail(self, reason: str) -> None:
         """End all goals for what makes driving impossible, such as an e-stop."""
-        if self._goals:
+        if self._queue.goals:
             self._end(End.FAULT, f"fault: {reason}")
 
     def pause(self) -> None:
@@ -172,16 +171,16 @@ class Navigator:
         dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
         self._stepped_s = now_s
         twist = None
-        if self._known is not None and self._goals and self._state is not State.PAUSED:
+        if self._known is not None and self._queue.goals and self._state is not State.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
             wanted = self._act(self._known, StepInput(now_s, dt_s, pose, status, self._last))
             twist = standing if wanted is None else wanted
         self._last = STANDING if twist is None else twist
-        ended, self._ended = tuple(self._ended), []
-        return Step(twist if self._goals else None, self._progress(pose), ended)
+        ended, self._ended = self._ended, ()
+        return Step(twist if self._queue.goals else None, self._progress(pose), ended)
 
     def _progress(self, pose: Pose2D) -> Progress:
-        number = self._goals[0][0] if self._goals else None
+        number = self._queue.number
         if self._trip is None:
             return Progress(self._state, number, self._reason)
         left = self._trip.left
@@ -198,22 +197,16 @@ class Navigator:
         self._reason = "plans"
 
     def _become_idle(self, reason: str) -> None:
-        self._goals = []
         self._change(Event.GOAL_ENDED)
         self._forget_goal()
         self._reason = reason
 
     def _end(self, end: End, reason: str) -> None:
-        """End the first goal; what was to follow one that was not reached makes no sense any more."""
-        (number, _), *following = self._goals
-        self._ended.append(Ended(number, end, reason))
-        if end is not End.REACHED:
-            told = f"cancelled: goal {number} before it ended {end}"
-            self._ended += [Ended(later, End.CANCELLED, told) for later, _ in following]
-            following = []
+        """End the first goal, and go on with the next one."""
+        self._queue, ended = first_ended(self._queue, end, reason)
+        self._ended += ended
         self._become_idle(reason)
-        self._goals = following
-        if following:
+        if self._queue.goals:
             self._begin()
 
     def _act(self, known: Awareness, now: StepInput) -> Twist2D | None:
@@ -228,7 +221,7 @@ class Navigator:
             wanted = self._recover(known, self._recovery, now, near)
         else:
             wanted = self._drive(known, now, near)
-        if not self._goals:
+        if not self._queue.goals:
             return None
         self._making_way, twist = make_way(self._params, self._making_way, now, near, wanted)
         return twist
@@ -250,7 +243,7 @@ class Navigator:
     def _find(self, known: Awareness, now: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
         self._planned_s = now.now_s
         self._costs = known.costs(now.now_s, known.frame.pose_to_grid(now.pose), with_closed=with_closed)
-        goal, params = self._goals[0][1], self._params
+        goal, params = self._queue.goals[0][1], self._params
         return find(params.planner, params.outline, self._costs, known.ground, now.pose, goal)
 
     def _plan(self, known: Awareness, now: StepInput) -> None:
@@ -268,7 +261,7 @@ class Navigator:
         self._reason = self._drives()
 
     def _drives(self) -> str:
-        goal = self._goals[0][1]
+        goal = self._queue.goals[0][1]
         return f"drives to ({goal.x_m:.2f}, {goal.y_m:.2f})"
 
     def _replan(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> None:
@@ -301,7 +294,7 @@ class Navigator:
 
     def _arrive(self, known: Awareness, trip: Trip, now: StepInput) -> None:
         if trip.is_interim:
-            goal = self._goals[0][1]
+            goal = self._queue.goals[0][1]
             taken = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
             self._become_stuck(known, now, taken)
             return
@@ -325,7 +318,7 @@ class Navigator:
     # Recovering
 
     def _become_stuck(self, known: Awareness, now: StepInput, why: str) -> None:
-        goal, self._why = self._goals[0][1], why
+        goal, self._why = self._queue.goals[0][1], why
         left_m = math.hypot(goal.x_m - now.pose.x_m, goal.y_m - now.pose.y_m)
         if self._trip is not None:
             left_m = self._trip.left.length_m
@@ -359,8 +352,8 @@ class Navigator:
             if backing is not None:
                 return backing
             is_done = True
-        is_due = is_done if not waits else now.now_s - self._planned_s >= params.again_s
-        if is_due and self._try_again(known, now, near, with_closed=not waits):
+        is_time = is_done if not waits else now.now_s - self._planned_s >= params.again_s
+        if is_time and self._try_again(known, now, near, with_closed=not waits):
             return None
         if is_done:
             following = after(recovery, now.now_s)

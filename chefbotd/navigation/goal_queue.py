@@ -1,0 +1,43 @@
+"""Goals that are reached one after the other: numbered, cancelled, and ended."""
+
+from dataclasses import dataclass, replace
+
+from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.reports import Ended
+from chefbotd.navigation.states import End
+
+
+@dataclass(frozen=True, slots=True)
+class GoalQueue:
+    """Goals with their numbers, the present one first, and how many were ever accepted."""
+
+    goals: tuple[tuple[int, Goal], ...] = ()
+    count: int = 0
+
+    @property
+    def number(self) -> int | None:
+        """The present goal's."""
+        return self.goals[0][0] if self.goals else None
+
+
+def added(queue: GoalQueue, goals: tuple[Goal, ...]) -> tuple[GoalQueue, tuple[int, ...]]:
+    """The queue with goals behind those that are there, and their numbers."""
+    numbers = tuple(range(queue.count + 1, queue.count + len(goals) + 1))
+    behind = tuple(zip(numbers, goals, strict=True))
+    return GoalQueue((*queue.goals, *behind), queue.count + len(goals)), numbers
+
+
+def cancelled(queue: GoalQueue, reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+    """The queue without goals, and their ends."""
+    ended = tuple(Ended(number, End.CANCELLED, reason) for number, _ in queue.goals)
+    return replace(queue, goals=()), ended
+
+
+def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+    """The queue without its first goal; what was to follow one that was not reached makes no sense any more."""
+    (number, _), *following = queue.goals
+    first, left = Ended(number, end, reason), replace(queue, goals=tuple(following))
+    if end is End.REACHED:
+        return left, (first,)
+    left, others = cancelled(left, f"cancelled: goal {number} before it ended {end}")
+    return left, (first, *others)
