@@ -1,11 +1,11 @@
-"""What is known of the surroundings: the map with its zones, what was seen since, who moves."""
+"""What is known on a map: the map with its zones, what was seen since, who moves, and where the robot drove."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import Costmap, between_cells, costmap, with_obstacles
@@ -22,6 +22,7 @@ from chefbotd.navigation.movers import SLOWEST_M_S, Mover, followed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.people import with_people
 from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.zones import Zones
 
 BRIDGED_S = 0.5
@@ -46,6 +47,8 @@ class Awareness:
         self._walked_s = np.full(self.ground.costs.shape, -math.inf)  # when a walker was on a cell
         self._closed: list[tuple[float, Floats]] = []
         self.scan_stamp_s = -math.inf
+        self.planned_costs = self.ground
+        self.trail: Trail = ()
 
     @property
     def frame(self) -> GridFrame:
@@ -103,6 +106,15 @@ class Awareness:
         walkers = [each for each in self._movers if each.is_walker and each.stamp_s == self.scan_stamp_s]
         speed_m_s = self._params.follower.max_speed_m_s
         return with_people(self._params.people, stood, walkers, here.x_m, here.y_m, speed_m_s)
+
+    def costs_to_plan(self, now_s: float, here: Pose2D, *, with_closed: bool) -> Costmap:
+        """The same, kept as the costs that the last plan was made with."""
+        self.planned_costs = self.costs(now_s, here, with_closed=with_closed)
+        return self.planned_costs
+
+    def remember_drive(self, here: Pose2D, twist: Twist2D) -> None:
+        """Keep the trail of a robot that is here (in the grid's frame) and drives so."""
+        self.trail = extended(self.trail, here, twist)
 
     def meets_walker(self, here: Pose2D) -> bool:
         """Whether the nearest thing in front of a pose of the grid's frame is somebody who will walk on."""

@@ -1,0 +1,227 @@
+"""One goal, from being accepted to its end: plans, drives, and recovers.
+
+Poses are ``map_from_base``.
+"""
+
+import math
+
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.navigation.arcs import Surroundings
+from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.driving import can_begin, follow_trip
+from chefbotd.navigation.follower import Followed, Phase
+from chefbotd.navigation.input_watch import Missing, watched
+from chefbotd.navigation.making_way import MakingWay, make_way
+from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.planner import Goal, NoPath
+from chefbotd.navigation.progress_check import Coming, InTheWay, checked
+from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
+from chefbotd.navigation.replanning import Choice, choice, is_due
+from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.trail import back_out
+from chefbotd.navigation.trips import Trip, find
+
+
+class GoalExecution:
+    """Holds what the pure steps take and return for one goal; ``reason`` says what is done, ``ended`` how it ended."""
+
+    def __init__(self, params: NavigationParameters, goal: Goal, state: State, reason: str) -> None:
+        self._params, self._goal = params, goal
+        self.state, self.reason = state, reason
+        self.ended: tuple[End, str] | None = None
+        self.trip: Trip | None = None
+        self._planned_s = -math.inf
+        self._missing = Missing()
+        self._coming = Coming(-math.inf, Pose2D())
+        self._making_way = MakingWay()
+        self._recovery: Recovery | None = None
+        self._why_stuck = ""
+        self._backed_from = Pose2D()
+
+    def pause(self) -> None:
+        """Stand; what follows is a new execution."""
+        self._change(Event.PAUSED)
+        self.reason = "paused"
+
+    def end(self, end: End, reason: str) -> None:
+        """The goal has ended so."""
+        self._change(Event.GOAL_ENDED)
+        self.ended = (end, reason)
+
+    def forget_path(self) -> None:
+        """Plan anew, since there is another map."""
+        self.trip, self._recovery = None, None
+        if self.state in (State.DRIVING, State.RECOVERING):
+            self.state = State.PLANNING
+
+    def prepare(self, known: Awareness, now: StepInput) -> bool:
+        """Whether the robot can drive in this step: pose and scans are there, and it is not planned first."""
+        if not self._has_input(known, now):
+            return False
+        if self.state is State.PLANNING:
+            self._plan(known, now)
+            return False
+        return True
+
+    def drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
+        """The twist to drive, or to recover, with; None is standing."""
+        if self.state is State.RECOVERING and self._recovery is not None:
+            return self._recover(known, self._recovery, now, near)
+        return self._drive(known, now, near)
+
+    def make_way(self, now: StepInput, near: Surroundings, wanted: Twist2D | None) -> Twist2D | None:
+        """What is wanted, or, while the robot stands, a way out of somebody's way."""
+        self._making_way, twist = make_way(self._params, self._making_way, now, near, wanted)
+        return twist
+
+    def _change(self, event: Event) -> None:
+        self.state = next_state(self.state, event)
+
+    def _has_input(self, known: Awareness, now: StepInput) -> bool:
+        """Whether pose and scans are there to plan and drive by."""
+        found = watched(self._params, self._missing, now, known.scan_stamp_s)
+        self._missing = found.missing
+        if found.stands:
+            self.reason = found.stands
+        elif found.is_over and self.state is State.DRIVING:
+            self.reason = self._drives()
+        if found.end is not None:
+            self.end(found.end, found.reason)
+        return not found.stands
+
+    # Planning
+
+    def _find(self, known: Awareness, now: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
+        self._planned_s = now.now_s
+        here = known.frame.pose_to_grid(now.pose)
+        costs = known.costs_to_plan(now.now_s, here, with_closed=with_closed)
+        params = self._params
+        return find(params.planner, params.outline, costs, known.ground, now.pose, self._goal)
+
+    def _plan(self, known: Awareness, now: StepInput) -> None:
+        found = self._find(known, now)
+        if isinstance(found, Trip):
+            self._set_out(found, now)
+        elif found.only_for_now:
+            self._become_stuck(known, now, found.reason)
+        else:
+            self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
+
+    def _set_out(self, trip: Trip, now: StepInput) -> None:
+        self._change(Event.PATH_FOUND)
+        self.trip, self._coming = trip, Coming(now.now_s, now.pose)
+        self.reason = self._drives()
+
+    def _drives(self) -> str:
+        return f"drives to ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
+
+    def _replan(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> None:
+        """Take a better path, or one round what blocks the present one."""
+        if not is_due(self._params, trip, self._planned_s, now.now_s):
+            return
+        found = self._find(known, now)
+        chosen = choice(self._params, known.planned_costs, trip, found, now, near)
+        if isinstance(found, Trip) and chosen is Choice.TAKE_NEW:
+            self._set_out(found, now)
+        elif isinstance(found, NoPath) and chosen is Choice.STUCK:
+            self._become_stuck(known, now, found.reason)
+
+    # Driving
+
+    def _drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
+        if self.trip is not None:
+            self._replan(known, self.trip, now, near)
+        trip = self.trip
+        if self.state is not State.DRIVING or trip is None:
+            return None
+        done = follow_trip(self._params, known, trip, now, near)
+        self.trip = trip = Trip(trip.path, done.state, trip.is_interim)
+        if done.state.phase is Phase.DONE:
+            self._arrive(known, trip, now)
+            return None
+        known.remember_drive(near.grid_from_base, done.twist)
+        self._judge(known, done, now, near)
+        return done.twist if self.state is State.DRIVING else None
+
+    def _arrive(self, known: Awareness, trip: Trip, now: StepInput) -> None:
+        if trip.is_interim:
+            taken = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
+            self._become_stuck(known, now, taken)
+            return
+        told = f"reached ({now.pose.x_m:.2f}, {now.pose.y_m:.2f})"
+        if trip.path.is_substitute:
+            told += ", the nearest free place within the tolerance"
+        self.end(End.REACHED, told)
+
+    def _judge(self, known: Awareness, done: Followed, now: StepInput, near: Surroundings) -> None:
+        """Whether it has been blocked, or has not come on, for too long."""
+        in_the_way = None
+        if done.is_blocked:
+            in_the_way = InTheWay(known.nearest_ahead(near), known.meets_walker(near.grid_from_base))
+        found = checked(self._params, self._coming, now, in_the_way)
+        self._coming = found.coming
+        if found.waits or found.drives_again:
+            self.reason = found.waits or self._drives()
+        if found.stuck:
+            self._become_stuck(known, now, found.stuck)
+
+    # Recovering
+
+    def _become_stuck(self, known: Awareness, now: StepInput, why: str) -> None:
+        self._why_stuck = why
+        left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
+        if self.trip is not None:
+            left_m = self.trip.left.length_m
+        found = stuck(self._params.recovery, self._recovery, now.now_s, left_m)
+        if found is None:
+            self._give_up(now)
+        else:
+            self._change(Event.STUCK)
+            self._try(known, found, now)
+
+    def _give_up(self, now: StepInput) -> None:
+        began_s = now.now_s if self._recovery is None else self._recovery.began_s
+        self.end(End.BLOCKED, f"blocked for {now.now_s - began_s:.0f} s: {self._why_stuck}")
+
+    def _try(self, known: Awareness, recovery: Recovery, now: StepInput) -> None:
+        self._recovery, self._backed_from = recovery, now.pose
+        self.reason = f"{self._why_stuck}: {SAID[recovery.rung]}"
+        if recovery.rung is Rung.OTHER_WAY and self.trip is not None:
+            ahead = self.trip.left.points_m
+            until_s = recovery.rung_began_s + self._params.recovery.closed_s
+            known.close(ahead[min(len(ahead) - 1, 8)], until_s)
+
+    def _recover(
+        self, known: Awareness, recovery: Recovery, now: StepInput, near: Surroundings
+    ) -> Twist2D | None:
+        params = self._params.recovery
+        waits = recovery.rung in (Rung.WAIT, Rung.ASK)
+        is_done = is_over(params, recovery, now.now_s)
+        if recovery.rung is Rung.BACK_OUT and not is_done:
+            backing = back_out(self._params, known.trail, self._backed_from, now, near)
+            if backing is not None:
+                return backing
+            is_done = True
+        is_time = is_done if not waits else now.now_s - self._planned_s >= params.again_s
+        if is_time and self._try_again(known, now, near, with_closed=not waits):
+            return None
+        if is_done:
+            following = after(recovery, now.now_s)
+            if following is None:
+                self._give_up(now)
+            else:
+                self._try(known, following, now)
+        return None
+
+    def _try_again(self, known: Awareness, now: StepInput, near: Surroundings, *, with_closed: bool) -> bool:
+        """Whether there is an end to recovering: a path that can be begun with, or none at all."""
+        found = self._find(known, now, with_closed=with_closed)
+        if isinstance(found, NoPath):
+            if not found.only_for_now:
+                self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
+            return not found.only_for_now
+        if not with_closed and not can_begin(self._params, known, found, now, near):
+            return False
+        self._set_out(found, now)
+        return True
