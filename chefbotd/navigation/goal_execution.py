@@ -14,7 +14,7 @@ from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath
-from chefbotd.navigation.progress_check import Coming, InTheWay, checked
+from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
 from chefbotd.navigation.replanning import Choice, choice, is_due
 from chefbotd.navigation.reports import StepInput
@@ -33,7 +33,7 @@ class GoalExecution:
         self.trip: Trip | None = None
         self._planned_s = -math.inf
         self._missing = Missing()
-        self._coming = Coming(-math.inf, Pose2D())
+        self._last_progress = LastProgress(-math.inf, Pose2D())
         self._making_way = MakingWay()
         self._recovery: Recovery | None = None
         self._why_stuck = ""
@@ -110,7 +110,7 @@ class GoalExecution:
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(Event.PATH_FOUND)
-        self.trip, self._coming = trip, Coming(now.now_s, now.pose)
+        self.trip, self._last_progress = trip, LastProgress(now.now_s, now.pose)
         self.reason = self._drives()
 
     def _drives(self) -> str:
@@ -159,8 +159,8 @@ class GoalExecution:
         in_the_way = None
         if done.is_blocked:
             in_the_way = InTheWay(known.nearest_ahead(near), known.meets_walker(near.grid_from_base))
-        found = checked(self._params, self._coming, now, in_the_way)
-        self._coming = found.coming
+        found = checked(self._params, self._last_progress, now, in_the_way)
+        self._last_progress = found.progress
         if found.waits or found.drives_again:
             self.reason = found.waits or self._drives()
         if found.stuck:

@@ -20,7 +20,7 @@ class InTheWay:
 
 
 @dataclass(frozen=True, slots=True)
-class Coming:
+class LastProgress:
     """When and where (in the map) the robot came on last, and since when it has been blocked."""
 
     moved_s: float
@@ -32,14 +32,14 @@ class Coming:
 class Checked:
     """How the robot comes on; why it waits from now on, whether it drives again, and why it is stuck ("": it is not)."""
 
-    coming: Coming
+    progress: LastProgress
     waits: str = ""
     drives_again: bool = False
     stuck: str = ""
 
 
 def checked(
-    params: NavigationParameters, last: Coming, now: StepInput, in_the_way: InTheWay | None
+    params: NavigationParameters, last: LastProgress, now: StepInput, in_the_way: InTheWay | None
 ) -> Checked:
     """One step of driving, with what blocks the robot now."""
     if in_the_way is None:
@@ -58,11 +58,11 @@ def checked(
 
 def _moved(params: NavigationParameters, found: Checked, now: StepInput) -> Checked:
     """The same, with where the robot came on last."""
-    last = found.coming
+    last = found.progress
     moved_m = math.hypot(now.pose.x_m - last.pose.x_m, now.pose.y_m - last.pose.y_m)
     turned_rad = abs(math.remainder(now.pose.heading_rad - last.pose.heading_rad, math.tau))
     if moved_m > MOVED_M or turned_rad > MOVED_RAD:
-        return replace(found, coming=replace(last, moved_s=now.now_s, pose=now.pose))
+        return replace(found, progress=replace(last, moved_s=now.now_s, pose=now.pose))
     if now.now_s - last.moved_s > params.idle_s:
         return replace(found, stuck="the robot does not come on")
     return found
