@@ -15,7 +15,10 @@ Report = Callable[[Finding], None]
 
 @dataclass(slots=True)
 class Diagnosis:
-    """``seconds`` is how long the robot is listened to; with ``motors`` the wheels may be driven, once asked."""
+    """``seconds`` is how long the robot is listened to; with ``motors`` the wheels may be driven, once asked.
+
+    ``wanted_device`` is the board's device if the user named one.
+    """
 
     settings: Settings
     asker: Asker
@@ -24,6 +27,7 @@ class Diagnosis:
     clock: Clock
     seconds: float = 5.0
     motors: bool = False
+    wanted_device: str | None = None
     findings: list[Finding] = field(default_factory=list)
 
     def find(self, *findings: Finding) -> None:

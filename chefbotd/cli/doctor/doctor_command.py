@@ -65,7 +65,7 @@ def doctor(
         raise ProgramError(Exit.FAILED, f"{bundle}: already there, and not overwritten")
     settings, told = asyncio.run(_settings(path, device, context.address))
     diagnosis = _diagnosis(settings, context.as_json, quiet=quiet)
-    diagnosis.seconds, diagnosis.motors = seconds, motors
+    diagnosis.seconds, diagnosis.motors, diagnosis.wanted_device = seconds, motors, device
     context.run(_walk_and_bundle(diagnosis, context, told, bundle, keep_log()))
     if context.as_json:
         echo(view.as_json(diagnosis.findings))

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
@@ -77,7 +78,9 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
         return False
     link = diagnosis.settings.link
     if robot is not None:
-        link = link.model_copy(update={"device": (await robot.get_state()).link.device})
+        held = (await robot.get_state()).link.device
+        require_same(diagnosis.wanted_device, held, str(context.address))
+        link = link.model_copy(update={"device": held})
     is_free = port.look(diagnosis, host.look_at_port(link), daemon_answers=robot is not None)
     diagnosis.find(
         check_service(await host.service_unit()),
@@ -85,6 +88,20 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
         check_time_sync(await host.is_synchronized()),
     )
     return is_free
+
+
+def require_same(wanted: str | None, held: str, where: str) -> None:
+    """See that the board that was named is the one that the daemon drives: else another robot would be driven.
+
+    Raises:
+        ProgramError: it is another one.
+    """
+    if wanted is not None and Path(wanted).resolve() != Path(held).resolve():
+        raise ProgramError(
+            Exit.USAGE,
+            f"--port {wanted}: the daemon at {where} drives {held}, and the doctor would look at that; leave it out, "
+            "end the daemon, or name another address by --connect",
+        )
 
 
 async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None:
