@@ -24,6 +24,7 @@ from chefbotd.recording.errors import UnreadableRecording, explain
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""
 
+CUT = "it ends in the middle of a chunk: its writer was killed, or the file was cut"
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 
@@ -98,9 +99,10 @@ class RecordingReader:
                     self._note(each)
                     yield each
         except EndOfFile:
-            self.problem = "it ends in the middle of a chunk: its writer was killed, or the file was cut"
+            self.problem = CUT
         except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
-            self.problem = f"it is damaged or was cut: {str(error) or type(error).__name__}"
+            cut = isinstance(error, struct.error) and not file.read(1)  # within the head of a record
+            self.problem = CUT if cut else f"it is damaged or was cut: {str(error) or type(error).__name__}"
         except Exception as error:
             if type(error).__module__.partition(".")[0] not in ("zstandard", "zstd", "lz4"):
                 raise

@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.errors import UnreadableRecording
-from chefbotd.recording.reader import RecordingReader
+from chefbotd.recording.reader import CUT, RecordingReader
 from tests.chefbotd.recording.damage import damaged_chunk
 from tests.chefbotd.recording.events import START_S, cycle, recorder
 
@@ -52,3 +52,22 @@ def test_damage_in_the_middle_ends_the_reading_and_is_told(tmp_path: Path) -> No
     assert "damaged" in reader.problem
     assert 20 < len(found) < 300
     assert [event.stamp_s for event in found] == [START_S + k / 100 for k in range(len(found))]
+
+
+@pytest.mark.parametrize("beyond", [1, 5, 9, 12])
+def test_a_file_that_ends_within_a_record_was_cut(tmp_path: Path, beyond: int) -> None:
+    """Whether within the record's head, of an opcode and eight bytes of length, at its end, or in the content."""
+    made = recorder(tmp_path, chunk_s=0.1)
+    made.start("cut", START_S)
+    for k in range(100):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+    made.stop(START_S + 1.0)
+    (path,) = tmp_path.glob("*.mcap")
+    content, heads = path.read_bytes(), [len(MAGIC)]
+    while heads[-1] < len(content) - len(MAGIC):
+        at = heads[-1]
+        heads.append(at + 9 + int.from_bytes(content[at + 1 : at + 9], "little"))
+    path.write_bytes(content[: heads[len(heads) // 2] + beyond])
+    reader = RecordingReader(path)
+    assert "WheelsDriven" in [type(event).__name__ for event in reader.events()]
+    assert reader.problem == CUT
