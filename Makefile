@@ -81,7 +81,7 @@ deb: $(VENV)/ready  ## Build the Debian package into dist (DEB_EXTRAS=page,teleo
 wheel-test: wheel  ## Run the tests against the installed wheel
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[$(EXTRAS),testing]" hypothesis jsonschema psutil pytest-timeout pytest-xdist trustme
+	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[$(EXTRAS),testing]" axe-playwright-python hypothesis jsonschema playwright psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
 	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)

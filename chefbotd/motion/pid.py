@@ -42,6 +42,9 @@ class PidParameters(Parameters):
     conditional_integration: bool = True
 
 
+SHORTEST_S = 1e-6
+"""A board counts microseconds: between two of its readings passes no shorter time, or none."""
+
 FADE_S = 0.5
 """Time constant with which a bump that new gains would have made, and the integral could not hold, comes after all."""
 
@@ -86,11 +89,12 @@ def step(
 ) -> tuple[PidState, float]:
     """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
 
-    Where no time has passed (``dt_s`` <= 0) nothing is integrated or differentiated. A clamped output lets the integral
-    shrink, not grow, and drains it if asked to. Written in one piece, as it runs for every wheel and encoder frame.
+    Where no time has passed, or none that a board can tell, nothing is integrated or differentiated. A clamped output
+    lets the integral shrink, not grow, and drains it if asked to. Written in one piece, as it runs for every wheel and
+    encoder frame.
     """
     derivative_duty, fading_duty, before_m_s = state.derivative_duty, 0.0, state.measured_m_s
-    if dt_s <= 0:
+    if dt_s < SHORTEST_S:
         dt_s = 0.0
     elif before_m_s is not None:  # through a first-order low-pass
         filter_s = params.derivative_filter_s

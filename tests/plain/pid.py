@@ -3,7 +3,7 @@
 import math
 
 from chefbotd.core.record import replace
-from chefbotd.motion.pid import FADE_S, PidParameters, PidState, feedforward
+from chefbotd.motion.pid import FADE_S, SHORTEST_S, PidParameters, PidState, feedforward
 
 
 def step(
@@ -16,7 +16,7 @@ def step(
     scrub_duty: float = 0.0,
 ) -> tuple[PidState, float]:
     """The next state and the duty."""
-    dt_s = max(dt_s, 0.0)
+    dt_s = dt_s if dt_s >= SHORTEST_S else 0.0
     seen = _observe(params, state, setpoint_m_s, measured_m_s, dt_s)
     error = setpoint_m_s - measured_m_s
     error = error if abs(error) > params.deadband else 0.0

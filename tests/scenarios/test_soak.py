@@ -45,11 +45,10 @@ def always_armed(check: Callable[..., Any]) -> Callable[..., Any]:
                 {"accept": always_armed(gate.accept), "decide": always_armed(gate.decide)},
                 "on the wire while|because it was armed",
             ),
-            pytest.param(
+            (
                 encoder_timeout,
                 {"is_stale": lambda params, state, now_s: False},
                 "drives without being able to see",
-                marks=pytest.mark.slow,
             ),
             (limits, {"advance": lambda axis, speed, rate, aim, dt_s: (aim, 0.0)}, "setpoint changed by"),
         ]

@@ -413,3 +413,13 @@ def test_a_preview_keeps_the_deadband_too(measured_m_s: float) -> None:
     params = parameters(kv=1000, deadband=0.02)
     state = PidState(integral_duty=7.0, measured_m_s=measured_m_s)
     assert pid.preview(params, state, 0.2, 0.0) == pytest.approx(207.0)
+
+
+@pytest.mark.parametrize("dt_s", [0.0, -0.01, 5e-324, 9e-7])
+def test_a_time_that_no_board_can_tell_is_none(dt_s: float) -> None:
+    """A change of 0.5 m/s within it would be an endless acceleration: derivative and integral stay as they were."""
+    gains = PidParameters(kp=100.0, ki=50.0, kd=2.0, output_limit=255.0)
+    state, _ = pid.step(gains, PidState(measured_m_s=0.1, setpoint_m_s=0.3), 0.3, 0.0, 0.2, 0.05)
+    after, duty = pid.step(gains, state, 0.3, 0.0, 0.7, dt_s)
+    assert (after.derivative_duty, after.integral_duty) == (state.derivative_duty, state.integral_duty)
+    assert duty == pytest.approx(100.0 * -0.4 + state.derivative_duty + state.integral_duty)
