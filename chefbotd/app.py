@@ -332,10 +332,12 @@ class Daemon:
                     group.create_task(run(service.name, self._loop_of(service)))
                 await asyncio.Event().wait()
             finally:
-                if self.entries.recording:
-                    self.bus.publish(DaemonStopping(self.entries.now_s()))
-                self.driving.detach()
-                self.session.close()
+                try:
+                    if self.entries.recording:
+                        self.bus.publish(DaemonStopping(self.entries.now_s()))
+                finally:
+                    self.driving.detach()
+                    self.session.close()
 
 
 def _page(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) -> "PageServer | None":

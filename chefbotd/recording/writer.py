@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import structlog
 
+from chefbotd.core.commands import RefusalKind
+from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.intake import Intake
 from chefbotd.recording.status import Status
 
@@ -23,6 +25,8 @@ T = TypeVar("T")
 log = structlog.get_logger(component="recording")
 
 NO_ROOM = "the disk was too slow, or did not answer"
+MOST_ASKED = 64
+"""Clients that ask again and again while the disk hangs fill no memory."""
 
 
 class Writer(Protocol):
@@ -65,6 +69,7 @@ class _Queue:
         self._intake, self._most_bytes = intake, most_bytes
         self._given = self._given_bytes = self._taken = self._taken_bytes = 0
         self._gap, self._marked = 0, False
+        self._asked = self._carried_out = 0
         self.dropped = 0
 
     @property
@@ -95,12 +100,21 @@ class _Queue:
     def ask(self, work: "Callable[[Recorder], T]", now_s: float, *, first: bool = False) -> "Future[T]":
         """Have the recorder do something, after all that was left before; cancel it while it has not begun.
 
-        ``first``: before what is in no chunk yet.
+        ``first``: before what is in no chunk yet. The future has a ``RecordingError`` where ``MOST_ASKED`` wait already.
         """
         if not first:
             self._cut(now_s)
         future: Future[T] = Future()
-        self._put(lambda recorder: _carry_out(work, recorder, future))
+        if self._asked - self._carried_out >= MOST_ASKED:
+            future.set_exception(RecordingError(RefusalKind.STORAGE_FAILED, NO_ROOM))
+            return future
+        self._asked += 1
+
+        def carry_out(recorder: "Recorder") -> None:
+            self._carried_out += 1
+            _carry_out(work, recorder, future)
+
+        self._put(carry_out)
         return future
 
     def _cut(self, now_s: float) -> None:

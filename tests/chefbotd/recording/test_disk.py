@@ -11,7 +11,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.writer import WriterThread
+from chefbotd.recording.writer import MOST_ASKED, WriterThread
 from tests.chefbotd.recording.disks import FailingDisk
 from tests.chefbotd.recording.events import START_S, cycle, fault, parts, recorder
 
@@ -153,6 +153,26 @@ def test_a_question_to_a_hung_disk_can_be_given_up(tmp_path: Path) -> None:
     assert hanging.result(5.0).state == "recording"
     settle(writer)
     assert not list(tmp_path.glob("fault*"))
+
+
+def test_questions_to_a_hung_disk_do_not_pile_up(tmp_path: Path) -> None:
+    """64 wait, given up or not; more are refused at once, until the disk is back."""
+    disk = FailingDisk()
+    writer = in_thread(tmp_path, disk, most_bytes=100_000)
+    settle(writer)
+    disk.goes_on.clear()
+    hanging = writer.ask(lambda made: made.start("first", START_S), START_S)
+    assert disk.entered.wait(5.0)
+    waiting = [writer.ask(lambda made: made.status, START_S) for _ in range(MOST_ASKED)]
+    assert all(each.cancel() for each in waiting)
+    with pytest.raises(RecordingError, match="did not answer"):
+        writer.ask(lambda made: made.status, START_S).result(0.0)
+    disk.goes_on.set()
+    assert hanging.result(5.0).state == "recording"
+    deadline_s = time.monotonic() + 5.0
+    while (served := writer.ask(lambda made: made.status, START_S)).done() and served.exception():
+        assert time.monotonic() < deadline_s
+    assert served.result(5.0).state == "recording"
 
 
 def test_a_recorder_that_fails_inside_goes_on(tmp_path: Path) -> None:
