@@ -19,7 +19,7 @@ FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosit
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map test test-again test-all coverage check audit lint format wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: docs run serve map test test-again test-all coverage check audit lint format topics wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -62,6 +62,9 @@ lint: $(VENV)/ready  ## Check format, style, strict types and import rules
 audit: $(VENV)/ready  ## Check that the dependencies fit together and have no known vulnerability
 	$(BIN)/pip check
 	$(BIN)/python -m tests.audit
+
+topics: $(VENV)/ready  ## Write the client's typed topics from its models (after a topic is added)
+	$(BIN)/python -m tests.chefbotd.client.typed_topics
 
 format: $(VENV)/ready  ## Format the code, and mend what can be mended
 	$(BIN)/ruff format .

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import base64
 import zlib
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from chefbotd.client.caller import Caller, given, ignore_progress
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.parsing import parse
 from chefbotd.client.wire import ProgressListener
@@ -47,14 +47,8 @@ class MapImage:
         return OccupancyGrid(self.resolution_m, Pose2D(self.x_m, self.y_m, self.heading_rad), percent)
 
 
-class MapMethods(ABC):
-    """The methods of maps. ``call`` is what a subclass provides. Every error is a ``ChefbotError``."""
-
-    @abstractmethod
-    async def call(
-        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
-    ) -> dict[str, Any]:
-        """Call a method by its name; returns the answer's ``result`` unchanged."""
+class MapMethods(Caller):
+    """The methods of maps."""
 
     async def list_maps(self) -> models.MapList:
         """Every stored map, and the one in use."""
@@ -66,7 +60,7 @@ class MapMethods(ABC):
         """Use a map from now on, and after a restart of the daemon."""
         from chefbotd.client import models
 
-        answer = await self.call("load_map", on_progress=on_progress or _ignore, name=name)
+        answer = await self.call("load_map", on_progress=on_progress or ignore_progress, name=name)
         return parse(models.MapInUse, answer)
 
     async def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:
@@ -76,7 +70,7 @@ class MapMethods(ABC):
         """
         from chefbotd.client import models
 
-        wanted: dict[str, Any] = {} if name is None else {"name": name}
+        wanted = given(name=name)
         parts: list[models.MapPart] = []
         while not parts or len(parts) < parts[0].parts:
             part = parse(models.MapPart, await self.call("get_map", **wanted, part=len(parts)))
@@ -99,9 +93,8 @@ class MapMethods(ABC):
         """Store the map of map_server's files: ``yaml`` is a path on the robot's computer."""
         from chefbotd.client import models
 
-        named: dict[str, Any] = {} if name is None else {"name": name}
-        listener = on_progress or _ignore
-        answer = await self.call("import_map", on_progress=listener, yaml=yaml, replace=replace, **named)
+        asked = given(yaml=yaml, name=name, replace=replace)
+        answer = await self.call("import_map", on_progress=on_progress or ignore_progress, **asked)
         return parse(models.MapInUse, answer)
 
     async def rename_map(self, name: str, new_name: str) -> None:
@@ -124,27 +117,18 @@ class MapMethods(ABC):
         """Give a pose a name, or move the place of this name; without a pose, it is where the robot is."""
         from chefbotd.client import models
 
-        pose = {"x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "map": of_map}
-        given: dict[str, Any] = {key: value for key, value in pose.items() if value is not None}
-        return parse(models.PlaceData, await self.call("save_place", name=name, **given))
+        pose = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, map=of_map)
+        return parse(models.PlaceData, await self.call("save_place", name=name, **pose))
 
     async def list_places(self, of_map: str | None = None) -> models.PlaceList:
         """The places of a map; without one, of the map in use."""
         from chefbotd.client import models
 
-        return parse(models.PlaceList, await self.call("list_places", **_of(of_map)))
+        return parse(models.PlaceList, await self.call("list_places", **given(map=of_map)))
 
     async def delete_place(self, name: str, of_map: str | None = None) -> None:
         """Remove a place."""
-        await self.call("delete_place", name=name, **_of(of_map))
-
-
-def _ignore(_done: float, _total: float, _text: str) -> None:
-    """Take a report, which allows the request more time."""
-
-
-def _of(of_map: str | None) -> dict[str, Any]:
-    return {} if of_map is None else {"map": of_map}
+        await self.call("delete_place", name=name, **given(map=of_map))
 
 
 def _image(parts: list[models.MapPart]) -> MapImage:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from chefbotd.client.caller import Caller, given, ignore_progress
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 from chefbotd.client.parsing import parse
 
@@ -48,17 +48,8 @@ class Gains(TypedDict, total=False):
     conditional_integration: bool
 
 
-class Methods(ABC):
-    """The methods of the robot. ``call`` is what a subclass provides. Every error is a ``ChefbotError``.
-
-    The usual ones are ``CallError`` (refused; ``kind`` says why), ``CallTimeout`` and ``ConnectionLost``.
-    """
-
-    @abstractmethod
-    async def call(
-        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
-    ) -> dict[str, Any]:
-        """Call a method by its name; returns the answer's ``result`` unchanged."""
+class Methods(Caller):
+    """The methods of the robot itself."""
 
     # motion
 
@@ -72,8 +63,8 @@ class Methods(ABC):
         """
         from chefbotd.client import models
 
-        velocity: dict[str, Any] = {"linear_m_s": linear_m_s, "angular_rad_s": angular_rad_s}
-        return parse(models.Driven, await self.call("drive", **velocity, **_named(source)))
+        asked = given(linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
+        return parse(models.Driven, await self.call("drive", **asked))
 
     async def drive_for(
         self,
@@ -119,8 +110,8 @@ class Methods(ABC):
         from chefbotd.client import models
 
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        asked: dict[str, Any] = {"name": names, "velocity_rad_s": velocities}
-        return parse(models.WheelsDriven, await self.call("set_wheel_velocities", **asked, **_named(source)))
+        asked = given(name=names, velocity_rad_s=velocities, source=source)
+        return parse(models.WheelsDriven, await self.call("set_wheel_velocities", **asked))
 
     async def stop(self) -> dict[str, str]:
         """Brake the robot to standstill, whoever drives it. Returns the name of each source's driver.
@@ -132,8 +123,8 @@ class Methods(ABC):
 
     async def estop(self, reason: str | None = None) -> None:
         """Stop the motors at once and keep them stopped until ``arm``. A long ``reason`` is cut."""
-        told: dict[str, Any] = {} if reason is None else {"reason": reason[:MAX_REASON_CHARACTERS]}
-        await self.call("estop", **told)
+        told = None if reason is None else reason[:MAX_REASON_CHARACTERS]
+        await self.call("estop", **given(reason=told))
 
     async def arm(self) -> None:
         """Allow motion again after an emergency stop or a fault."""
@@ -155,7 +146,7 @@ class Methods(ABC):
         """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
         from chefbotd.client import models
 
-        return parse(models.Taken, await self.call("take_control", **_named(source))).taken_from
+        return parse(models.Taken, await self.call("take_control", **given(source=source))).taken_from
 
     async def release_control(self) -> list[str]:
         """Release all sources that we control, and withdraw our commands. Returns the names of the sources."""
@@ -258,8 +249,7 @@ class Methods(ABC):
         """Begin a map; with a ``name`` go on with that saved one, ``unfinished``: with the one never finished."""
         from chefbotd.client import models
 
-        named: dict[str, Any] = {} if name is None else {"name": name}
-        answer = await self.call("start_mapping", **named, unfinished=unfinished)
+        answer = await self.call("start_mapping", **given(name=name), unfinished=unfinished)
         return parse(models.MappingResult, answer)
 
     async def pause_mapping(self) -> models.MappingResult:
@@ -274,7 +264,7 @@ class Methods(ABC):
         """Match all scans once more and save the map; it takes seconds, for a building minutes."""
         from chefbotd.client import models
 
-        answer = await self.call("finish_mapping", name=name, on_progress=on_progress or _ignore)
+        answer = await self.call("finish_mapping", name=name, on_progress=on_progress or ignore_progress)
         return parse(models.MapSaved, answer)
 
     async def discard_mapping(self) -> models.MappingResult:
@@ -282,10 +272,6 @@ class Methods(ABC):
         from chefbotd.client import models
 
         return parse(models.MappingResult, await self.call("discard_mapping"))
-
-
-def _ignore(done: float, total: float, text: str) -> None:
-    """Each report of progress allows the answer more time, also where nobody wants to hear it."""
 
 
 def _missing_to_move(state: State) -> str:
@@ -300,8 +286,3 @@ def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
     from chefbotd.client import models
 
     return parse(models.Wheels, answer).wheels
-
-
-def _named(source: str | None) -> dict[str, Any]:
-    """The parameter ``source``, if there is one to send."""
-    return {} if source is None else {"source": source}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
+from chefbotd.client.caller import Caller, given, ignore_progress
 from chefbotd.client.errors import ChefbotError
 from chefbotd.client.goals import not_reached
 from chefbotd.client.parsing import parse
@@ -16,14 +16,8 @@ if TYPE_CHECKING:
     from chefbotd.client.wire import ProgressListener
 
 
-class NavigationMethods(ABC):
-    """The methods of navigation. ``call`` is what a subclass provides. Every error is a ``ChefbotError``."""
-
-    @abstractmethod
-    async def call(
-        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
-    ) -> dict[str, Any]:
-        """Call a method by its name; returns the answer's ``result`` unchanged."""
+class NavigationMethods(Caller):
+    """The methods of navigation."""
 
     async def navigate_to(
         self,
@@ -46,11 +40,8 @@ class NavigationMethods(ABC):
         """
         from chefbotd.client import models
 
-        wanted = {
-            "x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "place": place, "tolerance_m": tolerance_m,
-        }  # fmt: skip
-        given: dict[str, Any] = {key: value for key, value in wanted.items() if value is not None}
-        answer = await self._until_end("navigate_to", given, on_progress)
+        goal = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m)
+        answer = await self._until_end("navigate_to", goal, on_progress)
         return _reached(parse(models.GoalResult, answer))
 
     async def follow_waypoints(
@@ -87,11 +78,8 @@ class NavigationMethods(ABC):
         """How long the way is, how much time it takes, and whether there is one; nothing moves."""
         from chefbotd.client import models
 
-        wanted = {
-            "x_m": x_m, "y_m": y_m, "heading_rad": heading_rad, "place": place, "tolerance_m": tolerance_m,
-        }  # fmt: skip
-        given: dict[str, Any] = {key: value for key, value in wanted.items() if value is not None}
-        return parse(models.PlanResult, await self.call("plan_to", **given))
+        goal = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m)
+        return parse(models.PlanResult, await self.call("plan_to", **goal))
 
     async def cancel_navigation(self) -> None:
         """End all goals; the robot stands."""
@@ -109,15 +97,11 @@ class NavigationMethods(ABC):
         self, method: str, params: dict[str, Any], on_progress: ProgressListener | None
     ) -> dict[str, Any]:
         try:
-            return await self.call(method, on_progress=on_progress or _ignore, wait=True, **params)
+            return await self.call(method, on_progress=on_progress or ignore_progress, wait=True, **params)
         except asyncio.CancelledError:
             with contextlib.suppress(ChefbotError):
                 await self.cancel_navigation()
             raise
-
-
-def _ignore(_done: float, _total: float, _text: str) -> None:
-    """Take a report, which allows the request more time."""
 
 
 def _reached(result: models.GoalResult) -> str:

@@ -12,35 +12,39 @@ from __future__ import annotations
 
 import ssl
 from collections import Counter
-from collections.abc import Coroutine, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable
 from contextlib import AsyncExitStack
+from functools import wraps
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar, Unpack
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, Unpack
 
 from chefbotd.client.background import BackgroundLoop
 from chefbotd.client.client import Client
 from chefbotd.client.handshake import Hello
-from chefbotd.client.methods import Gains
 from chefbotd.client.subscription import SubscribeOptions, Subscription
-from chefbotd.client.sync_maps import SyncMaps
-from chefbotd.client.sync_navigation import SyncNavigation
-from chefbotd.client.sync_recording import SyncRecording
 from chefbotd.client.sync_subscription import SyncSubscription
-from chefbotd.client.sync_topics import SyncTopics
-from chefbotd.client.wire import ProgressListener
+from chefbotd.client.topics import SyncTopics
 
-if TYPE_CHECKING:
-    from chefbotd.client import models
-    from chefbotd.client.models import StatsData
-    from chefbotd.client.state import State
-    from chefbotd.motion.pid import PidParameters
-
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
-class SyncClient(SyncMaps, SyncNavigation, SyncRecording, SyncTopics):
+def blocking(
+    method: Callable[Concatenate[Client, P], Coroutine[Any, Any, T]],
+) -> Callable[Concatenate[SyncClient, P], T]:
+    """A method of the asyncio client as a plain one, which returns when that one has ended."""
+
+    @wraps(method)
+    def call(self: SyncClient, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self._loop.run(method(self._client, *args, **kwargs))
+
+    return call
+
+
+class SyncClient(SyncTopics):
     """A connected daemon; made by ``connect``. Every method is ``Client``'s of the same name, and raises the same.
 
+    ``on_progress`` is called in another thread. Ctrl-C cancels what is waited for: ``drive_for`` brakes, goals end.
     It may be used from several threads. Close it, or use it as ``with SyncClient.connect() as robot``.
     """
 
@@ -90,9 +94,6 @@ class SyncClient(SyncMaps, SyncNavigation, SyncRecording, SyncTopics):
             finally:
                 self._loop.close()
 
-    def _run(self, work: Coroutine[Any, Any, T]) -> T:
-        return self._loop.run(work)
-
     @property
     def hello(self) -> Hello:
         """The daemon's latest greeting."""
@@ -108,136 +109,66 @@ class SyncClient(SyncMaps, SyncNavigation, SyncRecording, SyncTopics):
         """Events that the daemon gave up for this connection, by topic."""
         return self._client.dropped
 
-    def call(
-        self, method: str, /, *, on_progress: ProgressListener | None = None, **params: Any
-    ) -> dict[str, Any]:
-        """Any method by its name: the answer's ``result`` as it came. ``on_progress`` is called in another thread."""
-        return self._run(self._client.call(method, on_progress=on_progress, **params))
-
     def _subscription(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> SyncSubscription[Any]:
         async def make() -> Subscription[Any]:
             return self._client.subscribe(topics, **options)
 
-        return SyncSubscription(self._loop, self._run(make()))
+        return SyncSubscription(self._loop, self._loop.run(make()))
 
-    def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> models.Driven:
-        """Ask for a velocity (m/s forward, rad/s CCW); it holds for the dead-man time, so repeat it."""
-        return self._run(self._client.drive(linear_m_s, angular_rad_s, source))
+    call = blocking(Client.call)
 
-    def drive_for(
-        self,
-        seconds: float,
-        linear_m_s: float = 0.0,
-        angular_rad_s: float = 0.0,
-        source: str | None = None,
-    ) -> models.Driven:
-        """Drive for some seconds, then brake until the robot stands; brakes on Ctrl-C, too."""
-        return self._run(self._client.drive_for(seconds, linear_m_s, angular_rad_s, source))
+    drive = blocking(Client.drive)
+    drive_for = blocking(Client.drive_for)
+    set_wheel_velocities = blocking(Client.set_wheel_velocities)
+    stop = blocking(Client.stop)
+    estop = blocking(Client.estop)
+    arm = blocking(Client.arm)
+    set_client_name = blocking(Client.set_client_name)
+    authenticate = blocking(Client.authenticate)
+    take_control = blocking(Client.take_control)
+    release_control = blocking(Client.release_control)
+    get_state = blocking(Client.get_state)
+    wait_until_armed = blocking(Client.wait_until_armed)
+    wait_until_connected = blocking(Client.wait_until_connected)
+    get_stats = blocking(Client.get_stats)
+    get_description = blocking(Client.get_description)
+    describe = blocking(Client.describe)
+    ping = blocking(Client.ping)
+    get_pid = blocking(Client.get_pid)
+    set_pid = blocking(Client.set_pid)
+    undo_pid = blocking(Client.undo_pid)
+    reset_odometry = blocking(Client.reset_odometry)
+    reset_board = blocking(Client.reset_board)
 
-    def set_wheel_velocities(
-        self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> models.WheelsDriven:
-        """Ask for a speed of each wheel by name, in rad/s; the others stand. Repeat it."""
-        return self._run(self._client.set_wheel_velocities(velocity_rad_s, source))
+    set_pose = blocking(Client.set_pose)
+    localize = blocking(Client.localize)
+    start_mapping = blocking(Client.start_mapping)
+    pause_mapping = blocking(Client.pause_mapping)
+    finish_mapping = blocking(Client.finish_mapping)
+    discard_mapping = blocking(Client.discard_mapping)
 
-    def stop(self) -> dict[str, str]:
-        """Bring the robot to rest within the deceleration limit, whoever drives it; by source, who did."""
-        return self._run(self._client.stop())
+    list_maps = blocking(Client.list_maps)
+    load_map = blocking(Client.load_map)
+    get_map = blocking(Client.get_map)
+    import_map = blocking(Client.import_map)
+    rename_map = blocking(Client.rename_map)
+    delete_map = blocking(Client.delete_map)
+    save_place = blocking(Client.save_place)
+    list_places = blocking(Client.list_places)
+    delete_place = blocking(Client.delete_place)
 
-    def estop(self, reason: str | None = None) -> None:
-        """Stop the motors at once, and until ``arm``."""
-        self._run(self._client.estop(reason))
+    navigate_to = blocking(Client.navigate_to)
+    follow_waypoints = blocking(Client.follow_waypoints)
+    go_home = blocking(Client.go_home)
+    dock = blocking(Client.dock)
+    plan_to = blocking(Client.plan_to)
+    cancel_navigation = blocking(Client.cancel_navigation)
+    pause_navigation = blocking(Client.pause_navigation)
+    resume_navigation = blocking(Client.resume_navigation)
 
-    def arm(self) -> None:
-        """Allow motion again after an emergency stop or a fault."""
-        self._run(self._client.arm())
-
-    def set_client_name(self, client: str) -> None:
-        """Say what this client is called where others see who drives."""
-        self._run(self._client.set_client_name(client))
-
-    def authenticate(self, token: str) -> models.Known:
-        """Show a token; ``connect(token=...)`` does so by itself."""
-        return self._run(self._client.authenticate(token))
-
-    def take_control(self, source: str | None = None) -> str | None:
-        """Have a source of commands for ourselves; who had it until now, if another did."""
-        return self._run(self._client.take_control(source))
-
-    def release_control(self) -> list[str]:
-        """Give back every source that we have, and name them."""
-        return self._run(self._client.release_control())
-
-    def get_state(self) -> State:
-        """The link, the safety, and the latest value of each topic with its age."""
-        return self._run(self._client.get_state())
-
-    def wait_until_armed(self, timeout_s: float = 10.0) -> State:
-        """Wait until the robot may move; raises ``CallTimeout`` that says what is missing."""
-        return self._run(self._client.wait_until_armed(timeout_s))
-
-    def wait_until_connected(self, timeout_s: float = 10.0) -> None:
-        """Wait for the connection to stand again, with ``reconnect``."""
-        self._run(self._client.wait_until_connected(timeout_s))
-
-    def get_stats(self) -> StatsData:
-        """The daemon's counters, as in the topic ``stats``."""
-        return self._run(self._client.get_stats())
-
-    def get_description(self) -> str | None:
-        """The robot's links and joints as a URDF document; None where the configuration names none."""
-        return self._run(self._client.get_description())
-
-    def describe(self) -> models.Description:
-        """Methods, topics and error kinds with their JSON Schemas."""
-        return self._run(self._client.describe())
-
-    def ping(self) -> models.Pong:
-        """Whether the daemon answers; ``stamp_s`` is its monotonic clock."""
-        return self._run(self._client.ping())
-
-    def get_pid(self) -> dict[str, PidParameters]:
-        """The gains by wheel name."""
-        return self._run(self._client.get_pid())
-
-    def set_pid(self, wheel: str = "all", **changes: Unpack[Gains]) -> dict[str, PidParameters]:
-        """Change some gains of a wheel, or of all; what every wheel now has."""
-        return self._run(self._client.set_pid(wheel, **changes))
-
-    def undo_pid(self) -> dict[str, PidParameters]:
-        """Take the latest change of gains back; what every wheel now has."""
-        return self._run(self._client.undo_pid())
-
-    def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
-        """Say where the robot stands in ``odom``."""
-        self._run(self._client.reset_odometry(x_m, y_m, heading_rad))
-
-    def reset_board(self) -> None:
-        """Restart the board."""
-        self._run(self._client.reset_board())
-
-    def start_mapping(self, name: str | None = None, *, unfinished: bool = False) -> models.MappingResult:
-        """Begin a map, or go on with a saved one, or with the one that was never finished."""
-        return self._run(self._client.start_mapping(name, unfinished=unfinished))
-
-    def pause_mapping(self) -> models.MappingResult:
-        """Add nothing to the map until ``start_mapping`` is called."""
-        return self._run(self._client.pause_mapping())
-
-    def finish_mapping(self, name: str, *, on_progress: ProgressListener | None = None) -> models.MapSaved:
-        """Match all scans once more and save the map. ``on_progress`` is called in another thread."""
-        return self._run(self._client.finish_mapping(name, on_progress=on_progress))
-
-    def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0) -> models.LocalizationResult:
-        """Say about where the robot is in the map in use."""
-        return self._run(self._client.set_pose(x_m, y_m, heading_rad))
-
-    def localize(self) -> models.LocalizationResult:
-        """Have the robot search the whole map for where it is."""
-        return self._run(self._client.localize())
-
-    def discard_mapping(self) -> models.MappingResult:
-        """Forget the map that is being made, or that was never finished; saved maps stay."""
-        return self._run(self._client.discard_mapping())
+    start_recording = blocking(Client.start_recording)
+    stop_recording = blocking(Client.stop_recording)
+    list_recordings = blocking(Client.list_recordings)
+    save_ring = blocking(Client.save_ring)
