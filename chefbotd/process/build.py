@@ -4,8 +4,9 @@ import random
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from chefbotd.app import Daemon, DepthSpawn, FeatureBuilder, StartWriter
+from chefbotd.app import Daemon
 from chefbotd.clock import Clock
+from chefbotd.composition.context import DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
 from chefbotd.process.latch_file import LatchFile, path_of

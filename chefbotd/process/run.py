@@ -10,8 +10,9 @@ from importlib.util import find_spec
 import structlog
 import uvloop
 
-from chefbotd.app import Daemon, Loop, StartWriter
+from chefbotd.app import Daemon, Loop
 from chefbotd.clock import SystemClock
+from chefbotd.composition.context import StartWriter
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
 from chefbotd.process.service import Load, Service, service_of

@@ -8,9 +8,10 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from chefbotd.app import Daemon, FeatureBuilder, StartWriter
+from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
+from chefbotd.composition.context import FeatureBuilder, StartWriter
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import Opener
 from chefbotd.process.build import build

@@ -5,9 +5,9 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from chefbotd.app import FeatureBuilder
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock, run_virtual
+from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature

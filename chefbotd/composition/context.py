@@ -1,0 +1,51 @@
+"""What every part of a daemon may be built with."""
+
+import random
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from msgspec import Struct
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.features.feature import Feature
+from chefbotd.link.reconnect import Opener
+from chefbotd.settings import Settings
+
+if TYPE_CHECKING:
+    from chefbotd.recording.intake import Intake
+    from chefbotd.recording.recorder import Recorder
+    from chefbotd.recording.writer import Writer
+    from chefbotd.worker.spawn import Spawn
+
+FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
+
+DepthSpawn: TypeAlias = Callable[[Any], Awaitable[Any]]
+"""``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
+
+StartWriter: TypeAlias = Callable[["Intake", "Callable[[], Recorder]", int], "Writer"]
+"""Starts what writes recordings: ``recording.writer.WriterThread``, or something else in tests."""
+
+
+class Context(Struct, frozen=True):
+    """One robot's configuration, its bus and its clock, and the ways to the world outside the process.
+
+    ``session`` tells this run of the daemon from others. ``spawn_worker`` and ``depth_spawn`` start processes; None
+    starts the real ones. Without ``start_writer`` nothing is recorded.
+    """
+
+    settings: Settings
+    bus: Bus
+    clock: Clock
+    rng: random.Random
+    session: str
+    simulated: bool
+    opener: Opener
+    spawn_worker: "Spawn | None"
+    depth_spawn: DepthSpawn | None
+    start_writer: StartWriter | None
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """The wheels, in the order in which the board counts and commands them."""
+        return tuple(wheel.name for wheel in self.settings.chassis.wheels)

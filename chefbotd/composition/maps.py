@@ -1,0 +1,122 @@
+"""Stored maps, and what makes and uses them in the worker: mapping, localization, navigation."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from chefbotd.composition.context import Context
+from chefbotd.composition.scanners import robot_outline
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.feature import Feature
+from chefbotd.maps.parameters import MapsParameters, folder_of
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.settings import Settings
+
+if TYPE_CHECKING:
+    from chefbotd.features.maps.service import MapsService
+    from chefbotd.features.worker.service import WorkerService
+    from chefbotd.worker.process import Worker
+    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
+
+NAVIGATION = "navigation"
+"""The source of commands that navigation drives as; a robot without it does not navigate."""
+
+
+def map_features(
+    context: Context, driving: DriveService, leases: ControlLeases
+) -> tuple[list[Feature], "Worker | None"]:
+    """Stored maps, where they are configured or made; where there is a lidar, also the worker and what it does."""
+    settings = context.settings
+    makes_maps = bool(settings.lidar) and settings.worker.enabled
+    if settings.maps is None and not makes_maps:
+        return [], None
+    from chefbotd.features.maps.feature import maps
+    from chefbotd.features.maps.service import MapsService
+    from chefbotd.maps.store import MapStore
+
+    parameters = settings.maps or MapsParameters()
+    folder, kept = folder_of(parameters, os.environ, simulated=context.simulated), parameters.versions_kept
+    stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept)
+    if not makes_maps:
+        return [maps(stored)], None
+    from chefbotd.features.worker.feature import worker
+    from chefbotd.features.worker.service import WorkerService
+
+    skills, mounts = _skills(settings, folder, kept), settings.range_mounts()
+    feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker, mounts)
+    features = [maps(stored), worker(feed), *_mapping_and_localization(context, feed, stored)]
+    if NAVIGATION in settings.safety.sources:
+        features.append(_navigation(context, feed, stored, driving, leases))
+    return features, feed.worker
+
+
+def _mapping_and_localization(
+    context: Context, feed: "WorkerService", stored: "MapsService"
+) -> list[Feature]:
+    from chefbotd.features.localization.feature import localization
+    from chefbotd.features.localization.service import LocalizationService
+    from chefbotd.features.mapping.feature import mapping
+    from chefbotd.features.mapping.service import MappingService
+
+    finder = LocalizationService(context.bus, context.clock, feed)
+    made = MappingService(context.bus, context.clock, feed, stored.use_saved)
+    stored.growing = made.grid
+    return [mapping(made), localization(finder)]
+
+
+def _navigation(
+    context: Context,
+    feed: "WorkerService",
+    stored: "MapsService",
+    driving: DriveService,
+    leases: ControlLeases,
+) -> Feature:
+    from chefbotd.features.driving.inner_driver import InnerDriver
+    from chefbotd.features.navigation.feature import navigation
+    from chefbotd.features.navigation.service import NavigationService
+
+    driver = InnerDriver(driving, leases, context.clock, NAVIGATION)
+    parameters = context.settings.navigation
+    return navigation(NavigationService(context.bus, context.clock, feed, driver, stored, parameters))
+
+
+def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, bytes]:
+    """What the worker's skills are told when it starts, by their names."""
+    from chefbotd.worker.skills import localization_messages, mapping_messages, navigation_messages
+
+    first = settings.lidar[0].name
+    mapping = mapping_messages.MappingSkillParameters(
+        lidar=settings.mapping.lidar or first,
+        folder=folder,
+        versions_kept=versions_kept,
+        session=os.urandom(8).hex(),
+        mapping=settings.mapping,
+    )
+    localization = localization_messages.LocalizationSkillParameters(
+        lidar=settings.localization.lidar or first,
+        folder=folder,
+        pose_file=folder / localization_messages.POSE_FILE,
+        search_by_itself=settings.localization.search_by_itself,
+        save_every_s=settings.localization.save_every_s,
+    )
+    return {
+        mapping_messages.SKILL: mapping.model_dump_json().encode(),
+        localization_messages.SKILL: localization.model_dump_json().encode(),
+        navigation_messages.SKILL: _navigation_skill(settings, folder).model_dump_json().encode(),
+    }
+
+
+def _navigation_skill(settings: Settings, folder: Path) -> "NavigationSkillParameters":
+    """The robot's outline, and how fast it may be: a wheel needs a tenth more than its share, to correct."""
+    from chefbotd.safety.outline import Box
+    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
+
+    outline = robot_outline(settings)
+    box = outline if isinstance(outline, Box) else None
+    return NavigationSkillParameters(
+        folder=folder,
+        radius_m=outline.radius_m if box is None else None,
+        half_length_m=0.0 if box is None else box.half_length_m,
+        half_width_m=0.0 if box is None else box.half_width_m,
+        max_speed_m_s=min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s),
+    )

@@ -1,0 +1,44 @@
+"""What sees every event: recording to disk, and Foxglove."""
+
+import os
+
+from chefbotd.composition.context import Context
+from chefbotd.composition.robot import robot_description
+from chefbotd.composition.scanners import first_scanner
+from chefbotd.features.feature import Feature
+
+
+def recording(context: Context) -> list[Feature]:
+    """The libraries that write files are loaded in the thread that writes."""
+    settings = context.settings
+    if context.start_writer is None or not settings.recording.enabled:
+        return []
+    from chefbotd.features.recording.feature import recording
+    from chefbotd.features.recording.making import Made, intake_of, recorder_maker
+    from chefbotd.features.recording.service import RecordingService
+    from chefbotd.recording.parameters import folder_of
+
+    parameters = settings.recording
+    folder = folder_of(parameters, os.environ, simulated=context.simulated)
+    made = Made(
+        settings.robot.name,
+        context.session,
+        lambda: settings.model_dump_json(by_alias=True),
+        lambda: robot_description(settings),
+        first_scanner(settings),
+    )
+    intake = intake_of(parameters, made, context.clock.now_s())
+    make = recorder_maker(parameters, folder, made, intake)
+    writer = context.start_writer(intake, make, round(parameters.queue_mb * 1e6))
+    return [recording(RecordingService(context.bus, context.clock, parameters, folder, writer))]
+
+
+def foxglove(context: Context) -> list[Feature]:
+    """A server for Foxglove."""
+    settings = context.settings
+    if not settings.foxglove.enabled:
+        return []
+    from chefbotd.features.foxglove.feature import foxglove
+
+    scanner = first_scanner(settings)
+    return [foxglove(context.bus, context.clock, settings.foxglove, settings.robot.name, scanner)]

@@ -1,0 +1,122 @@
+"""What every robot has: the session with its board, the control loop, and the features that are always there."""
+
+import structlog
+
+from chefbotd.composition.context import Context
+from chefbotd.composition.scanners import scan_guard
+from chefbotd.features.description.feature import description
+from chefbotd.features.driving.feature import driving
+from chefbotd.features.driving.motor_watch import MotorWatch
+from chefbotd.features.driving.quadrature import QuadratureService
+from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.driving.wheel_reader import WheelReader
+from chefbotd.features.feature import Feature
+from chefbotd.features.odometry.feature import odometry
+from chefbotd.features.odometry.service import OdometryService
+from chefbotd.features.sensors.feature import sensors
+from chefbotd.features.sensors.service import SensorService
+from chefbotd.features.statistics.feature import statistics
+from chefbotd.features.statistics.service import StatsService
+from chefbotd.features.tuning.feature import tuning
+from chefbotd.features.tuning.tuning import Tuning
+from chefbotd.link.session import BoardSession
+from chefbotd.metrics import Metrics
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.limit_preview import LimitPreview
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.safety.latch import GateStore
+from chefbotd.settings import Settings
+from chefbotd.settings.urdf import urdf_of
+from firmware_protocol.codec import VARIANTS
+
+log = structlog.get_logger(component="app")
+
+
+def board_session(context: Context) -> BoardSession:
+    """The session with the board, in the variant of the wire that it speaks."""
+    settings = context.settings
+    return BoardSession(
+        context.bus,
+        context.clock,
+        VARIANTS[settings.robot.wire],
+        device=settings.link.device,
+        setpoints_per_s=settings.link.setpoints_per_s,
+        health_after_s=settings.link.health_after_s,
+        board_buffer_bytes=settings.link.board_buffer_bytes,
+    )
+
+
+def drive_service(context: Context, session: BoardSession, latch: GateStore) -> DriveService:
+    """The control loop with what keeps it safe."""
+    settings, bus, clock = context.settings, context.bus, context.clock
+    drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
+    keeper = SafetyKeeper(
+        bus,
+        clock,
+        settings.safety,
+        wheel_names=context.wheel_names,
+        counts_per_turn=settings.encoders.counts_per_turn,
+        mounts=settings.range_mounts(),
+        latch=latch,
+        motors=MotorWatch(settings.safety, settings.chassis),
+        scans=scan_guard(context),
+    )
+    return DriveService(
+        bus,
+        clock,
+        session.send_duty,
+        drive,
+        keeper,
+        reader=WheelReader(settings.chassis, settings.encoders, settings.same_side),
+        wheel_names=context.wheel_names,
+        control=settings.control,
+        duty_ceiling=session.duty_ceiling,
+        patience_s=settings.watchdog.patience_s,
+    )
+
+
+def robot_features(
+    context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases, metrics: Metrics
+) -> list[Feature]:
+    """Driving, and what tells of the robot and tunes it."""
+    settings, bus, clock = context.settings, context.bus, context.clock
+    driven = settings.drive.max_duty
+    return [
+        driving(
+            service,
+            QuadratureService(bus, settings.quadrature, context.wheel_names),
+            preview,
+            leases,
+            clock,
+            wheel_names=context.wheel_names,
+            sources=tuple(settings.safety.sources),
+            default_source=settings.safety.default_source,
+            arm_role=settings.api.arm_role,
+        ),
+        odometry(OdometryService(bus, clock, settings.chassis, settings.odometry)),
+        tuning(Tuning(service, driven, driven * settings.safety.wheels.driven_duty_share)),
+        sensors(
+            SensorService(
+                bus,
+                ultrasonic_parameters=settings.ultrasonic,
+                infrared_parameters=settings.infrared,
+                imu_parameters=settings.imu,
+                battery_parameters=settings.battery,
+            )
+        ),
+        statistics(StatsService(bus, clock, metrics), metrics, clock),
+        description(robot_description(settings)),
+    ]
+
+
+def robot_description(settings: Settings) -> str | None:
+    """The robot's URDF; one of its own that cannot be read keeps nobody from driving."""
+    path = settings.robot.description
+    if path is None:
+        return urdf_of(settings)
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        log.warning("the robot's description cannot be read", path=str(path), error=str(error))
+        return None

@@ -1,0 +1,65 @@
+"""Lidars and depth cameras, and the obstacle guard over their scans: what needs numpy."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from chefbotd.bus import OnError
+from chefbotd.composition.context import Context
+from chefbotd.features.driving.safety_keeper import Scans
+from chefbotd.features.feature import Feature
+from chefbotd.settings import Settings
+
+if TYPE_CHECKING:
+    from chefbotd.features.driving.scan_watch import GuardSensor
+    from chefbotd.safety.outline import Outline
+
+
+def lidars(context: Context) -> list[Feature]:
+    """A link for each lidar."""
+    if not context.settings.lidar:
+        return []
+    from chefbotd.features.lidars.feature import lidars
+
+    return [lidars(context.settings.lidar, context.bus, context.clock, context.opener, context.rng)]
+
+
+def depth_cameras(context: Context) -> list[Feature]:
+    """A process for each depth camera; where no lidar is, they bring the topic of the scans."""
+    settings = context.settings
+    if not settings.depth_camera:
+        return []
+    from chefbotd.features.depth_cameras.feature import depth_cameras
+    from chefbotd.features.lidars.feature import topics
+    from chefbotd.link.depth.process import spawn_program
+
+    scan = [] if settings.lidar else [topic for topic in topics(()) if topic.name == "scan"]
+    spawn = context.depth_spawn or spawn_program
+    return [depth_cameras(settings.depth_camera, context.bus, context.clock, context.rng, spawn, scan)]
+
+
+def first_scanner(settings: Settings) -> str | None:
+    """The scanner whose scans are drawn as the robot's."""
+    scanners = [lidar.name for lidar in settings.lidar] + [each.name for each in settings.depth_camera]
+    return scanners[0] if scanners else None
+
+
+def robot_outline(settings: Settings) -> "Outline":
+    """What holds the robot's body and wheels."""
+    from chefbotd.features.driving.scan_watch import outline_of
+
+    return outline_of(settings.chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
+
+
+def scan_guard(context: Context) -> Callable[[OnError], Scans] | None:
+    """Builds the guard over scans; None where neither a lidar nor a depth camera guards."""
+    settings = context.settings
+    scanners: list[GuardSensor] = [*settings.lidar, *settings.depth_camera]
+    if not any(scanner.guards for scanner in scanners):
+        return None
+    from chefbotd.features.driving.scan_watch import ScanWatch
+
+    guard, chassis, outline = settings.safety.guard, settings.chassis, robot_outline(settings)
+    near = [camera.name for camera in settings.depth_camera]
+    return lambda on_error: ScanWatch(
+        context.bus, context.clock, guard, chassis, scanners, outline, blind_near=near, on_error=on_error
+    )
