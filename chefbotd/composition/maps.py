@@ -75,7 +75,8 @@ def _navigation(
     from chefbotd.features.navigation.feature import navigation
     from chefbotd.features.navigation.service import NavigationService
 
-    driver = InnerDriver(driving, leases, context.clock, NAVIGATION)
+    higher = context.settings.safety.above(NAVIGATION)
+    driver = InnerDriver(driving, leases, context.clock, NAVIGATION, higher)
     parameters = context.settings.navigation
     return navigation(NavigationService(context.bus, context.clock, feed, driver, stored, parameters))
 

@@ -39,10 +39,11 @@ class GoalExecution:
         self._why_stuck = ""
         self._backed_from = Pose2D()
 
-    def pause(self) -> None:
+    def pause(self, reason: str) -> None:
         """Stand; what follows is a new execution."""
-        self._change(Event.PAUSED)
-        self.reason = "paused"
+        if self.state is not State.PAUSED:
+            self._change(Event.PAUSED)
+        self.reason = reason
 
     def end(self, end: End, reason: str) -> None:
         """The goal has ended so."""

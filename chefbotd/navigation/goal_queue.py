@@ -1,5 +1,6 @@
 """Goals that are reached one after the other: numbered, cancelled, and ended."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from chefbotd.navigation.planner import Goal
@@ -27,10 +28,11 @@ def added(queue: GoalQueue, goals: tuple[Goal, ...]) -> tuple[GoalQueue, tuple[i
     return GoalQueue((*queue.goals, *behind), queue.count + len(goals)), numbers
 
 
-def cancelled(queue: GoalQueue, reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
-    """The queue without goals, and their ends."""
-    ended = tuple(Ended(number, End.CANCELLED, reason) for number, _ in queue.goals)
-    return replace(queue, goals=()), ended
+def kept(queue: GoalQueue, numbers: Collection[int], reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+    """The queue with no goals but these, and the ends of the others, which are cancelled."""
+    ended = tuple(Ended(number, End.CANCELLED, reason) for number, _ in queue.goals if number not in numbers)
+    left = tuple(each for each in queue.goals if each[0] in numbers)
+    return replace(queue, goals=left), ended
 
 
 def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
@@ -39,5 +41,5 @@ def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tup
     first, left = Ended(number, end, reason), replace(queue, goals=tuple(following))
     if end is End.REACHED:
         return left, (first,)
-    left, others = cancelled(left, f"cancelled: goal {number} before it ended {end}")
+    left, others = kept(left, (), f"cancelled: goal {number} before it ended {end}")
     return left, (first, *others)

@@ -5,6 +5,7 @@ the rate of the control.
 """
 
 import math
+from collections.abc import Collection
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -13,7 +14,7 @@ from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.driving import surroundings
 from chefbotd.navigation.follower import slewed
 from chefbotd.navigation.goal_execution import GoalExecution
-from chefbotd.navigation.goal_queue import GoalQueue, added, cancelled, first_ended
+from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
@@ -105,12 +106,17 @@ class Navigator:
 
     def cancel(self, reason: str = "as asked") -> None:
         """End all goals."""
-        told = f"cancelled: {reason}"
-        self._queue, ended = cancelled(self._queue, told)
+        self.keep((), reason)
+
+    def keep(self, numbers: Collection[int], reason: str = "as asked") -> None:
+        """Cancel all goals but these."""
+        told, before = f"cancelled: {reason}", self._queue.number
+        self._queue, ended = kept(self._queue, numbers, told)
         self._ended += ended
-        if self._execution is not None:
+        if self._execution is not None and self._queue.number != before:
             self._execution.end(End.CANCELLED, told)
             self._become_idle(told)
+            self._execute_next()
 
     def fail(self, reason: str) -> None:
         """End all goals for what makes driving impossible, such as an e-stop."""
@@ -118,10 +124,10 @@ class Navigator:
             self._execution.end(End.FAULT, f"fault: {reason}")
             self._settle(self._execution)
 
-    def pause(self) -> None:
+    def pause(self, reason: str = "paused") -> None:
         """Stand until ``resume``; without a goal nothing happens."""
-        if self._execution is not None and self.state is not State.PAUSED:
-            self._execution.pause()
+        if self._execution is not None:
+            self._execution.pause(reason)
 
     def resume(self) -> None:
         """Go on, from wherever the robot is now."""

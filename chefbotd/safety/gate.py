@@ -78,6 +78,11 @@ class SafetyParameters(Parameters):
         """For how long a held source must be silent: a driver may repeat its command as rarely as the dead-man lets."""
         return max(self.let_go_s, self.command_timeout_s)
 
+    def above(self, source: str) -> tuple[str, ...]:
+        """The sources that take over from this one."""
+        own = self.sources[source].priority
+        return tuple(name for name, each in self.sources.items() if each.priority > own)
+
     @model_validator(mode="after")
     def _has_its_default(self) -> Self:
         if self.default_source not in self.sources:

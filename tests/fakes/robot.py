@@ -119,7 +119,7 @@ class FakeNavigation:
         """Remember it."""
         self._robot.calls.append(("cancel_navigation",))
 
-    def pause(self) -> None:
+    def pause(self, by: str) -> None:
         """Remember it."""
         self._robot.calls.append(("pause_navigation",))
 

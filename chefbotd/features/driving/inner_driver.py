@@ -44,10 +44,21 @@ class Gate(Protocol):
 
 
 class InnerDriver:
-    """Drives as one source; it is told as ``source``'s holder under the source's own name."""
+    """Drives as one source; it is told as ``source``'s holder under the source's own name.
 
-    def __init__(self, gate: Gate, leases: ControlLeases, clock: Clock, source: str) -> None:
+    ``higher`` are the sources that take over from it.
+    """
+
+    def __init__(
+        self,
+        gate: Gate,
+        leases: ControlLeases,
+        clock: Clock,
+        source: str,
+        higher: Collection[str] = (),
+    ) -> None:
         self._gate, self._leases, self._clock, self.source = gate, leases, clock, source
+        self._higher = frozenset(higher)
         self._session = _Inner(source, clock.now_s())
         self._has_lease = False
 
@@ -77,6 +88,10 @@ class InnerDriver:
     def stopped_by(self) -> str:
         """Whose was the last of them."""
         return self._gate.stopped_by
+
+    def gives_way_to(self, source: str | None) -> bool:
+        """Whether this source is a higher one: while it is in force, nothing of this driver is followed."""
+        return source in self._higher
 
     def begin(self) -> None:
         """A new goal was asked for: a stop from before does not hold it."""

@@ -11,6 +11,7 @@ from chefbotd.core.commands import Refused
 from chefbotd.core.events.localization import Alternative, LocalizationChanged
 from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.features.localization.methods import LocalizationResult
 from chefbotd.features.worker.service import WorkerService
@@ -32,6 +33,8 @@ SHORT_S: Final = 20.0
 LONG_S: Final = 60.0
 """For making a large map ready."""
 
+AWAY: Final = ("restarting", "unavailable", "stopped")
+
 TOLD_EVERY_S: Final = 1.0
 """How often the state is told while nothing of it changes."""
 
@@ -51,6 +54,7 @@ class LocalizationService:
         bus.add_handler(self._take_map, MapLoaded)
         bus.add_handler(self._take_unloaded, MapUnloaded)
         bus.add_handler(self._take_mapping, MappingChanged)
+        bus.add_handler(self._take_worker, WorkerReported)
 
     async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
         """The robot is about here."""
@@ -98,6 +102,12 @@ class LocalizationService:
         if is_mapping is not self._is_mapping:
             self._is_mapping = is_mapping
             self._has_to_tell.set()
+
+    def _take_worker(self, event: WorkerReported) -> None:
+        """Nobody finds the way while there is no worker: what was known is old."""
+        if event.state in AWAY and self._told is not None and self._told.state != "unknown":
+            why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
+            self._publish(event.stamp_s, state="unknown", name=None, reason=why)
 
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""

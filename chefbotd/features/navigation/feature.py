@@ -12,5 +12,5 @@ def navigation(service: NavigationService) -> Feature:
         "navigation",
         services=(Service("navigation", service.run, in_steps=True),),
         methods=methods_of(NavigationMethods(service, service.section)),
-        topics=(*TOPICS, *shown_topics(service.show_costmap, service.show_obstacles)),
+        topics=(*TOPICS, *shown_topics(service.shown.show_costmap, service.shown.show_obstacles)),
     )

@@ -171,8 +171,8 @@ class Navigation(Protocol):
         """End all goals."""
         ...
 
-    def pause(self) -> None:
-        """Stand until ``resume``."""
+    def pause(self, by: str) -> None:
+        """Stand until ``resume``; ``by`` says who wants it."""
         ...
 
     def resume(self) -> None:
@@ -232,7 +232,7 @@ class NavigationMethods:
     @method(role=Role.OBSERVE)
     def pause_navigation(self, caller: Caller, params: NoParams) -> Done:
         """Come to rest, and keep the goals."""
-        self._navigation.pause()
+        self._navigation.pause(str(caller.session))
         return DONE
 
     @method(role=Role.DRIVE, moves=True)

@@ -3,8 +3,7 @@
 import asyncio
 
 from chefbotd.worker.skills.navigation_messages import (
-    CancelGoals,
-    FailGoals,
+    KeepGoals,
     NavigateTo,
     NavigationRequest,
     Pause,
@@ -12,16 +11,12 @@ from chefbotd.worker.skills.navigation_messages import (
 )
 
 MADE_VOID: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
-    NavigateTo: (NavigateTo,),
-    CancelGoals: (CancelGoals, Pause, Resume),
-    FailGoals: (CancelGoals, FailGoals, Pause, Resume),
+    NavigateTo: (NavigateTo, KeepGoals, Pause, Resume),
+    KeepGoals: (KeepGoals,),
     Pause: (Pause, Resume),
     Resume: (Pause, Resume),
 }
-"""By its kind, which earlier orders an order makes void.
-
-Goals are told all the same before they are cancelled: their ends are told by the worker.
-"""
+"""By its kind, which earlier orders an order makes void. Goals that are told again are all that are left."""
 
 
 class Orders:

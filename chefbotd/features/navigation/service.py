@@ -1,11 +1,11 @@
 """The daemon's side of navigation: goals to the worker's skill, and its wishes through the gate.
 
-A goal outlives the worker: the next one is told of it. What the robot is driven by meanwhile is the gate's matter alone.
+Which goals there are is decided here. When somebody ends one, that is told at once: a worker that hangs or dies neither
+delays it nor takes it back. Goals that are left outlive the worker; the next one is told of them.
 """
 
 import asyncio
-import json
-from typing import Final, Protocol
+from typing import Final
 
 import structlog
 
@@ -14,38 +14,34 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.localization import LocalizationChanged
-from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
+from chefbotd.core.events.navigation import PathChanged
 from chefbotd.core.events.worker import WorkerReported
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Twist2D
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
-from chefbotd.features.maps.methods import PlaceList
+from chefbotd.features.navigation.destinations import Destinations, Places
 from chefbotd.features.navigation.goals import Goals
 from chefbotd.features.navigation.methods import GoalResult, PlanResult, Waypoint
 from chefbotd.features.navigation.orders import Orders
+from chefbotd.features.navigation.reporting import Reporting
+from chefbotd.features.navigation.shown import ShownOnDemand
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Unserved
 from chefbotd.worker.skills import navigation_messages as messages
-from chefbotd.worker.skills.navigation_messages import SKILL, GoalAsked, GoalEnded, NavigationRequest
+from chefbotd.worker.skills.navigation_messages import SKILL, GoalEnded, NavigationRequest
 
 log = structlog.get_logger(component="navigation")
 
 SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
-TOLD_EVERY_S: Final = 0.5
+MOST_WORKERS: Final = 5
+"""A goal on whose way so many workers ended one after the other is given up: it may be what ends them."""
+
 ARMED: Final = "armed"
 AWAY: Final = ("restarting", "unavailable", "stopped")
-
-
-class Places(Protocol):
-    """Who knows the named places."""
-
-    async def places(self, of_map: str | None) -> PlaceList:
-        """Those of a map; without one, of the map in use."""
-        ...
 
 
 class NavigationService:
@@ -61,19 +57,19 @@ class NavigationService:
         section: NavigationSection,
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
-        self._places, self.section, self._entries = places, section, entries_of(clock)
-        self._orders = Orders()
-        self._goals = Goals()
+        self.section = section
+        self._destinations = Destinations(places, entries_of(clock))
+        self._orders, self._goals = Orders(), Goals()
+        self._reporting = Reporting(bus, clock)
+        self.shown = ShownOnDemand(bus, feed.worker)
         self._stops = driver.stops  # that the goals know of
         self._map: str | None = None  # in which the goals are
         self._known_map: str | None = None  # that localization uses
         self._safety: SafetyChanged | None = None
-        self._is_muted = self._is_taken_over = self._is_paused = self._must_tell_goals = False
-        self._told: NavigationChanged | None = None
-        self._progress: list[Progress] = []
-        self._shows = messages.Show(costmap=False, obstacles=False)
+        self._paused = ""  # why, where somebody wants that
+        self._is_taken_over = self._must_tell_goals = False
+        self._workers_lost = 0  # since a goal was accepted or ended
         self._worker.add_listener(SKILL, self._take_told)
-        self._worker.add_on_ready(self._tell_shown)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
         bus.add_handler(self._take_localization, LocalizationChanged)
@@ -86,8 +82,12 @@ class NavigationService:
                 await self._ask(order)
             except Refused as problem:
                 log.warning("navigation is not told", order=type(order).__name__, reason=str(problem))
-                if isinstance(order, messages.NavigateTo):
-                    self._end_all("fault", f"fault: {problem}")
+                if not isinstance(order, messages.NavigateTo) or not self._goals.active:
+                    continue
+                if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
+                    self._must_tell_goals = True
+                else:
+                    self._end_goals("fault", str(problem))
 
     async def _ask(self, request: NavigationRequest) -> bytes:
         return await self._worker.request(SKILL, request, deadline_s=SHORT_S)
@@ -95,28 +95,28 @@ class NavigationService:
     # what is asked
 
     async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
-        """Accept goals; their numbers."""
+        """Accept goals; their numbers. Queued behind a paused one, they wait with it."""
         self._require_armed()
         self._end_if_stopped()
         stops = self._stops
         await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
-        goals = [await self._goal(each) for each in waypoints]
+        goals = [await self._destinations.goal(self._goals.next_number(), each) for each in waypoints]
         self._goals.require_room(len(goals))
         if self._driver.stops != stops:
             raise Refused(
                 RefusalKind.STOPPED, "the robot was stopped after this goal was asked for; ask again"
             )
-        request = messages.NavigateTo(tuple(goals), queue)
+        numbers = [goal.number for goal in goals]
         self._goals.add(goals)
         self._driver.begin()
-        self._is_muted = self._is_paused = False
         try:
-            await self._ask(request)
+            await self._ask(messages.NavigateTo(tuple(goals), queue))
         except BaseException:
-            self._goals.forget([goal.number for goal in goals])
+            self._goals.forget(numbers)
+            self._tell_which_are_left()
             raise
-        self._map = self._known_map
-        return [goal.number for goal in goals]
+        self._accepted(numbers, queue=queue)
+        return numbers
 
     def _require_armed(self) -> None:
         safety = self._safety
@@ -124,53 +124,36 @@ class NavigationService:
             kind = RefusalKind.ESTOPPED if safety.mode == "estopped" else RefusalKind.DISARMED
             raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); 'arm' comes first")
 
-    async def _goal(self, waypoint: Waypoint) -> GoalAsked:
-        x_m, y_m, heading_rad = waypoint.x_m, waypoint.y_m, waypoint.heading_rad
-        if waypoint.place is not None:
-            known = await self._known_places()
-            place = next((each for each in known.places if each.name == waypoint.place), None)
-            if place is None:
-                names = ", ".join(each.name for each in known.places) or "none"
-                told = f"the map {known.map!a} has no place {waypoint.place!a}; there are: {names}"
-                raise Refused(RefusalKind.UNKNOWN_PLACE, told)
-            x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
-        return GoalAsked(self._goals.next_number(), x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m)
-
-    async def _known_places(self) -> PlaceList:
-        """Those of the map in use; where the disk has no answer, why not."""
-
-        async def ask() -> str:
-            try:
-                return (await self._places.places(None)).model_dump_json()
-            except Refused as problem:
-                return json.dumps({"kind": problem.kind, "message": str(problem)})
-
-        answer = await self._entries.answer("places", ask)
-        refused = json.loads(answer)
-        if "kind" in refused:
-            raise Refused(RefusalKind(refused["kind"]), refused["message"])
-        return PlaceList.model_validate_json(answer)
+    def _accepted(self, numbers: list[int], *, queue: bool) -> None:
+        self._map, self._workers_lost = self._known_map, 0
+        before = [number for number in self._goals.active if number < numbers[0]]
+        if not queue:
+            for number in reversed(before):
+                self._end(GoalEnded(number, "cancelled", "cancelled: a new goal took its place"))
+        if not queue or not before:
+            self._paused = ""
+            if self._is_taken_over:
+                self._orders.put(messages.Pause(self._why_taken_over()))
 
     async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last."""
         ends = [self._goals.end_of(number) for number in goals]
-        self._progress.append(progress)
         try:
-            for end in ends:
-                ended = await asyncio.shield(end)
-                if ended.end != "reached":
-                    break
+            with self._reporting.telling(goals, progress):
+                for end in ends:
+                    ended = await asyncio.shield(end)
+                    if ended.end != "reached":
+                        break
         except asyncio.CancelledError:
-            if any(number in self._goals.active for number in goals):
-                self.cancel("the request that waited for it was given up")
+            left = [number for number in goals if number in self._goals.active]
+            if left:
+                self._end_goals("cancelled", "the request that waited for it was given up", left[0])
             raise
-        finally:
-            self._progress.remove(progress)
         return GoalResult(goal=ended.number, end=ended.end, reason=ended.reason)
 
     async def plan_to(self, waypoint: Waypoint) -> PlanResult:
         """What would be driven."""
-        answer = await self._ask(messages.PlanTo(await self._goal(waypoint)))
+        answer = await self._ask(messages.PlanTo(await self._destinations.goal(0, waypoint)))
         told = messages.PLANNED.decode(answer)
         x_m, y_m, heading_rad = told.nearest or (None, None, None)
         return PlanResult(
@@ -187,26 +170,23 @@ class NavigationService:
 
     def cancel(self, reason: str) -> None:
         """End all goals; the robot comes to rest at once, whatever the worker is at."""
-        self._stand_still()
-        if not self._goals.active:
-            return
-        if self._worker.is_ready and not self._must_tell_goals:
-            self._orders.put(messages.CancelGoals(reason))
-        else:
-            self._end_all("cancelled", f"cancelled: {reason}")
+        self._driver.let_go()
+        self._end_goals("cancelled", reason)
 
-    def pause(self) -> None:
-        """Stand until ``resume``."""
-        self._is_paused = True
-        self._stand_still()
-        self._orders.put(messages.Pause())
+    def pause(self, by: str) -> None:
+        """Stand until ``resume``; without a goal nothing happens."""
+        self._driver.let_go()
+        if self._goals.active:
+            self._paused = f"paused by {by}"
+            self._orders.put(messages.Pause(self._paused))
 
     def resume(self) -> None:
-        """Go on."""
+        """Go on, as soon as nobody else drives."""
         self._end_if_stopped()
-        self._is_paused = self._is_muted = False
+        self._paused = ""
         self._driver.begin()
-        self._orders.put(messages.Resume())
+        if not self._is_taken_over:
+            self._orders.put(messages.Resume())
 
     def _end_if_stopped(self) -> None:
         """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
@@ -214,46 +194,26 @@ class NavigationService:
             self._stops = self._driver.stops
             self.cancel(f"{self._driver.source} was stopped by {self._driver.stopped_by or 'somebody'}")
 
-    def _stand_still(self) -> None:
-        self._is_muted = True
-        self._driver.let_go()
-
-    # what people look at
-
-    def show_costmap(self, wanted: bool) -> None:
-        """Somebody looks at the costs, or nobody does any more."""
-        self._shows = messages.Show(wanted, self._shows.obstacles)
-        self._tell_shown()
-
-    def show_obstacles(self, wanted: bool) -> None:
-        """The same for the obstacles."""
-        self._shows = messages.Show(self._shows.costmap, wanted)
-        self._tell_shown()
-
-    def _tell_shown(self) -> None:
-        self._worker.tell(SKILL, self._shows)
-
-    # what happens
+    # what the worker tells
 
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""
         told = messages.TOLD.decode(body)
-        match told:
-            case messages.Stepped():
-                self._take_stepped(told)
-            case messages.CostsShown():
-                self._bus.publish(_costmap_changed(told))
-            case messages.ObstaclesShown():
-                self._bus.publish(ObstaclesSeen(told.stamp_s, told.x_m, told.y_m, told.omitted, told.movers))
+        if isinstance(told, messages.Stepped):
+            self._take_stepped(told)
+        else:
+            self.shown.publish(told)
 
     def _take_stepped(self, told: messages.Stepped) -> None:
         self._end_if_stopped()
-        for ended in told.ended:
+        for ended in reversed(told.ended):  # the one that has ended the others is told last, and stays
             self._end(ended)
         if told.path is not None:
             self._bus.publish(PathChanged(told.stamp_s, *told.path))
-        self._publish(told.state, told.goal, told.reason, told.distance_m, told.time_s)
-        if told.twist is None or self._is_muted or not self._goals.active:
+        is_active = told.goal in self._goals.active
+        if is_active or told.goal is None:
+            self._reporting.tell(told.state, told.goal, told.reason, told.distance_m, told.time_s)
+        if told.twist is None or self._paused or not is_active:
             self._driver.let_go()
         else:
             self._drive(Twist2D(*told.twist), told.stamp_s)
@@ -262,98 +222,100 @@ class NavigationService:
         try:
             self._driver.drive(twist, wished_s)
         except Unserved as held:
-            self._stand_still()
-            self._orders.put(messages.CancelGoals(str(held)))
+            self.cancel(str(held))
         except Refused as refusal:
-            self._stand_still()
-            was_stopped = refusal.kind is RefusalKind.STOPPED
-            fails = messages.CancelGoals if was_stopped else messages.FailGoals
-            self._orders.put(fails(str(refusal).partition(": do not")[0]))
+            end = "cancelled" if refusal.kind is RefusalKind.STOPPED else "fault"
+            self._driver.let_go()
+            self._end_goals(end, str(refusal).partition(": do not")[0])
+
+    # what happens
 
     def _take_safety(self, event: SafetyChanged) -> None:
         self._safety = event
         if event.mode == ARMED:
             self._end_if_stopped()
+        elif self._goals.active:
+            self._driver.let_go()
+            self._end_goals("fault", f"the robot is {event.mode}: {event.reason}")
+        is_taken_over = self._driver.gives_way_to(event.source)
+        if is_taken_over is not self._is_taken_over:
+            self._is_taken_over = is_taken_over
+            self._give_way_or_go_on()
+
+    def _give_way_or_go_on(self) -> None:
         if not self._goals.active:
-            self._is_taken_over = False
-        elif event.mode != ARMED:
-            self._stand_still()
-            self._orders.put(messages.FailGoals(f"the robot is {event.mode}: {event.reason}"))
-        elif event.source not in (None, self._driver.source):
-            if not self._is_taken_over:
-                self._is_taken_over = True
-                self._orders.put(messages.Pause())
-        elif self._is_taken_over:
-            self._is_taken_over = False
-            if self.section.resume_after_takeover and not self._is_paused:
-                self._orders.put(messages.Resume())
+            return
+        if self._is_taken_over:
+            why = self._why_taken_over()
+            if not self.section.resume_after_takeover:
+                self._paused = self._paused or why
+            self._orders.put(messages.Pause(why))
+        else:
+            self._orders.put(messages.Pause(self._paused) if self._paused else messages.Resume())
+
+    def _why_taken_over(self) -> str:
+        source = None if self._safety is None else self._safety.source
+        goes_on = "" if self.section.resume_after_takeover else "; it goes on with resume_navigation"
+        return f"paused, for {source or 'another source'} took over{goes_on}"
 
     def _take_worker(self, event: WorkerReported) -> None:
         if event.state not in AWAY or not self._goals.active:
             return
         self._driver.let_go()
         if event.state == "unavailable":
-            self._end_all("fault", f"fault: the worker cannot work here: {event.reason}")
+            self._end_goals("fault", f"the worker cannot work here: {event.reason}")
         elif not self._must_tell_goals:
             self._must_tell_goals = True
+            self._workers_lost += 1
+            self._bus.publish(PathChanged(self._clock.now_s(), (), ()))
+            if self._workers_lost >= MOST_WORKERS:
+                told = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
+                self._end_goals("fault", told)
+                return
             why = f"stands until its worker is back: {event.reason}"
-            self._publish("paused", next(iter(self._goals.active)), why, None, None)
+            self._reporting.tell("paused", next(iter(self._goals.active)), why)
 
     def _take_localization(self, event: LocalizationChanged) -> None:
-        """A worker that is back has its map: tell it of the goals that are left."""
+        """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
         self._known_map = event.map
         self._end_if_stopped()
-        if not self._must_tell_goals or event.map is None or not self._worker.is_ready:
+        if not self._must_tell_goals or not self._worker.is_ready:
             return
         self._must_tell_goals = False
         if event.map != self._map:
-            self._end_all(
-                "fault", f"fault: the goals are on the map {self._map!a}, which is not in use any more"
-            )
+            why = f"the goals are on the map {self._map!a}, which is not in use any more"
+            self._end_goals("fault", f"{why}: {event.reason}" if event.reason else why)
             return
         self._orders.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
-        if self._is_paused or self._is_taken_over:
-            self._orders.put(messages.Pause())
+        if self._paused or self._is_taken_over:
+            self._orders.put(messages.Pause(self._paused or self._why_taken_over()))
 
-    def _end_all(self, end: str, reason: str) -> None:
-        self._must_tell_goals = False
-        self._driver.let_go()
-        for number in list(self._goals.active):
-            self._end(GoalEnded(number, end, reason))
+    # how goals end
+
+    def _end_goals(self, end: str, why: str, first: int | None = None) -> None:
+        """All goals end, or those from ``first`` on: the first of them so, and those that were to follow with it."""
+        active = list(self._goals.active)
+        ending = active if first is None else active[active.index(first) :]
+        if not ending:
+            return
+        follows = (
+            f"{end}: {why}" if end == "cancelled" else f"cancelled: goal {ending[0]} before it ended {end}"
+        )
+        for number in reversed(ending[1:]):
+            self._end(GoalEnded(number, "cancelled", follows))
+        self._end(GoalEnded(ending[0], end, f"{end}: {why}"))
+        self._tell_which_are_left()
+
+    def _tell_which_are_left(self) -> None:
+        left = tuple(self._goals.active)
+        if not left:
+            self._driver.let_go()
+            self._must_tell_goals, self._paused = False, ""
+        if self._worker.is_ready:
+            self._orders.put(messages.KeepGoals(left))
 
     def _end(self, ended: GoalEnded) -> None:
         if self._goals.end(ended):
+            self._workers_lost = 0
             log.info("goal ended", goal=ended.number, end=ended.end, reason=ended.reason)
-            self._publish(ended.end, ended.number, ended.reason, None, None)
-
-    def _publish(
-        self, state: str, goal: int | None, reason: str, distance_m: float | None, time_s: float | None
-    ) -> None:
-        """Tell what is new, and how far it is now and then; an end stays until the next goal."""
-        last, now_s = self._told, self._clock.now_s()
-        if state == "idle" and last is not None:
-            return
-        is_same = last is not None and (last.state, last.goal, last.reason) == (state, goal, reason)
-        if last is not None and is_same and now_s - last.stamp_s < TOLD_EVERY_S:
-            return
-        self._told = now = NavigationChanged(now_s, state, goal, reason, distance_m, time_s)
-        self._bus.publish(now)
-        for progress in self._progress:
-            progress.report(0.0, distance_m or 0.0, reason)
-
-
-def _costmap_changed(part: messages.CostsShown) -> CostmapChanged:
-    return CostmapChanged(
-        part.stamp_s,
-        part.map,
-        part.revision,
-        part.resolution_m,
-        Pose2D(*part.origin),
-        part.columns,
-        part.rows,
-        part.column,
-        part.row,
-        part.part_columns,
-        part.part_rows,
-        part.cells,
-    )
+            self._reporting.tell(ended.end, ended.number, ended.reason)

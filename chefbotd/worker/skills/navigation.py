@@ -110,12 +110,10 @@ class NavigationSkill:
                 numbers = navigator.navigate_to(tuple(map(_goal, request.goals)), queue=request.queue)
                 asked = [goal.number for goal in request.goals]
                 self._numbers.update(zip(numbers, asked, strict=True))
-            case messages.CancelGoals() as request:
-                navigator.cancel(request.reason)
-            case messages.FailGoals() as request:
-                navigator.fail(request.reason)
-            case messages.Pause():
-                navigator.pause()
+            case messages.KeepGoals() as request:
+                navigator.keep([mine for mine, theirs in self._numbers.items() if theirs in request.numbers])
+            case messages.Pause() as request:
+                navigator.pause(request.reason)
             case messages.Resume():
                 navigator.resume()
             case messages.PlanTo() as request:

@@ -41,20 +41,16 @@ class NavigateTo(Message, frozen=True, tag="navigate_to"):
     queue: bool
 
 
-class CancelGoals(Message, frozen=True, tag="cancel_goals"):
-    """End all goals, since somebody asked for it."""
+class KeepGoals(Message, frozen=True, tag="keep_goals"):
+    """Of all goals only these, by the daemon's numbers, are left; it has told how the others ended."""
 
-    reason: str
-
-
-class FailGoals(Message, frozen=True, tag="fail_goals"):
-    """End all goals, since the robot cannot drive."""
-
-    reason: str
+    numbers: tuple[int, ...]
 
 
 class Pause(Message, frozen=True, tag="pause"):
-    """Stand until ``Resume``."""
+    """Stand until ``Resume``; ``reason`` says why."""
+
+    reason: str
 
 
 class Resume(Message, frozen=True, tag="resume"):
@@ -74,7 +70,7 @@ class Show(Message, frozen=True, tag="show"):
     obstacles: bool
 
 
-NavigationRequest: TypeAlias = NavigateTo | CancelGoals | FailGoals | Pause | Resume | PlanTo | Show
+NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show
 
 # Told, and answered
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.goal_queue import GoalQueue, added, cancelled, first_ended
+from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.planner import Goal
 from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
@@ -27,7 +27,7 @@ def test_numbers_of_goals_go_on_after_a_cancellation() -> None:
     """Two goals are 1 and 2; cancelled, they both end, and the next one is 3."""
     queue, numbers = added(GoalQueue(), (A, B))
     assert numbers == (1, 2)
-    queue, ended = cancelled(queue, "cancelled: as asked")
+    queue, ended = kept(queue, (), "cancelled: as asked")
     assert [(each.goal, each.end) for each in ended] == [(1, End.CANCELLED), (2, End.CANCELLED)]
     queue, numbers = added(queue, (C,))
     assert (numbers, queue.number) == ((3,), 3)

@@ -232,16 +232,33 @@ def test_a_cancelled_goal_ends_and_the_robot_stands() -> None:
     assert drive.twist.linear_m_s == 0.0
 
 
+def test_goals_that_are_not_kept_are_cancelled_and_the_others_are_driven_to() -> None:
+    """The third of three is taken away on the way to the first, which goes on; then the first."""
+    drive = hall()
+    drive.navigator.navigate_to((Goal(6.0, 1.5), Goal(1.0, 2.0), Goal(3.0, 2.2)))
+    drive.run(2.0)
+    path = drive.navigator.planned
+    drive.navigator.keep((1, 2))
+    drive.run(0.5)
+    assert [(each.goal, each.end) for each in drive.ended] == [(3, End.CANCELLED)]
+    assert drive.navigator.planned is path
+    drive.navigator.keep((2,))
+    drive.run(1.0)
+    assert [each.goal for each in drive.ended] == [3, 1]
+    assert drive.last.progress.goal == 2
+    assert drive.navigator.state is State.DRIVING
+
+
 @pytest.mark.slow
 def test_a_pause_gives_the_wheels_away_and_the_goal_goes_on_after_it() -> None:
     """Meanwhile somebody drives the robot elsewhere: it goes on from there."""
     drive = hall()
     drive.navigator.navigate_to((Goal(6.0, 1.5, 0.0),))
     drive.run(4.0)
-    drive.navigator.pause()
+    drive.navigator.pause("paused by a key")
     drive.run(1.0)
     assert drive.last.twist is None
-    assert drive.last.progress.state is State.PAUSED
+    assert (drive.last.progress.state, drive.last.progress.reason) == (State.PAUSED, "paused by a key")
     drive.pose = Pose2D(1.0, 2.4, -2.0)
     drive.navigator.resume()
     drive.run(60.0)

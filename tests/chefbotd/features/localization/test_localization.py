@@ -96,6 +96,10 @@ def test_a_killed_worker_finds_itself_again(tmp_path: Path) -> None:
             await s.client.call("load_map", name="flat")
             await s.drive(0, 30)
             workers.children[-1].kill()
+            await asyncio.sleep(0.1)
+            told = await s.data("localization")
+            assert (told.state, told.map) == ("unknown", None)
+            assert told.reason.startswith("the worker is restarting: it was killed")
             await asyncio.sleep(2.0)
             assert len(workers.children) == 2
             await s.drive(30, 60)

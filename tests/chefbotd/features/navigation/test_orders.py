@@ -7,9 +7,8 @@ import pytest
 from chefbotd.clock import run_virtual
 from chefbotd.features.navigation.orders import Orders
 from chefbotd.worker.skills.navigation_messages import (
-    CancelGoals,
-    FailGoals,
     GoalAsked,
+    KeepGoals,
     NavigateTo,
     NavigationRequest,
     Pause,
@@ -31,26 +30,26 @@ async def waiting(*orders: NavigationRequest) -> list[NavigationRequest]:
 @pytest.mark.parametrize(
     ("orders", "told"),
     [
-        ((Pause(), Resume(), Pause()), [Pause()]),
-        ((Pause(), CancelGoals("by a key"), Resume()), [CancelGoals("by a key"), Resume()]),
-        ((CancelGoals("one"), FailGoals("the robot is estopped")), [FailGoals("the robot is estopped")]),
-        ((GOALS, Pause(), CancelGoals("as asked")), [GOALS, CancelGoals("as asked")]),
-        ((GOALS, OTHERS, Pause()), [OTHERS, Pause()]),
+        ((Pause("by a key"), Resume(), Pause("teleop")), [Pause("teleop")]),
+        ((Pause("by a key"), KeepGoals(()), Resume()), [KeepGoals(()), Resume()]),
+        ((KeepGoals((7, 8)), KeepGoals((7,))), [KeepGoals((7,))]),
+        ((GOALS, Pause("by a key"), KeepGoals(())), [GOALS, Pause("by a key"), KeepGoals(())]),
+        ((GOALS, KeepGoals((7,)), Pause("by a key"), OTHERS), [OTHERS]),
     ],
 )
 def test_an_order_makes_void_what_it_overrules(
     orders: tuple[NavigationRequest, ...], told: list[NavigationRequest]
 ) -> None:
-    """Goals are told before they are cancelled, since the worker tells their ends."""
+    """Goals that are told again are all that are left, and a pause is told anew after them."""
     assert run_virtual(waiting(*orders)) == told
 
 
-def test_however_much_is_ordered_while_the_worker_hangs_five_wait_at_most() -> None:
-    """Ten thousand times pause, resume, cancel and fail, as a client could send them: one of a kind is left."""
+def test_however_much_is_ordered_while_the_worker_hangs_three_wait_at_most() -> None:
+    """Ten thousand times pause, resume, cancel and goals, as a client could send them: one of a kind is left."""
     orders = Orders()
     for k in range(10_000):
-        orders.put((Pause(), Resume(), CancelGoals(str(k)), GOALS, FailGoals(str(k)))[k % 5])
-        assert len(orders) <= 5
+        orders.put((Pause(str(k)), Resume(), KeepGoals((k,)), GOALS)[k % 4])
+        assert len(orders) <= 3
 
 
 def test_whoever_waits_until_all_is_told_waits_for_the_one_that_is_being_told_too() -> None:
@@ -59,14 +58,14 @@ def test_whoever_waits_until_all_is_told_waits_for_the_one_that_is_being_told_to
     async def scenario() -> None:
         orders = Orders()
         await asyncio.wait_for(orders.all_told(), 0.1)
-        orders.put(CancelGoals("as asked"))
-        assert await orders.next() == CancelGoals("as asked")
+        orders.put(KeepGoals(()))
+        assert await orders.next() == KeepGoals(())
         all_told = asyncio.create_task(orders.all_told())
         await asyncio.sleep(1.0)
         assert not all_told.done()
         next_one = asyncio.create_task(orders.next())
         await asyncio.wait_for(all_told, 0.1)
-        orders.put(Pause())
-        assert await next_one == Pause()
+        orders.put(Pause("by a key"))
+        assert await next_one == Pause("by a key")
 
     run_virtual(scenario())

@@ -11,6 +11,10 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events.localization import LocalizationChanged
+from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.features.maps.methods import PlaceData, PlaceList
 from chefbotd.features.navigation.goals import MOST_ACTIVE
@@ -19,8 +23,8 @@ from chefbotd.features.navigation.service import NavigationService
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.worker.messages import packed
 from chefbotd.worker.skills.navigation_messages import (
-    CancelGoals,
     GoalEnded,
+    KeepGoals,
     NavigateTo,
     NavigationRequest,
     Pause,
@@ -46,6 +50,9 @@ class FakeWorker:
     def add_on_ready(self, handler: Callable[[], None]) -> None:
         """It is ready from the beginning."""
 
+    def tell(self, skill: str, body: Any) -> None:
+        """Nobody looks."""
+
     async def request(self, skill: str, body: NavigationRequest, *, deadline_s: float) -> bytes:
         await asyncio.sleep(self.busy_s)
         if self.problem is not None:
@@ -60,6 +67,17 @@ class FakeWorker:
         told = Stepped(1.0, (0.2, 0.1) if following else None, state, following, "", None, None, ended, None)
         self.hear(msgspec.msgpack.encode(told))
 
+    def step(self, number: int, distance_m: float | None = None) -> None:
+        """The skill tells that it drives to a goal, and what it wishes."""
+        told = Stepped(1.0, (0.2, 0.1), "driving", number, "drives", distance_m, None, (), None)
+        self.hear(msgspec.msgpack.encode(told))
+
+    def told_of(self) -> list[list[int]]:
+        """The goals of each ``NavigateTo``."""
+        return [
+            [goal.number for goal in each.goals] for each in self.received if isinstance(each, NavigateTo)
+        ]
+
 
 class FakeDriver:
     """The gate; ``wished`` is what came through."""
@@ -68,6 +86,9 @@ class FakeDriver:
 
     def __init__(self) -> None:
         self.wished: list[Twist2D] = []
+
+    def gives_way_to(self, source: str | None) -> bool:
+        return source in ("teleop", "safety")
 
     def begin(self) -> None:
         """Nothing held it."""
@@ -82,12 +103,35 @@ class FakeDriver:
 class Bench:
     """The service between a worker and a gate."""
 
-    def __init__(self) -> None:
-        self.worker, self.driver = FakeWorker(), FakeDriver()
+    def __init__(self, section: NavigationSection) -> None:
+        self.worker, self.driver, self.bus = FakeWorker(), FakeDriver(), Bus()
         places = SimpleNamespace(places=self._places)
         feed: Any = SimpleNamespace(worker=self.worker)
         driver: Any = self.driver
-        self.service = NavigationService(Bus(), LoopClock(), feed, driver, places, NavigationSection())
+        self.service = NavigationService(self.bus, LoopClock(), feed, driver, places, section)
+        self.told: list[NavigationChanged] = []
+        self.bus.add_handler(self.told.append, NavigationChanged)
+        self.localized("flat")
+
+    def localized(self, on_map: str | None, reason: str = "") -> None:
+        """Localization tells which map it uses."""
+        self.bus.publish(LocalizationChanged(1.0, "doubtful", on_map, 0.0, (), 0.0, 0, reason))
+
+    def safety(self, mode: str = "armed", source: str | None = None, reason: str = "") -> None:
+        """The gate tells how it stands."""
+        self.bus.publish(SafetyChanged(1.0, mode, reason, source, None, None))
+
+    def lose_worker(self) -> None:
+        """It was killed."""
+        self.worker.is_ready = False
+        self.bus.publish(WorkerReported(1.0, "restarting", None, 0, None, None, "it was killed by SIGKILL"))
+
+    async def new_worker(self, on_map: str | None = "flat") -> None:
+        """The next one is ready, and has its map."""
+        self.worker.is_ready = True
+        self.worker.received.clear()
+        self.localized(on_map)
+        await asyncio.sleep(1.0)
 
     async def _places(self, of_map: str | None) -> PlaceList:
         kitchen = PlaceData(name="kitchen", x_m=6.4, y_m=1.6, heading_rad=-1.57)
@@ -101,11 +145,11 @@ class Bench:
         return asyncio.create_task(self.service.wait(goals, progress))
 
 
-def benched(scenario: Callable[[Bench], Awaitable[None]]) -> None:
+def benched(scenario: Callable[[Bench], Awaitable[None]], section: NavigationSection | None = None) -> None:
     """Run a scenario while the service tells its orders."""
 
     async def run() -> None:
-        bench = Bench()
+        bench = Bench(section or NavigationSection())
         telling = asyncio.create_task(bench.service.run())
         try:
             await asyncio.wait_for(scenario(bench), 60.0)
@@ -183,7 +227,7 @@ def test_giving_up_the_wait_for_waypoints_cancels_them() -> None:
         await asyncio.sleep(0.1)
         waiting.cancel()
         await asyncio.sleep(0.1)
-        assert isinstance(bench.worker.received[-1], CancelGoals)
+        assert bench.worker.received[-1] == KeepGoals(())
 
     benched(scenario)
 
@@ -213,15 +257,15 @@ def test_while_the_worker_hangs_orders_do_not_pile_up_and_a_goal_does_not_overta
         await bench.navigate(HERE)
         bench.worker.busy_s = 5.0
         for _ in range(100):
-            bench.service.pause()
+            bench.service.pause("a key")
             bench.service.resume()
             await asyncio.sleep(0)
         bench.service.cancel("by a key")
         assert await bench.navigate(THERE) == [2]
         kinds = [type(told) for told in bench.worker.received]
-        assert kinds[-2:] == [CancelGoals, NavigateTo]
+        assert kinds[-2:] == [KeepGoals, NavigateTo]
         assert len(kinds) - 1 <= 4
-        assert set(kinds) <= {NavigateTo, Pause, Resume, CancelGoals}
+        assert set(kinds) <= {NavigateTo, Pause, Resume, KeepGoals}
 
     benched(scenario)
 
@@ -240,5 +284,227 @@ def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worke
         with pytest.raises(Refused, match="stopped after this goal was asked for"):
             await asked
         assert not [t for t in bench.worker.received[1:] if isinstance(t, NavigateTo)]
+
+    benched(scenario)
+
+
+def test_a_goal_that_is_cancelled_while_the_worker_hangs_is_over_at_once_and_stays_so() -> None:
+    """The worker answers nothing, and is killed for it 3 s later: the next one is told of no goal."""
+
+    async def scenario(bench: Bench) -> None:
+        waiting = bench.wait(await bench.navigate(HERE, THERE))
+        bench.worker.busy_s = 20.0
+        await asyncio.sleep(0.1)
+        bench.service.cancel("by a key")
+        found = await asyncio.wait_for(waiting, 0.1)
+        assert (found.end, found.reason) == ("cancelled", "cancelled: by a key")
+        bench.worker.step(1)  # it has not heard of it
+        assert bench.driver.wished == []
+        assert bench.told[-1].state == "cancelled"
+        bench.worker.busy_s = 0.0
+        bench.lose_worker()
+        await bench.new_worker()
+        assert bench.worker.told_of() == []
+
+    benched(scenario)
+
+
+def test_a_robot_that_is_disarmed_while_it_has_no_worker_does_not_go_on() -> None:
+    """Disarmed and armed again between two workers: the goals ended with it, each with a sentence."""
+
+    async def scenario(bench: Bench) -> None:
+        waiting = bench.wait(await bench.navigate(HERE, THERE))
+        bench.lose_worker()
+        bench.safety("disarmed", reason="the link was lost")
+        found = await asyncio.wait_for(waiting, 0.1)
+        assert (found.end, found.reason) == ("fault", "fault: the robot is disarmed: the link was lost")
+        assert [(each.goal, each.state) for each in bench.told[-2:]] == [(2, "cancelled"), (1, "fault")]
+        bench.safety("armed")
+        await bench.new_worker()
+        assert bench.worker.told_of() == []
+
+    benched(scenario)
+
+
+@pytest.mark.parametrize(("on_map", "reason"), [(None, "it was deleted"), ("other", "")])
+def test_goals_end_where_the_next_worker_has_no_such_map(on_map: str | None, reason: str) -> None:
+    """The map was deleted, or another one loaded, while there was no worker: a fault, and no waiting for ever."""
+
+    async def scenario(bench: Bench) -> None:
+        waiting = bench.wait(await bench.navigate(HERE))
+        bench.lose_worker()
+        bench.worker.is_ready = True
+        bench.localized(on_map, reason)
+        found = await asyncio.wait_for(waiting, 0.1)
+        assert found.end == "fault"
+        assert "the map 'flat', which is not in use any more" in found.reason
+        assert reason in found.reason
+
+    benched(scenario)
+
+
+def test_a_goal_that_is_queued_behind_a_paused_one_does_not_end_the_pause() -> None:
+    """Nor does one that is refused; and a new worker is told of the pause too."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        bench.service.pause("a key")
+        await asyncio.sleep(0.1)
+        await bench.navigate(THERE, queue=True)
+        bench.worker.problem = Refused(RefusalKind.POSE_UNKNOWN, "the lidar is turned")
+        with pytest.raises(Refused, match="the lidar is turned"):
+            await bench.navigate(THERE)
+        bench.worker.problem = None
+        bench.worker.step(1)
+        assert bench.driver.wished == []
+        bench.safety(source="teleop")
+        bench.safety()
+        await asyncio.sleep(0.1)
+        assert not [each for each in bench.worker.received if isinstance(each, Resume)]
+        bench.lose_worker()
+        await bench.new_worker()
+        assert bench.worker.received[-1] == Pause("paused by a key")
+        assert bench.worker.told_of() == [[1, 2]]
+
+    benched(scenario)
+
+
+def test_a_goal_that_is_sent_while_somebody_drives_waits_until_he_lets_go() -> None:
+    """Otherwise it would fail, for the robot does not come on: teleop has the wheels."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.safety(source="teleop")
+        await bench.navigate(HERE)
+        await asyncio.sleep(0.1)
+        assert bench.worker.received[-1] == Pause("paused, for teleop took over")
+        bench.service.resume()
+        await asyncio.sleep(0.1)
+        assert isinstance(bench.worker.received[-1], Pause)
+        bench.safety()
+        await asyncio.sleep(0.1)
+        assert bench.worker.received[-1] == Resume()
+
+    benched(scenario)
+
+
+def test_a_lower_source_takes_nothing_over() -> None:
+    """It drives while navigation is paused; ``resume`` ends that."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        bench.service.pause("a key")
+        bench.safety(source="docking")
+        bench.service.resume()
+        await asyncio.sleep(0.1)
+        assert bench.worker.received[-1] == Resume()
+
+    benched(scenario)
+
+
+def test_where_a_takeover_waits_for_resume_a_new_worker_waits_for_it_too() -> None:
+    """``navigation.resume_after_takeover`` is false: neither the end of teleop nor a new worker go on."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        bench.safety(source="teleop")
+        bench.safety()
+        bench.lose_worker()
+        await bench.new_worker()
+        assert isinstance(bench.worker.received[-1], Pause)
+        bench.worker.step(1)
+        assert bench.driver.wished == []
+        bench.service.resume()
+        await asyncio.sleep(0.1)
+        assert bench.worker.received[-1] == Resume()
+
+    benched(scenario, NavigationSection(resume_after_takeover=False))
+
+
+def test_who_gives_up_a_queued_goal_does_not_end_that_of_somebody_else() -> None:
+    """Two clients: the second one's queued goal and what follows it are gone, the first one's goes on."""
+
+    async def scenario(bench: Bench) -> None:
+        first = bench.wait(await bench.navigate(HERE))
+        second = bench.wait(await bench.navigate(THERE, queue=True))
+        third = bench.wait(await bench.navigate(HERE, queue=True))
+        await asyncio.sleep(0.1)
+        second.cancel()
+        assert (await third).end == "cancelled"
+        await asyncio.sleep(0.1)
+        assert bench.worker.received[-1] == KeepGoals((1,))
+        bench.worker.step(1)
+        assert len(bench.driver.wished) == 1
+        bench.worker.end(1, "reached")
+        assert (await first).end == "reached"
+
+    benched(scenario)
+
+
+def test_a_new_goal_ends_those_before_also_where_the_worker_dies_before_it_says_so() -> None:
+    """The next worker is told of the new goal alone."""
+
+    async def scenario(bench: Bench) -> None:
+        first = bench.wait(await bench.navigate(HERE, THERE))
+        await bench.navigate(THERE)
+        assert (await asyncio.wait_for(first, 0.1)).reason == "cancelled: a new goal took its place"
+        bench.lose_worker()
+        await bench.new_worker()
+        assert bench.worker.told_of() == [[3]]
+
+    benched(scenario)
+
+
+def test_a_goal_survives_two_workers_in_a_row_and_not_five() -> None:
+    """The second dies while it is being told; the fifth on the way to the same goal is the last."""
+
+    async def scenario(bench: Bench) -> None:
+        waiting = bench.wait(await bench.navigate(HERE))
+        bench.lose_worker()
+        bench.worker.problem = Refused(RefusalKind.WORKER_UNAVAILABLE, "the worker ended before it was done")
+        await bench.new_worker()
+        bench.worker.problem = None
+        await bench.new_worker()
+        assert bench.worker.told_of() == [[1]]
+        for _ in range(3):
+            bench.lose_worker()
+            await bench.new_worker()
+        assert not waiting.done()
+        bench.lose_worker()
+        found = await asyncio.wait_for(waiting, 0.1)
+        assert found.end == "fault"
+        assert "5 workers ended on the way to it, the last: it was killed by SIGKILL" in found.reason
+
+    benched(scenario)
+
+
+def test_a_request_that_is_given_up_before_it_was_accepted_leaves_no_goal_behind() -> None:
+    """The worker may have taken it all the same: it is told which goals are left."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        bench.worker.busy_s = 5.0
+        asked = asyncio.create_task(bench.navigate(THERE, queue=True))
+        await asyncio.sleep(1.0)
+        asked.cancel()
+        await asyncio.sleep(6.0)
+        assert bench.worker.received[-1] == KeepGoals((1,))
+
+    benched(scenario)
+
+
+def test_who_waits_is_told_how_far_it_is_of_how_much() -> None:
+    """4 m at first, 1.5 m left of them; a way round of 5 m; and of the goal before one's own nothing is counted."""
+
+    async def scenario(bench: Bench) -> None:
+        told: list[tuple[float, float]] = []
+        progress: Any = SimpleNamespace(report=lambda done, total, text: told.append((done, total)))
+        goals = await bench.navigate(HERE, THERE)
+        waiting = asyncio.create_task(bench.service.wait(goals[1:], progress))
+        await asyncio.sleep(0)
+        for number, left_m in ((1, 7.0), (2, 4.0), (2, 1.5), (2, 5.0), (2, 4.5)):
+            await asyncio.sleep(1.0)
+            bench.worker.step(number, left_m)
+        assert told == [(0.0, 0.0), (0.0, 4.0), (2.5, 4.0), (0.0, 5.0), (0.5, 5.0)]
+        waiting.cancel()
 
     benched(scenario)

@@ -1,0 +1,53 @@
+"""Where a waypoint is: a pose, or a place of the map in use by its name."""
+
+import json
+from typing import Protocol
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.entries import Entries
+from chefbotd.features.maps.methods import PlaceList
+from chefbotd.features.navigation.methods import Waypoint
+from chefbotd.worker.skills.navigation_messages import GoalAsked
+
+
+class Places(Protocol):
+    """Who knows the named places."""
+
+    async def places(self, of_map: str | None) -> PlaceList:
+        """Those of a map; without one, of the map in use."""
+        ...
+
+
+class Destinations:
+    """Looks places up as they are now: a place that is moved or deleted later changes no goal."""
+
+    def __init__(self, places: Places, entries: Entries) -> None:
+        self._places, self._entries = places, entries
+
+    async def goal(self, number: int, waypoint: Waypoint) -> GoalAsked:
+        """The goal of this number; raises ``Refused`` where there is no such place."""
+        x_m, y_m, heading_rad = waypoint.x_m, waypoint.y_m, waypoint.heading_rad
+        if waypoint.place is not None:
+            known = await self._known_places()
+            place = next((each for each in known.places if each.name == waypoint.place), None)
+            if place is None:
+                names = ", ".join(each.name for each in known.places) or "none"
+                told = f"the map {known.map!a} has no place {waypoint.place!a}; there are: {names}"
+                raise Refused(RefusalKind.UNKNOWN_PLACE, told)
+            x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
+        return GoalAsked(number, x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m)
+
+    async def _known_places(self) -> PlaceList:
+        """Those of the map in use; where the disk has no answer, why not."""
+
+        async def ask() -> str:
+            try:
+                return (await self._places.places(None)).model_dump_json()
+            except Refused as problem:
+                return json.dumps({"kind": problem.kind, "message": str(problem)})
+
+        answer = await self._entries.answer("places", ask)
+        refused = json.loads(answer)
+        if "kind" in refused:
+            raise Refused(RefusalKind(refused["kind"]), refused["message"])
+        return PlaceList.model_validate_json(answer)

@@ -1,0 +1,73 @@
+"""Tells what navigation does: on the topic ``navigation``, and to each request that waits for its goals."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.rpc.jobs import Progress
+
+TOLD_EVERY_S: Final = 0.5
+"""How often the distance is told while nothing else changes."""
+
+
+class Reporting:
+    """Tells what is new at once, and how far it still is now and then; an end stays until the next goal."""
+
+    def __init__(self, bus: Bus, clock: Clock) -> None:
+        self._bus, self._clock = bus, clock
+        self._told: NavigationChanged | None = None
+        self._waiting: list[_Waiting] = []
+
+    def tell(
+        self,
+        state: str,
+        goal: int | None,
+        reason: str,
+        distance_m: float | None = None,
+        time_s: float | None = None,
+    ) -> None:
+        """What it does now."""
+        last, now_s = self._told, self._clock.now_s()
+        if state == "idle" and last is not None:
+            return
+        is_same = last is not None and (last.state, last.goal, last.reason) == (state, goal, reason)
+        if last is not None and is_same and now_s - last.stamp_s < TOLD_EVERY_S:
+            return
+        self._told = NavigationChanged(now_s, state, goal, reason, distance_m, time_s)
+        self._bus.publish(self._told)
+        for waiting in self._waiting:
+            waiting.report(self._told)
+
+    @contextmanager
+    def telling(self, goals: Collection[int], progress: Progress) -> Iterator[None]:
+        """Report to a request that waits for these goals, while the block runs."""
+        waiting = _Waiting(goals, progress)
+        self._waiting.append(waiting)
+        try:
+            yield
+        finally:
+            self._waiting.remove(waiting)
+
+
+class _Waiting:
+    """A request that waits. The way grows where a path is longer than the one before, or with another goal."""
+
+    def __init__(self, goals: Collection[int], progress: Progress) -> None:
+        self._goals, self._progress = goals, progress
+        self._goal: int | None = None
+        self._way_m = self._left_m = 0.0
+
+    def report(self, now: NavigationChanged) -> None:
+        """Metres that are done, of the present goal's way; a request whose turn has not come has none."""
+        if now.goal not in self._goals:
+            self._progress.report(0.0, 0.0, f"waits for goal {now.goal}: {now.reason}")
+            return
+        if now.goal != self._goal:
+            self._goal, self._way_m, self._left_m = now.goal, 0.0, 0.0
+        if now.distance_m is not None:
+            self._left_m = now.distance_m
+            self._way_m = max(self._way_m, now.distance_m)
+        self._progress.report(self._way_m - self._left_m, self._way_m, now.reason)
