@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.recording import foxglove as fg
+from chefbotd.recording import foxglove_messages as fm
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.classes import encode_scan
 from chefbotd.recording.schemas import schema_of
@@ -153,11 +154,11 @@ class Encoder:
         level, name, text = sentence
         if self._said.get(name) != sentence:
             self._said[name] = sentence
-            self._put("/log", fg.Log(fg.time_of(log_ns), level, text, name), log_ns)
+            self._put("/log", fm.Log(fg.time_of(log_ns), level, text, name), log_ns)
 
     def _put(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
         kind = type(message)
-        channel = self._channels.number(topic, f"foxglove.{kind.__name__}", fg.SCHEMAS[kind])
+        channel = self._channels.number(topic, f"foxglove.{kind.__name__}", fm.SCHEMAS[kind])
         payload = msgspec.json.encode(message)
         self._sink.add(channel, self.sequence, log_ns, payload)
         return channel, payload
@@ -173,12 +174,12 @@ class Encoder:
         moved = fg.transform(stamp_ns, fg.ODOM, fg.BASE, odom_from_base)
         frame, pose = fg.ODOM, odom_from_base
         if self._map_from_odom is None:
-            self._put("/tf", fg.FrameTransforms((moved,)), log_ns)
+            self._put("/tf", fm.FrameTransforms((moved,)), log_ns)
         else:
             held = fg.transform(stamp_ns, fg.MAP, fg.ODOM, self._map_from_odom)
-            self._put("/tf", fg.FrameTransforms((held, moved)), log_ns)
+            self._put("/tf", fm.FrameTransforms((held, moved)), log_ns)
             frame, pose = fg.MAP, self._map_from_odom.compose(odom_from_base)
-        self._put("/pose", fg.PoseInFrame(fg.time_of(stamp_ns), frame, fg.pose_of(pose)), log_ns)
+        self._put("/pose", fm.PoseInFrame(fg.time_of(stamp_ns), frame, fg.pose_of(pose)), log_ns)
 
     def _draw_at_once(self, event: Any, log_ns: int) -> None:
         self._drawn_ns = 0

@@ -1,19 +1,27 @@
-"""Messages in the schemas that Foxglove and other viewers know, made from our events.
-
-The schemas are those of github.com/foxglove/foxglove-sdk, ``schemas/jsonschema`` (MIT): FrameTransforms, PoseInFrame,
-PosesInFrame, LaserScan, Grid, Log. Fields keep their names and meaning; the frames are those of REP-105.
-"""
+"""Our events as messages that Foxglove and other viewers draw. The frames are those of REP-105."""
 
 import base64
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from msgspec import Struct
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.recording.foxglove_messages import (
+    Base64,
+    FrameTransform,
+    Grid,
+    LaserScan,
+    PackedElementField,
+    Pose,
+    PosesInFrame,
+    Quaternion,
+    Time,
+    Vector2,
+    Vector3,
+)
 
 if TYPE_CHECKING:
     from chefbotd.core.scan import Floats
@@ -26,225 +34,13 @@ DEBUG, INFO, WARNING, ERROR = 1, 2, 3, 4
 """foxglove.LogLevel."""
 
 
-class Time(Struct, frozen=True):
-    """Seconds and nanoseconds since 1970."""
-
-    sec: int
-    nsec: int
-
-
-class Vector3(Struct, frozen=True):
-    """Metres."""
-
-    x: float
-    y: float
-    z: float = 0.0
-
-
-class Quaternion(Struct, frozen=True):
-    """A turn about z."""
-
-    z: float
-    w: float
-    x: float = 0.0
-    y: float = 0.0
-
-
-class Pose(Struct, frozen=True):
-    """A place and a turn."""
-
-    position: Vector3
-    orientation: Quaternion
-
-
-class FrameTransform(Struct, frozen=True):
-    """Where a frame lies in its parent."""
-
-    timestamp: Time
-    parent_frame_id: str
-    child_frame_id: str
-    translation: Vector3
-    rotation: Quaternion
-
-
-class FrameTransforms(Struct, frozen=True):
-    """Several of them."""
-
-    transforms: tuple[FrameTransform, ...]
-
-
-class PoseInFrame(Struct, frozen=True):
-    """A pose at a time."""
-
-    timestamp: Time
-    frame_id: str
-    pose: Pose
-
-
-class PosesInFrame(Struct, frozen=True):
-    """A path."""
-
-    timestamp: Time
-    frame_id: str
-    poses: tuple[Pose, ...]
-
-
-class LaserScan(Struct, frozen=True):
-    """Ranges at bearings of equal steps; 0 where there is none."""
-
-    timestamp: Time
-    frame_id: str
-    pose: Pose
-    start_angle: float
-    end_angle: float
-    ranges: list[float]
-    intensities: tuple[float, ...] = ()
-
-
-class Vector2(Struct, frozen=True):
-    """Metres."""
-
-    x: float
-    y: float
-
-
-class PackedElementField(Struct, frozen=True):
-    """What lies in each cell."""
-
-    name: str
-    offset: int
-    type: int
-
-
-class Grid(Struct, frozen=True):
-    """A map: a signed byte a cell, in percent, -1 for unknown; row by row from the lowest y up."""
-
-    timestamp: Time
-    frame_id: str
-    pose: Pose
-    column_count: int
-    cell_size: Vector2
-    row_stride: int
-    cell_stride: int
-    fields: tuple[PackedElementField, ...]
-    data: str
-
-
-class Log(Struct, frozen=True):
-    """A sentence, and how bad it is."""
-
-    timestamp: Time
-    level: int
-    message: str
-    name: str
-    file: str = ""
-    line: int = 0
-
-
-_TIME: Mapping[str, Any] = {
-    "type": "object",
-    "title": "time",
-    "properties": {
-        "sec": {"type": "integer", "minimum": 0},
-        "nsec": {"type": "integer", "minimum": 0, "maximum": 999_999_999},
-    },
-}
-_INTEGER: Mapping[str, Any] = {"type": "integer", "minimum": 0}
-_NUMBER: Mapping[str, Any] = {"type": "number"}
-_TEXT: Mapping[str, Any] = {"type": "string"}
-
-
-def _object(title: str, description: str, **properties: Any) -> dict[str, Any]:
-    told = {"title": f"foxglove.{title}", "description": description, "type": "object"}
-    return {**told, "properties": properties, "required": list(properties)}
-
-
-def _array(items: Mapping[str, Any]) -> dict[str, Any]:
-    return {"type": "array", "items": items}
-
-
-_VECTOR3 = _object("Vector3", "A vector in 3D space", x=_NUMBER, y=_NUMBER, z=_NUMBER)
-_VECTOR2 = _object("Vector2", "A vector in 2D space", x=_NUMBER, y=_NUMBER)
-_QUATERNION = _object("Quaternion", "A rotation in 3D space", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
-_POSE = _object("Pose", "A position and orientation in 3D space", position=_VECTOR3, orientation=_QUATERNION)
-_TRANSFORM = _object(
-    "FrameTransform",
-    "A transform between two reference frames in 3D space",
-    timestamp=_TIME,
-    parent_frame_id=_TEXT,
-    child_frame_id=_TEXT,
-    translation=_VECTOR3,
-    rotation=_QUATERNION,
-)
-_FIELD = _object(
-    "PackedElementField",
-    "A field present within each element in a byte array of packed elements",
-    name=_TEXT,
-    offset=_INTEGER,
-    type=_INTEGER,
-)
-SCHEMAS: Mapping[type[Struct], Mapping[str, Any]] = {
-    FrameTransforms: _object(
-        "FrameTransforms", "An array of FrameTransform messages", transforms=_array(_TRANSFORM)
-    ),
-    PoseInFrame: _object(
-        "PoseInFrame",
-        "A timestamped pose for an object or reference frame in 3D space",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        pose=_POSE,
-    ),
-    PosesInFrame: _object(
-        "PosesInFrame",
-        "An array of timestamped poses for an object or reference frame in 3D space",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        poses=_array(_POSE),
-    ),
-    LaserScan: _object(
-        "LaserScan",
-        "A single scan from a planar laser range-finder",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        pose=_POSE,
-        start_angle=_NUMBER,
-        end_angle=_NUMBER,
-        ranges=_array(_NUMBER),
-        intensities=_array(_NUMBER),
-    ),
-    Grid: _object(
-        "Grid",
-        "A 2D grid of data",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        pose=_POSE,
-        column_count=_INTEGER,
-        cell_size=_VECTOR2,
-        row_stride=_INTEGER,
-        cell_stride=_INTEGER,
-        fields=_array(_FIELD),
-        data={"type": "string", "contentEncoding": "base64"},
-    ),
-    Log: _object(
-        "Log",
-        "A log message",
-        timestamp=_TIME,
-        level=_INTEGER,
-        message=_TEXT,
-        name=_TEXT,
-        file=_TEXT,
-        line=_INTEGER,
-    ),
-}
-
-
 def time_of(stamp_ns: int) -> Time:
     """As the schemas have it."""
     return Time(*divmod(stamp_ns, 1_000_000_000))
 
 
 def _turn(heading_rad: float) -> Quaternion:
-    return Quaternion(math.sin(heading_rad / 2), math.cos(heading_rad / 2))
+    return Quaternion(0.0, 0.0, math.sin(heading_rad / 2), math.cos(heading_rad / 2))
 
 
 def pose_of(pose: Pose2D) -> Pose:
@@ -300,7 +96,7 @@ def grid(stamp_ns: int, resolution_m: float, origin: Pose2D, columns: int, cells
         columns,
         1,
         (PackedElementField("percent", 0, INT8),),
-        base64.b64encode(cells).decode(),
+        Base64(base64.b64encode(cells).decode()),
     )
 
 

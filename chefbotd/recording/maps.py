@@ -7,6 +7,7 @@ import msgspec
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.recording import foxglove as fg
+from chefbotd.recording import foxglove_messages as fm
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.chunk import ChunkBuilder
 
@@ -41,5 +42,5 @@ class MapDrawer:
         """Write the map as it is, if there is one."""
         if self._payload is not None:
             self.drawn_ns = log_ns
-            channel = self._channels.number("/map", "foxglove.Grid", fg.SCHEMAS[fg.Grid])
+            channel = self._channels.number("/map", "foxglove.Grid", fm.SCHEMAS[fm.Grid])
             sink.add(channel, sequence, log_ns, self._payload)
