@@ -1,7 +1,7 @@
-"""The parts of a daemon in a replay, and how each entry comes into them."""
+"""How each entry of a recording comes into the parts of a daemon."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -16,111 +16,18 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import Group, decoded
+from chefbotd.replay.stand_ins import ReplayedCaller, ReplayedPort, ReplayedSession, ReplayedWorker
 from chefbotd.replay.tasks import Tasks
 from chefbotd.rpc.connection_manager import LEASES_TIMER
 from chefbotd.rpc.dispatch import job_name
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
-from chefbotd.rpc.session import Session
 from chefbotd.safety.faults import Fault, FaultKind
 
 NOT_HANDLED = frozenset(
     {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel", "get_stats"}
 )
 """Requests that do nothing to the robot. The end of one that is cancelled is a step of its task."""
-
-
-class ReplayedSession(Session):
-    """A client of the recording."""
-
-    address = ""
-
-    @property
-    def where(self) -> str:
-        """Its address then."""
-        return self.address
-
-
-class ReplayedCaller:
-    """Who asked, and hears nothing."""
-
-    def __init__(self, session: ReplayedSession) -> None:
-        self.session = session
-
-    def reply(self, message: bytes, *, keep: bool = False) -> None:
-        """Nobody is there."""
-
-    def send_progress(self, message: bytes) -> None:
-        """Nobody is there."""
-
-    def send_event(self, payload: object, latest: bool) -> None:
-        """Nobody is there."""
-
-    def end(self, failure: object) -> None:
-        """Nobody is there."""
-
-    def report(self, done: float, total: float, text: str = "") -> None:
-        """How far a request is: nobody is there."""
-
-
-class ReplayedPort(asyncio.Transport):
-    """Takes what is written. ``queries`` says how often it was asked before whether all is sent."""
-
-    def __init__(self, queries: Callable[[], int]) -> None:
-        super().__init__()
-        self._queries = queries
-        self._changes: dict[int, bool] = {}
-        self._drained = True
-
-    def expect(self, changes: Mapping[int, bool]) -> None:
-        """The answers of the recording, by the number of the query from which on each holds."""
-        self._changes.update(changes)
-
-    def get_write_buffer_size(self) -> int:
-        """As it was in the recording."""
-        self._drained = self._changes.pop(self._queries() + 1, self._drained)
-        return 0 if self._drained else 1
-
-    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
-        """There is no buffer."""
-
-    def write(self, data: bytes | bytearray | memoryview) -> None:
-        """It goes nowhere."""
-
-    def overtake(self, words: bytes) -> None:
-        """It goes nowhere."""
-
-    def close_saying(self, words: bytes) -> None:
-        """It goes nowhere."""
-
-    def write_from_thread(self, words: bytes) -> bool:
-        """There is no other thread."""
-        return False
-
-    def set_dtr(self, state: bool) -> None:
-        """There is no such line."""
-
-    def is_closing(self) -> bool:
-        """Its end is in the recording."""
-        return False
-
-    def close(self) -> None:
-        """Its end is in the recording."""
-
-    def abort(self) -> None:
-        """Its end is in the recording."""
-
-
-class _Silent:
-    """The way to a worker that is not there."""
-
-    dropped = 0
-
-    def send(self, message: object) -> None:
-        """It goes nowhere."""
-
-    def close(self) -> None:
-        """Nothing is open."""
 
 
 class Pipeline:
@@ -251,7 +158,7 @@ class Pipeline:
 
         state = WorkerState(event.state)
         status = WorkerStatus(state, event.pid, event.restarts, event.rss_mb, event.cpu, event.reason)
-        worker.follow(status, _Silent() if state in LIVING else None)  # type: ignore[arg-type]
+        worker.follow(status, ReplayedWorker() if state in LIVING else None)  # type: ignore[arg-type]
 
     def _forget_worker(self) -> None:
         if self._daemon.worker is not None:
