@@ -1,4 +1,4 @@
-"""The daemon's side of the worker: start it, watch it, start it again, and speak with its skills.
+"""The daemon's side of the worker: start it, watch it, start it again, and hand on what its skills say.
 
 ``send`` never waits: what the worker does not read in time gives way. ``request`` waits for an answer, within a
 deadline. Whatever the worker does or fails to do, nothing here raises into the control loop or holds it up.
@@ -9,20 +9,20 @@ import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count
 from typing import Final
 
 import msgspec
 import structlog
 
 from chefbotd.clock import Clock
-from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
 from chefbotd.entries import entries_of
 from chefbotd.worker import messages
 from chefbotd.worker.channel import CLOSED, Channel
 from chefbotd.worker.messages import FromWorker, OdometrySeen, RangeSeen, ScanSeen, packed
 from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.requests import OnProgress, RequestCancelled, Requests, WorkerLost
 from chefbotd.worker.spawn import Child, Spawn, spawn
 from chefbotd.worker.watch import (
     NEXT,
@@ -49,18 +49,6 @@ NOBODY: Final = 0
 """The number of a request whose answer nobody waits for."""
 
 OfSkill = messages.Told | messages.Answer | messages.Failed | messages.Progress
-OnProgress = Callable[[float, float, str], None]
-
-
-class RequestCancelled(Exception):
-    """A request was given up before it had an effect."""
-
-
-class WorkerLost(Refused):
-    """The worker is not there, or ended before it answered."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(RefusalKind.WORKER_UNAVAILABLE, message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +61,6 @@ class WorkerStatus:
     rss_mb: float | None = None
     cpu: float | None = None
     reason: str = ""
-
-
-@dataclass(slots=True)
-class _Pending:
-    future: "asyncio.Future[bytes]"
-    on_progress: OnProgress | None
-    deadline_s: float
-    due_s: float
 
 
 class Worker:
@@ -103,8 +83,7 @@ class Worker:
         self._vitals = Vitals(0.0, 0.0, 0.0)
         self._channel: Channel | None = None
         self._ended: asyncio.Future[str] | None = None
-        self._ids = count(1)
-        self._pending: dict[int, _Pending] = {}
+        self._requests = Requests(self._clock)
         self._listeners: dict[str, Callable[[bytes], None]] = {}
         self._on_ready: list[Callable[[], None]] = []
         self._dropped = self._failures = 0
@@ -157,10 +136,7 @@ class Worker:
         """
         if self._channel is None or not self.is_ready:
             raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
-        number = next(self._ids)
-        future: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        due_s = self._clock.now_s() + deadline_s
-        self._pending[number] = _Pending(future, on_progress, deadline_s, due_s)
+        number, future = self._requests.open(deadline_s, on_progress)
         self._channel.send(messages.Request(number, skill, deadline_s, packed(body)))
         try:
             return await asyncio.shield(future)
@@ -175,7 +151,7 @@ class Worker:
             except (RequestCancelled, Refused):
                 raise asyncio.CancelledError from None
         finally:
-            self._pending.pop(number, None)
+            self._requests.close(number)
 
     async def run(self) -> None:
         """Keep a worker alive until cancelled."""
@@ -250,18 +226,14 @@ class Worker:
     def _excuse(self, now_s: float) -> None:
         """What the daemon slept through was no delay of the worker."""
         before_s, self._vitals = self._vitals.heard_s, excused(self._vitals, now_s, CHECK_S)
-        for pending in self._pending.values():
-            pending.due_s += self._vitals.heard_s - before_s
+        self._requests.postpone(self._vitals.heard_s - before_s)
 
     def _why_to_kill(self, now_s: float, rss_mb: float | None) -> str | None:
-        allowed_s = max([self._parameters.step_s, *(p.deadline_s for p in self._pending.values())])
+        allowed_s = max(self._parameters.step_s, self._requests.longest_deadline_s)
         reason = why_to_kill(
             self._parameters, self.status.state, self._vitals, now_s, rss_mb=rss_mb, allowed_s=allowed_s
         )
-        late = next((p for p in self._pending.values() if now_s > p.due_s), None)
-        if reason is None and late is not None:
-            reason = f"it did not answer a request within {late.deadline_s:g} s"
-        return reason
+        return reason or self._requests.why_late(now_s)
 
     def _bury(self, child: Child) -> None:
         """Nothing more comes from this worker: whoever waits for it hears so."""
@@ -275,11 +247,7 @@ class Worker:
     def forget_pending(self) -> None:
         """The worker is gone: whoever waits for it hears so."""
         self._channel = None
-        pending, self._pending = self._pending, {}
-        for each in pending.values():
-            if not each.future.done():
-                each.future.set_exception(WorkerLost("the worker ended before it was done"))
-                each.future.exception()  # whoever asked may be gone
+        self._requests.fail_all()
 
     def follow(self, status: WorkerStatus, channel: "Channel | None") -> None:
         """Stand as a recorded worker stood; there is no process. What is sent to it goes to ``channel``."""
@@ -321,7 +289,7 @@ class Worker:
         if isinstance(message, messages.Told):
             self._hand_on(message)
         else:
-            self._take_of_request(message, self._clock.now_s())
+            self._requests.take_message(message)
 
     def _hand_on(self, message: messages.Told) -> None:
         listener = self._listeners.get(message.skill)
@@ -332,25 +300,6 @@ class Worker:
             listener(message.body)
         except (msgspec.DecodeError, ValueError) as error:
             self._end(f"its skill {message.skill} sent what is no message: {error}")
-
-    def _take_of_request(
-        self, message: messages.Answer | messages.Failed | messages.Progress, now_s: float
-    ) -> None:
-        pending = self._pending.get(message.id)
-        if pending is None:
-            return
-        if isinstance(message, messages.Progress):
-            pending.due_s = now_s + pending.deadline_s
-            if pending.on_progress is not None:
-                pending.on_progress(message.done, message.total, message.text)
-        elif pending.future.done():
-            return
-        elif isinstance(message, messages.Answer):
-            pending.future.set_result(message.body)
-        elif message.kind is None:
-            pending.future.set_exception(RequestCancelled(message.message))
-        else:
-            pending.future.set_exception(Refused(message.kind, message.message))
 
     def _set(self, happened: Happened, **fields: object) -> bool:
         """Go on to the next state; a worker that tells what cannot be is not believed."""

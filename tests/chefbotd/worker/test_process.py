@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.worker.messages import Alive, Configure, Ready, Told, ToWorker, Unavailable, Warming
-from chefbotd.worker.process import WorkerLost
+from chefbotd.worker.requests import WorkerLost
 from chefbotd.worker.watch import WorkerState
 from tests.chefbotd.worker.running import SCAN, Count, running
 from tests.fakes.worker import FakeChild, Nursery, healthy, live

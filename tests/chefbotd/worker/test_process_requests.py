@@ -9,7 +9,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.worker.messages import Answer, Cancel, Failed, OdometrySeen, Request, ScanSeen, ToWorker
 from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.process import WorkerLost
+from chefbotd.worker.requests import WorkerLost
 from tests.chefbotd.worker.running import SCAN, Count, counting, running
 from tests.fakes.worker import FakeChild, healthy
 

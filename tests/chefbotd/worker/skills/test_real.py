@@ -20,7 +20,8 @@ from chefbotd.maps.manifest import GRAPH
 from chefbotd.maps.store import MapStore
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.process import Worker, WorkerLost
+from chefbotd.worker.process import Worker
+from chefbotd.worker.requests import WorkerLost
 from chefbotd.worker.skills.mapping_messages import (
     FINISHED,
     SKILL,
