@@ -21,6 +21,7 @@ from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import Framing, LineFraming
+from chefbotd.transport.held_bytes import HeldBytes
 from chefbotd.transport.outbox import Outbox
 from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
 from chefbotd.transport.unread import UnreadSockets, unread_bytes
@@ -49,8 +50,7 @@ class Connection(asyncio.Protocol):
         self._first_line_served = False  # and it was not of another protocol
         self._descriptor = -1
         self._paused = False
-        self._unread_since = session.arrival  # the earliest arrival of what the kernel holds
-        self._partial_since: Arrival | None = None  # and of what the framing holds
+        self._held = HeldBytes(manager.arrivals, session.arrival)
         self._drain_limit = DrainLimit()
         self._drain_timer: asyncio.TimerHandle | None = None
         self._finish: Callable[[], None] = self.close  # once everything was served
@@ -105,28 +105,20 @@ class Connection(asyncio.Protocol):
 
     def _take(self, data: bytes) -> None:
         """Put the requests in these bytes into the backlog; a request is as old as its first byte."""
-        arrival = self._arrival()
         lines = self._framing.lines(data)
-        self._backlog.add(lines, self._partial_since or arrival)
-        if not self._framing.partial:
-            self._partial_since = None
-        elif lines or self._partial_since is None:
-            self._partial_since = arrival
+        self._backlog.add(lines, self._held.arrival_of(lines, partial=self._framing.partial))
         control = self._framing.control()
         if control:
             self._outbox.reply(control)
 
     def mark_unread(self, arrival: Arrival) -> None:
         """What the kernel holds of this client may have arrived as early as this."""
-        self._unread_since = self._unread_since or arrival
-
-    def _arrival(self) -> Arrival:
-        return self._unread_since or self._manager.arrivals.earliest()
+        self._held.mark_unread(arrival)
 
     def _clear_unread_mark(self) -> None:
         """Once the kernel holds nothing, what comes next is new."""
-        if self._unread_since is not None and not self._paused and not unread_bytes(self._descriptor):
-            self._unread_since = None
+        if self._held.unread_since is not None and not self._paused and not unread_bytes(self._descriptor):
+            self._held.unread_since = None
 
     def _serve_waiting(self) -> None:
         """Serve what this loop iteration has room for, then search the rest for stops; schedule what is left."""
@@ -191,10 +183,7 @@ class Connection(asyncio.Protocol):
         if arrivals.stops == before:
             return
         self._backlog.record_own_stop(before, arrivals.stops)
-        if self._unread_since is not None and self._unread_since.stops == before:
-            self._unread_since = self._unread_since._replace(stops=arrivals.stops)
-        if self._partial_since is not None and self._partial_since.stops == before:
-            self._partial_since = self._partial_since._replace(stops=arrivals.stops)
+        self._held.record_own_stop(before, arrivals.stops)
 
     def _serve_urgent(self) -> bool:
         """Serve the next urgent request in the backlog, before or, when draining, instead of others.
@@ -240,7 +229,8 @@ class Connection(asyncio.Protocol):
             self._outbox.shorten_timeout()
         if full or self._may_hold_stops:
             if not self._paused:
-                self._paused, self._unread_since = True, self._arrival()
+                self._paused = True
+                self._held.mark_unread(self._manager.arrivals.earliest())
             self._transport.pause_reading()
         else:
             self._paused = False
