@@ -4,7 +4,6 @@ Every state of SLAM is a value. So a job that is given up leaves what was there,
 from the last state that it saved on its own.
 """
 
-import zlib
 from collections.abc import Generator, Iterable, Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
@@ -14,13 +13,10 @@ import numpy as np
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.localization.mount_check import MountCheck, MountCheckParameters, checked, mount_problem
 from chefbotd.mapping.finish import refining
-from chefbotd.mapping.live_map import LiveMap, Patch, changes, grid_of, nothing, updated
 from chefbotd.mapping.occupancy import occupancy
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.parts import apart
-from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
-from chefbotd.mapping.slam import Report, step
+from chefbotd.mapping.slam import step
 from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
@@ -28,6 +24,7 @@ from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import mapping_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
+from chefbotd.worker.skills.map_updates import MapUpdates, pose_found, way_m
 from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
 from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Done, Job, Struct
@@ -37,9 +34,6 @@ if TYPE_CHECKING:  # it would load asyncio, 7 MB
 
 SESSION: Final = "daemon_session"
 """Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
-
-WHOLE_EVERY_S: Final = 10.0
-"""Whoever has begun to listen late, or has missed a part, has the whole map after so long."""
 
 MOUNT: Final = MountCheckParameters()
 
@@ -70,18 +64,17 @@ class MappingSkill:
         self._mode, self._reason, self._warning = Mode.IDLE, "", ""
         self._silence = Silence(self._parameters.lidar)
         self._name: str | None = None
-        self._revision = 0
+        self._updates = MapUpdates(self._parameters.mapping.resolution_m)
         self._forget()
 
     def _forget(self) -> None:
         """No map is being made."""
         self._state: SlamState = start()
-        self._live: LiveMap = nothing(self._parameters.mapping.resolution_m)
-        self._grid: OccupancyGrid | None = None
+        self._updates.forget()
         self._scans = 0
         self._mount = MountCheck()
-        self._told_number = self._saved_number = 0
-        self._tell_at_s = self._save_at_s = self._whole_at_s = float("-inf")
+        self._saved_number = 0
+        self._tell_at_s = self._save_at_s = float("-inf")
         self._aligner.clear()
 
     def warm(self) -> None:
@@ -117,7 +110,7 @@ class MappingSkill:
         self._scans += 1
         fits = report.mode in (SlamMode.MAPPING, SlamMode.SLIPPED)
         self._mount = checked(MOUNT, self._mount, aligned.odometry, report.map_pose if fits else None)
-        return _pose_found(aligned, report)
+        return pose_found(aligned, report)
 
     # what has its own time
 
@@ -128,30 +121,22 @@ class MappingSkill:
             yield self._status()
         if self._mode is not Mode.MAPPING:
             return
-        if now_s >= self._tell_at_s and self._told_number != self._state.next_number:
+        if now_s >= self._tell_at_s and self._updates.number != self._state.next_number:
             yield from self._tell_changes(now_s)
         if now_s >= self._save_at_s and self._saved_number != self._state.next_number:
             yield from self._autosaved(now_s)
 
     def _tell_changes(self, now_s: float) -> Iterator[Struct]:
-        before, self._told_number = self._grid, self._state.next_number
-        self._live = updated(self._live, self._state.nodes)
-        self._grid = grid_of(self._live)
-        patch = None if self._grid is None else changes(before, self._grid)
-        if self._grid is not None and now_s >= self._whole_at_s:
-            patch = Patch(0, 0, self._grid.percent, whole=True)
-        if self._grid is not None and patch is not None:
-            self._revision += 1
-            if patch.whole:
-                self._whole_at_s = now_s + WHOLE_EVERY_S
-            yield self._grid_part(now_s, self._grid, patch)
+        part = self._updates.changes(now_s, self._state)
+        if part is not None:
+            yield part
         yield self._status()
         took_s = self._clock.now_s() - now_s
         self._tell_at_s = now_s + max(self._parameters.mapping.told_every_s, took_s / BUSY_SHARE)
 
     def _autosaved(self, now_s: float) -> Iterator[Struct]:
         try:
-            self._files.autosave(self._grid or occupancy(self._state.nodes), self._arrays())
+            self._files.autosave(self._updates.grid or occupancy(self._state.nodes), self._arrays())
             self._saved_number, self._reason = self._state.next_number, ""
         except Refused as problem:
             self._reason = str(problem)
@@ -296,9 +281,10 @@ class MappingSkill:
             raise Refused(RefusalKind.NOT_MAPPING, told)
 
     def _whole_grid(self) -> Struct:
-        if self._grid is None:
+        part = self._updates.whole(self._clock.now_s())
+        if part is None:
             raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or nothing is in it yet")
-        return self._grid_part(self._clock.now_s(), self._grid, Patch(0, 0, self._grid.percent, whole=True))
+        return part
 
     # what is told
 
@@ -326,28 +312,6 @@ class MappingSkill:
     def _arrays(self) -> Arrays:
         return saved(self._state) | {SESSION: np.array(self._parameters.session)}
 
-    def _grid_part(
-        self,
-        stamp_s: float,
-        grid: OccupancyGrid,
-        patch: Patch,
-    ) -> messages.GridPart:
-        origin, (rows, columns) = grid.map_from_grid, grid.percent.shape
-        return messages.GridPart(
-            stamp_s=stamp_s,
-            revision=self._revision,
-            resolution_m=grid.resolution_m,
-            origin=(origin.x_m, origin.y_m, origin.heading_rad),
-            columns=columns,
-            rows=rows,
-            column=patch.column,
-            row=patch.row,
-            part_columns=patch.percent.shape[1],
-            part_rows=patch.percent.shape[0],
-            whole=patch.whole,
-            cells=zlib.compress(np.ascontiguousarray(patch.percent).tobytes(), 1),
-        )
-
 
 def _warning(damage: str, *, is_found: bool) -> str:
     """What is lost of a map that was never finished; ``is_found``: an older state of it is whole."""
@@ -368,29 +332,3 @@ def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generat
             state: SlamState = end.value
             return state
         yield Done(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")
-
-
-def _pose_found(aligned: AlignedScan, report: Report) -> PoseFound:
-    c = report.covariance
-    upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
-    return PoseFound(
-        stamp_s=aligned.stamp_s,
-        map_from_base=_triple(report.map_pose),
-        odometry=_triple(aligned.odometry),
-        covariance=tuple(float(value) for value in upper),  # type: ignore[arg-type]
-        fit=report.fit,
-        state=str(report.mode),
-    )
-
-
-def way_m(state: SlamState) -> float:
-    """The way from kept scan to kept scan; SLAM's own ``path_m`` counts turning too."""
-    nodes = state.nodes
-    steps = np.diff(nodes.local[:, :2], axis=0)[
-        np.diff(nodes.part) == 0
-    ]  # between two parts nothing is known
-    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-
-
-def _triple(pose: Floats) -> tuple[float, float, float]:
-    return float(pose[0]), float(pose[1]), float(pose[2])
