@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
+from chefbotd import storage
 from chefbotd.core.commands import RefusalKind
 from chefbotd.maps.errors import MapStoreError
 
@@ -53,11 +54,7 @@ class Disk:
 
     def sync_folder(self, path: Path) -> None:
         """Wait until the names in a folder are on the disk."""
-        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        storage.sync_folder(path)
 
 
 def replace(disk: Disk, path: Path, content: Content) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
+from chefbotd import storage
+
 
 class OpenFile(Protocol):
     """A file that grows at its end."""
@@ -64,11 +66,7 @@ class Disk:
 
     def sync_folder(self, path: Path) -> None:
         """Wait until the names in a folder are on the disk."""
-        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        storage.sync_folder(path)
 
     def exists(self, path: Path) -> bool:
         """Whether there is such a file or folder."""

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.storage import state_folder
 
 
 class RecordingParameters(Parameters):
@@ -47,16 +48,5 @@ class RecordingParameters(Parameters):
 def folder_of(
     parameters: RecordingParameters, environment: Mapping[str, str], *, simulated: bool = False
 ) -> Path:
-    """The configured folder; else ``StateDirectory=`` of the unit (systemd.exec(5)); else XDG's folder for state.
-
-    Where none is configured, those of a simulated robot are in ``simulated_recordings``.
-    """
-    if parameters.folder is not None:
-        return parameters.folder
-    name = "simulated_recordings" if simulated else "recordings"
-    unit, _, _ = environment.get("STATE_DIRECTORY", "").partition(":")
-    if unit:
-        return Path(unit) / name
-    own = environment.get("XDG_STATE_HOME", "")
-    state = Path(own) if own.startswith("/") else Path.home() / ".local" / "state"
-    return state / "chefbotd" / name
+    """The configured folder; else the one for state: see ``state_folder``."""
+    return parameters.folder or state_folder("recordings", environment, simulated=simulated)

@@ -19,7 +19,8 @@ from msgspec import Struct
 from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import class_of, decode
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.errors import UnreadableRecording, explain
+from chefbotd.recording.errors import UnreadableRecording
+from chefbotd.storage import explain
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""

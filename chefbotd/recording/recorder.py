@@ -18,13 +18,14 @@ from chefbotd.recording.channels import Channels
 from chefbotd.recording.chunk import MAGIC, Chunk, ChunkBuilder, RawChunk, compressor
 from chefbotd.recording.disk import Disk
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.errors import RecordingError, explain
+from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.intake import Piece
 from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.mcap_file import RecordingFile
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
 from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, Status, Stored
+from chefbotd.storage import explain
 
 MEGABYTE = 1_000_000
 LOOK_AT_DISK_S = 1.0

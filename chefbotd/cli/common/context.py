@@ -78,24 +78,36 @@ class CommandContext:
         return replace(self, as_json=True)
 
     def run_with_client(
-        self, action: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+        self,
+        action: Callable[[Client], Awaitable[T]],
+        *,
+        name: str | None = None,
+        reconnect: bool = False,
+        absent: str = "",
     ) -> T:
         """Run ``action`` with a connected client called ``name``; ``reconnect`` opens a lost connection again.
+
+        ``absent`` says why a daemon may not have the methods and topics that are asked for.
 
         Raises:
             ProgramError: any failure, with its exit code.
         """
-        return self.run(self.with_client(action, name=name, reconnect=reconnect))
+        return self.run(self.with_client(action, name=name, reconnect=reconnect, absent=absent))
 
     async def with_client(
-        self, action: Callable[[Client], Awaitable[T]], *, name: str | None = None, reconnect: bool = False
+        self,
+        action: Callable[[Client], Awaitable[T]],
+        *,
+        name: str | None = None,
+        reconnect: bool = False,
+        absent: str = "",
     ) -> T:
         """As ``run_with_client``, on the running loop."""
         try:
             async with AsyncExitStack() as stack:
                 return await action(await self._connect(stack, name, reconnect=reconnect))
         except CallError as error:
-            raise refusal(error) from error
+            raise refusal(error, absent) from error
         except (ConnectionLost, CallTimeout) as error:
             raise ProgramError(Exit.CONNECTION_LOST, f"lost the daemon: {error}") from error
         except IncompatibleProtocol as error:
@@ -131,9 +143,16 @@ ADVICE = {
 }
 """What a user can do after each kind of refusal."""
 
+NOT_THERE = ("method_not_found", "unknown_topic")
 
-def refusal(error: CallError) -> ProgramError:
-    """The daemon's refusal as a program error; the message starts with the stable kind."""
+
+def refusal(error: CallError, absent: str = "") -> ProgramError:
+    """The daemon's refusal as a program error; the message starts with the stable kind.
+
+    ``absent`` says why a daemon may lack what was asked for.
+    """
+    if absent and error.kind in NOT_THERE:
+        return ProgramError(Exit.REFUSED, f"{error.kind}: {absent}", kind=error.kind)
     advice = f" ({ADVICE[error.kind]})" if error.kind in ADVICE else ""
     return ProgramError(Exit.REFUSED, f"{error.kind}: {error.message}{advice}", kind=error.kind)
 

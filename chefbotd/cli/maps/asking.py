@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 
 T = TypeVar("T")
 
@@ -17,20 +17,8 @@ def ask(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
     Raises:
         ProgramError: any failure, with its exit code.
     """
-
-    async def asking(robot: Client) -> T:
-        try:
-            return await action(robot)
-        except CallError as error:
-            if error.kind != "method_not_found":
-                raise
-            raise ProgramError(
-                Exit.REFUSED,
-                f"{error.kind}: this daemon keeps no maps: its configuration has no section [maps]",
-                kind=error.kind,
-            ) from error
-
-    return context.run_with_client(asking)
+    absent = "this daemon keeps no maps: its configuration has no section [maps]"
+    return context.run_with_client(action, absent=absent)
 
 
 def write_file(path: Path, data: bytes, *, force: bool) -> None:

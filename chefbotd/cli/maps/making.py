@@ -14,7 +14,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import require
 from chefbotd.cli.maps.asking import write_file
 from chefbotd.cli.maps.progress import progress_bar
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 
 T = TypeVar("T")
 
@@ -126,15 +126,7 @@ def demo(context: CommandContext, out: Path) -> None:
 
 
 def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
-    async def asking(robot: Client) -> T:
-        try:
-            return await action(robot)
-        except CallError as error:
-            if error.kind not in ("method_not_found", "unknown_topic"):
-                raise
-            raise ProgramError(Exit.REFUSED, f"{error.kind}: {NEEDS_LIDAR}", kind=error.kind) from error
-
-    return context.run_with_client(asking)
+    return context.run_with_client(action, absent=NEEDS_LIDAR)
 
 
 COMMANDS = (start, pause, finish, discard, live, demo)

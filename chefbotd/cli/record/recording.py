@@ -10,7 +10,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 
 if TYPE_CHECKING:
     from chefbotd.client.models import RecordedFile, RecordingData, RecordingEnded
@@ -131,12 +131,4 @@ def _show_nothing(_text: str) -> None:
 
 
 def _ask(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
-    async def asking(robot: Client) -> T:
-        try:
-            return await action(robot)
-        except CallError as error:
-            if error.kind not in ("method_not_found", "unknown_topic"):
-                raise
-            raise ProgramError(Exit.REFUSED, f"{error.kind}: {ABSENT}", kind=error.kind) from error
-
-    return context.run_with_client(asking)
+    return context.run_with_client(action, absent=ABSENT)

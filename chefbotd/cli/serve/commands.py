@@ -15,7 +15,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra, require
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 from chefbotd.client.goals import GoalNotReached
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 LOOKED_S = 30.0
 NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]], or [worker] enabled = false"
-ABSENT = ("method_not_found", "unknown_topic")
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
@@ -173,15 +172,7 @@ async def _watched(
 
 
 def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
-    async def asking(robot: Client) -> T:
-        try:
-            return await action(robot)
-        except CallError as error:
-            if error.kind not in ABSENT:
-                raise
-            raise ProgramError(Exit.REFUSED, f"{error.kind}: {NEEDS_LIDAR}", kind=error.kind) from error
-
-    return context.run_with_client(asking)
+    return context.run_with_client(action, absent=NEEDS_LIDAR)
 
 
 @click.command()
