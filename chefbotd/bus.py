@@ -94,20 +94,6 @@ class Inbox(Generic[E]):
                 self._waiter = None
         return self._events.popleft()
 
-    async def get_within(self, timeout_s: float) -> E | None:
-        """The oldest event, or None when none came within ``timeout_s``."""
-        if self._events:
-            return self._events.popleft()
-        loop = asyncio.get_running_loop()
-        self._waiter = waiter = loop.create_future()
-        timer = loop.call_later(timeout_s, _expire, waiter)
-        try:
-            await waiter
-        finally:
-            timer.cancel()
-            self._waiter = None
-        return self._events.popleft() if self._events else None
-
     def __aiter__(self) -> "Inbox[E]":
         return self
 

@@ -21,7 +21,6 @@ LOADED_SHARE = 0.9
 
 SCALE_RATIO = 1.7
 KNOWN_SCALES = (255, 1023)
-CLAMPED_SHARE = 0.98
 COUNTS_RATIO = 1.3
 
 Speeds = Mapping[str, float]

@@ -113,11 +113,6 @@ def localize(now: Localization) -> Localization:
     return _on(_forgotten(now), Event.SEARCH_STARTED)
 
 
-def map_loaded(now: Localization) -> Localization:
-    """Another map: nothing known of the old one holds on it."""
-    return _on(replace(_forgotten(now), told=None), Event.MAP_LOADED)
-
-
 def _forgotten(now: Localization) -> Localization:
     return Localization(state=now.state, odometry=now.odometry, told=now.told, told_s=now.told_s)
 

@@ -23,7 +23,6 @@ class Event(StrEnum):
 
     ``pose_given``: by a person, or kept from before a restart. ``found``: a search leaves one place only.
     ``not_found``: it leaves none. ``fits`` and ``misfits``: some scans in a row. ``given_up``: they misfit for long.
-    ``map_loaded``: another map.
     """
 
     POSE_GIVEN = "pose_given"
@@ -33,7 +32,6 @@ class Event(StrEnum):
     FITS = "fits"
     MISFITS = "misfits"
     GIVEN_UP = "given_up"
-    MAP_LOADED = "map_loaded"
 
 
 NEXT: Mapping[tuple[State, Event], State] = {
@@ -44,7 +42,6 @@ NEXT: Mapping[tuple[State, Event], State] = {
     (State.UNKNOWN, Event.FITS): State.UNKNOWN,
     (State.UNKNOWN, Event.MISFITS): State.UNKNOWN,
     (State.UNKNOWN, Event.GIVEN_UP): State.UNKNOWN,
-    (State.UNKNOWN, Event.MAP_LOADED): State.UNKNOWN,
     (State.SEARCHING, Event.POSE_GIVEN): State.DOUBTFUL,
     (State.SEARCHING, Event.SEARCH_STARTED): State.SEARCHING,
     (State.SEARCHING, Event.FOUND): State.LOCALIZED,
@@ -52,7 +49,6 @@ NEXT: Mapping[tuple[State, Event], State] = {
     (State.SEARCHING, Event.FITS): State.SEARCHING,
     (State.SEARCHING, Event.MISFITS): State.SEARCHING,
     (State.SEARCHING, Event.GIVEN_UP): State.SEARCHING,
-    (State.SEARCHING, Event.MAP_LOADED): State.UNKNOWN,
     (State.LOCALIZED, Event.POSE_GIVEN): State.DOUBTFUL,
     (State.LOCALIZED, Event.SEARCH_STARTED): State.SEARCHING,
     (State.LOCALIZED, Event.FOUND): State.LOCALIZED,
@@ -60,7 +56,6 @@ NEXT: Mapping[tuple[State, Event], State] = {
     (State.LOCALIZED, Event.FITS): State.LOCALIZED,
     (State.LOCALIZED, Event.MISFITS): State.DOUBTFUL,
     (State.LOCALIZED, Event.GIVEN_UP): State.LOST,
-    (State.LOCALIZED, Event.MAP_LOADED): State.UNKNOWN,
     (State.DOUBTFUL, Event.POSE_GIVEN): State.DOUBTFUL,
     (State.DOUBTFUL, Event.SEARCH_STARTED): State.SEARCHING,
     (State.DOUBTFUL, Event.FOUND): State.DOUBTFUL,
@@ -68,7 +63,6 @@ NEXT: Mapping[tuple[State, Event], State] = {
     (State.DOUBTFUL, Event.FITS): State.LOCALIZED,
     (State.DOUBTFUL, Event.MISFITS): State.DOUBTFUL,
     (State.DOUBTFUL, Event.GIVEN_UP): State.LOST,
-    (State.DOUBTFUL, Event.MAP_LOADED): State.UNKNOWN,
     (State.LOST, Event.POSE_GIVEN): State.DOUBTFUL,
     (State.LOST, Event.SEARCH_STARTED): State.SEARCHING,
     (State.LOST, Event.FOUND): State.LOST,
@@ -76,7 +70,6 @@ NEXT: Mapping[tuple[State, Event], State] = {
     (State.LOST, Event.FITS): State.LOST,
     (State.LOST, Event.MISFITS): State.LOST,
     (State.LOST, Event.GIVEN_UP): State.LOST,
-    (State.LOST, Event.MAP_LOADED): State.UNKNOWN,
 }
 
 HAS_POSE = frozenset({State.LOCALIZED, State.DOUBTFUL})

@@ -166,14 +166,11 @@ class MapStore:
         with self._changing("look at the maps"):
             pass
 
-    def write_beside(self, name: str, file: str, content: bytes) -> None:
-        """Replace a file that belongs to all versions of a map, such as its places."""
-        with self._changing(f"write the {Path(file).stem} of the map {name!r}"):
-            self._require_own(map_name(name))
-            disks.replace(self._disk, self._own(name) / file, content)
-
     def change_beside(self, name: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
-        """Replace such a file by what ``change`` makes of its content; nobody else changes it meanwhile."""
+        """Replace a file that belongs to all versions of a map, such as its places, by what ``change`` makes of it.
+
+        Nobody else changes it meanwhile.
+        """
         with self._changing(f"write the {Path(file).stem} of the map {name!r}"):
             self._require_own(map_name(name))
             content = change(self._content_beside(name, file))

@@ -30,7 +30,7 @@ ODOM, BASE, MAP = "odom", "base_footprint", "map"
 INT8 = 2
 """foxglove.NumericType."""
 
-DEBUG, INFO, WARNING, ERROR = 1, 2, 3, 4
+INFO, WARNING, ERROR = 2, 3, 4
 """foxglove.LogLevel."""
 
 

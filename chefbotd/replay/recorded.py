@@ -7,7 +7,7 @@ import msgspec
 
 from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStopping
 from chefbotd.core.record import Record
-from chefbotd.recording.classes import class_of, decode, encode
+from chefbotd.recording.classes import class_of, decode
 
 OF_THE_RECORDER = frozenset({"RecordingChanged", "EventsDropped"})
 NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
@@ -57,12 +57,6 @@ def decoded(recorded: Recorded) -> Any:
     except msgspec.DecodeError as error:
         told = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
         raise NotReplayable(told) from error
-
-
-def recorded_of(events: Iterable[Any]) -> Iterator[Recorded]:
-    """Events that were taken off the bus, as they are in a file."""
-    for number, event in enumerate(events, 1):
-        yield Recorded(number, type(event).__name__, encode(event))
 
 
 def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:

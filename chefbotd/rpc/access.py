@@ -83,9 +83,6 @@ class Guard(Struct, frozen=True):
     tls: ssl.SSLContext | None = None
 
 
-UNGUARDED = Guard()
-
-
 def load_guard(parameters: ApiParameters, environment: Mapping[str, str]) -> Guard:
     """The configured tokens and certificate; a systemd credential is looked for by way of ``environment``.
 

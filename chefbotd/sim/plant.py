@@ -152,12 +152,6 @@ class Plant:
         linear, angular = self._twist_from_wheels @ wheel_velocity_rad_s
         return Twist2D(float(linear), float(angular))
 
-    def motor_current_a(self, state: WheelState, pulse_width: Vector | None, terminal_v: float) -> Vector:
-        """Winding current per motor; none flows through an open bridge."""
-        if pulse_width is None:
-            return self._open
-        return (pulse_width * terminal_v - self._back_emf_v_s * state.velocity_rad_s) / self._resistance_ohm
-
 
 def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vector:
     """Projected Gauss-Jacobi: a wheel whose friction need not reach its limit to stop it, stands."""

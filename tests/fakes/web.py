@@ -11,7 +11,7 @@ from websockets.frames import Frame, Opcode
 from websockets.protocol import Protocol, Side, State
 
 from chefbotd.metrics import Metrics
-from chefbotd.rpc.access import UNGUARDED
+from chefbotd.rpc.access import Guard
 from chefbotd.transport.web.parameters import PageParameters
 from chefbotd.transport.web.server import PageServer
 from tests.fakes.api import Served, new_server
@@ -33,7 +33,7 @@ async def serving_page(allowed_hosts: Sequence[str] = (), **options: Any) -> Asy
     metrics = Metrics()
     server.add_metrics(metrics)
     parameters = PageParameters(enabled=True, port=0, allowed_hosts=tuple(allowed_hosts))
-    page = PageServer(server, parameters, options.get("guard") or UNGUARDED, metrics)
+    page = PageServer(server, parameters, options.get("guard") or Guard(), metrics)
     running = asyncio.gather(server.run(), page.run())
     try:
         host, port = await page.address()

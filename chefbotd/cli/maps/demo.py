@@ -52,7 +52,6 @@ class DemoResult:
 
     saved: MapSaved
     grid: OccupancyGrid
-    map_from_world: Pose2D
     pose: Pose2D
     seconds: float
     control_steps: int
@@ -98,7 +97,6 @@ class Demo:
         return DemoResult(
             saved=saved,
             grid=image,
-            map_from_world=self._start.inverse(),
             pose=self._tour.tracker.pose or Pose2D(),
             seconds=self._tour.driven_s,
             control_steps=_count(after, "control_steps") - _count(before, "control_steps"),

@@ -202,5 +202,3 @@ Entry: TypeAlias = (
 )
 ENTRIES: tuple[type[Entry], ...] = Entry.__args__
 ANSWERS = (DrainAnswered, SetpointWithdrawn, FaultTaken, AnswerTaken)
-INPUTS: tuple[type[Any], ...] = (*ENTRIES, *ANSWERS, LinkBytesWritten, DaemonStopping)
-"""Every class of this module that is published."""

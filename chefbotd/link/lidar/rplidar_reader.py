@@ -69,7 +69,7 @@ class RplidarReader:
     """``poll`` says what is to be written: the next request, or the first one again where no answer came."""
 
     def __init__(self, model: LidarModel, baud: int, *, express: bool) -> None:
-        self._model, self._baud, self._express = model, baud, express
+        self._model, self._express = model, express
         self._decoder = RplidarDecoder()
         self._turns = _TurnBuilder()
         self.packets = 0

@@ -84,7 +84,6 @@ class LidarSession(asyncio.Protocol):
         self._health = HealthWatch(0.0, Heard())
         self.bytes_in = self.opens = self.scans = self.repeated = 0
         self.turn_s: float | None = None
-        self.last_scan_s: float | None = None
 
     # What asyncio tells us
 
@@ -123,7 +122,7 @@ class LidarSession(asyncio.Protocol):
             return
         scan = scan_of(self.lidar, turn)
         self.scans += 1
-        self.turn_s, self.last_scan_s = float(turn.stamp_s[-1] - turn.stamp_s[0]), scan.stamp_s
+        self.turn_s = float(turn.stamp_s[-1] - turn.stamp_s[0])
         self._bus.publish(ScanMeasured(scan.stamp_s, self.lidar.name, self._base_from_lidar, scan))
 
     def _add_travel(self, odometry: OdometryUpdated) -> None:

@@ -10,7 +10,6 @@ from chefbotd.localization.localizer import (
     Report,
     localization_map,
     localize,
-    map_loaded,
     set_pose,
 )
 from chefbotd.localization.searching import LocalizationMap
@@ -310,15 +309,6 @@ def test_no_search_where_it_is_not_wanted(flat: LocalizationMap) -> None:
     assert robot.look(still, lambda: lidar.points(pose), 20).state is State.UNKNOWN
     robot.now = localize(robot.now)
     assert robot.look(still, lambda: lidar.points(pose), 20).state is State.LOCALIZED
-
-
-def test_another_map_makes_everything_unknown(flat: LocalizationMap) -> None:
-    """What was known on the old map is forgotten."""
-    robot = placed(Robot(flat), np.array([2.0, 2.4, 0.3]))
-    robot.now = map_loaded(robot.now)
-    assert robot.now.state is State.UNKNOWN
-    assert robot.now.estimate is None
-    assert robot.now.told is None
 
 
 def test_a_pose_that_is_none_is_refused(flat: LocalizationMap) -> None:

@@ -14,7 +14,6 @@ EXPECTED = {
     Event.FITS:           (STAYS,            STAYS,            STAYS,            "localized",      STAYS),
     Event.MISFITS:        (STAYS,            STAYS,            "doubtful",       STAYS,            STAYS),
     Event.GIVEN_UP:       (STAYS,            STAYS,            "lost",           "lost",           STAYS),
-    Event.MAP_LOADED:     ("unknown",        "unknown",        "unknown",        "unknown",        "unknown"),
 }  # fmt: skip
 COLUMNS = ("unknown", "searching", "localized", "doubtful", "lost")
 
@@ -30,5 +29,5 @@ def test_every_pair_has_its_next_state(state: State, event: Event) -> None:
 def test_only_a_search_or_a_person_ends_being_lost() -> None:
     """Scans that happen to fit do not make a lost robot sure of anything."""
     ways_out = {event for event in Event if NEXT[State.LOST, event] is not State.LOST}
-    assert ways_out == {Event.POSE_GIVEN, Event.SEARCH_STARTED, Event.MAP_LOADED}
+    assert ways_out == {Event.POSE_GIVEN, Event.SEARCH_STARTED}
     assert State.LOST not in HAS_POSE

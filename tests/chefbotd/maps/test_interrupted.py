@@ -25,7 +25,7 @@ CHANGES: dict[str, Change] = {
     "save anew": lambda store: save(store, "new", grid(4, rows=3), {"seed": np.array(4)}),
     "rename": lambda store: store.rename("flat", "home"),
     "delete": lambda store: store.delete("flat"),
-    "places": lambda store: store.write_beside("flat", "places.json", b"new"),
+    "places": lambda store: store.change_beside("flat", "places.json", lambda _: b"new"),
 }
 
 
@@ -35,7 +35,7 @@ def fill(folder: Path) -> None:
     for seed in (1, 2):
         save(store, "flat", grid(seed), {"seed": np.array(seed)})
     save(store, "cellar", grid(1))
-    store.write_beside("flat", "places.json", b"old")
+    store.change_beside("flat", "places.json", lambda _: b"old")
     store.set_current("flat")
 
 
@@ -96,7 +96,7 @@ def test_cut_off_anywhere_it_is_the_old_state_or_the_new_one(
         check_public(folder)
         left = state(folder)
         assert left in (old, new), (at, left)
-        MapStore(folder, 2).write_beside("cellar", "note", b"")  # any change repairs first
+        MapStore(folder, 2).change_beside("cellar", "note", lambda _: b"")  # any change repairs first
         assert state(folder) == left
         check_tidy(folder)
         shutil.rmtree(folder)

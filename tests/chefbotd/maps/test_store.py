@@ -164,7 +164,7 @@ def test_a_map_is_renamed_with_its_versions_its_files_and_its_use(store: MapStor
     """The old name is free again; a taken one is refused."""
     save(store, "flat", grid(1))
     save(store, "cellar", grid(2))
-    store.write_beside("flat", "places.json", b"{}")
+    store.change_beside("flat", "places.json", lambda _: b"{}")
     store.set_current("flat")
     with pytest.raises(MapStoreError, match="there is a map 'cellar' already"):
         store.rename("flat", "cellar")

@@ -1,7 +1,7 @@
 """Drives of the simulated robot, recorded off the bus."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.recording.classes import encode
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
-from chefbotd.replay.recorded import groups_of, recorded_of
+from chefbotd.replay.recorded import Recorded, groups_of
 from chefbotd.replay.replay import Outcome, Replay
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -68,6 +69,12 @@ def recorded_file(script: Script, settings: Settings, folder: Path, **recording:
 
     run_virtual(run())
     return min(folder.glob("*.mcap"), key=lambda path: len(path.name))
+
+
+def recorded_of(events: Iterable[Any]) -> Iterator[Recorded]:
+    """Events that were taken off the bus, as they are in a file."""
+    for number, event in enumerate(events, 1):
+        yield Recorded(number, type(event).__name__, encode(event))
 
 
 def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False) -> Outcome:

@@ -5,7 +5,8 @@ import msgspec
 from chefbotd.core.events import DutyWritten
 from chefbotd.core.events.inputs import DaemonStarted, DaemonStopping, LinkBytesRead, TimerFired
 from chefbotd.replay.comparison import Comparison
-from chefbotd.replay.recorded import Recorded, groups_of, recorded_of
+from chefbotd.replay.recorded import Recorded, groups_of
+from tests.chefbotd.replay.recordings import recorded_of
 
 READ = LinkBytesRead(5.0, "board", bytes(34))
 

@@ -9,12 +9,12 @@ from chefbotd.clock import run_virtual
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
-from chefbotd.replay.recorded import groups_of, recorded_of
+from chefbotd.replay.recorded import groups_of
 from chefbotd.replay.replay import Pace, Replay
 from chefbotd.replay.serving import Serving
 from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot
-from tests.chefbotd.replay.recordings import recorded
+from tests.chefbotd.replay.recordings import recorded, recorded_of
 from tests.chefbotd.replay.test_replay import drive
 
 

@@ -45,18 +45,10 @@ def frictionless_motor() -> MotorParameters:
 
 
 def test_free_wheels_reach_the_no_load_speed() -> None:
-    """At the rated voltage a hanging wheel settles at 80 rpm = 8.37758 rad/s, drawing the no-load current."""
+    """At the rated voltage a hanging wheel settles at 80 rpm = 8.37758 rad/s."""
     plant = Plant(MotorParameters(), HANGING, 0.005)
     state = spin(plant, plant.standing, FULL, 2.0)
     assert state.velocity_rad_s == pytest.approx([8.37758, 8.37758], abs=1e-4)
-    current = plant.motor_current_a(state, plant.pulse_width(FULL), 12.0)
-    assert current == pytest.approx([0.3, 0.3], abs=1e-4)
-
-
-def test_a_stalled_motor_draws_the_stall_current() -> None:
-    """At standstill only the winding limits the current: 12 V / 2.4 ohm = 5 A."""
-    plant = Plant(MotorParameters(), HANGING, 0.005)
-    assert plant.motor_current_a(plant.standing, plant.pulse_width(FULL), 12.0) == pytest.approx([5.0, 5.0])
 
 
 @pytest.mark.parametrize("step_s", [0.001, 0.005, 0.02])
@@ -81,7 +73,6 @@ def test_duty_zero_brakes_and_an_open_bridge_coasts() -> None:
     shrunk = math.exp(-(friction_n_m_s + magnetic_n_m_s) / 0.012 * 0.05)
     assert braked.velocity_rad_s == pytest.approx([8 * shrunk, -8 * shrunk], rel=1e-5)
     assert coasted.velocity_rad_s[0] == pytest.approx(8 * math.exp(-friction_n_m_s / 0.012 * 0.05), rel=1e-5)
-    assert plant.motor_current_a(coasted, None, 12.0) == pytest.approx([0.0, 0.0])
 
 
 def test_dry_friction_stops_a_coasting_wheel_for_good() -> None:
