@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LOOKED_S = 30.0
+OLD_S = 2.0
+"""A pose that is older is told with its age."""
+
 NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]], or [worker] enabled = false"
 
 
@@ -92,22 +95,34 @@ def patrol(context: CommandContext, places: tuple[str, ...], rounds: int) -> Non
 @click.pass_obj
 def where(context: CommandContext) -> None:
     """Say where the robot is in the map in use, and how well it knows."""
-    state = _run(context, lambda robot: robot.call("get_state"))["topics"]
+    state = _run(context, lambda robot: robot.call("get_state"))
     if "localization" not in state:
         raise ProgramError(Exit.REFUSED, NEEDS_LIDAR)
-    known, told = state["localization"]["data"], state.get("map_pose")
-    pose = None if told is None or known["state"] in ("unknown", "searching", "lost") else told["data"]
+    known, pose = _known_of(state)
     output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
+
+
+def _known_of(state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """How localization stands, also before it has told anything, and the pose while it is known."""
+    known, told = state["localization"], state["topics"].get("map_pose")
+    is_known = told is not None and known["state"] in ("localized", "doubtful")
+    return known, {**told["data"], "age_s": told["age_s"]} if is_known else None
 
 
 def _where(known: dict[str, Any], pose: dict[str, Any] | None) -> str:
     on_map = f" on the map {known['map']}" if known["map"] else ""
+    why = f": {known['reason']}" if known["reason"] else ""
     if pose is None:
-        others = f"; it may be at {len(known['alternatives'])} places" if known["alternatives"] else ""
-        why = f": {known['reason']}" if known["reason"] else ""
-        return f"The robot does not know where it is{on_map} ({known['state']}{others}){why}."
-    at = f"({pose['x_m']:.2f} m, {pose['y_m']:.2f} m, {math.degrees(pose['heading_rad']):.0f}°)"
-    return f"The robot is at {at}{on_map}: {known['state']}, fit {known['fit']:.2f}."
+        others = "".join(f"\n  {_at(each)}, fit {each['fit']:.2f}" for each in known["alternatives"])
+        count = len(known["alternatives"])
+        may_be = f"; it may be at {count} place{'s' if count > 1 else ''}" if count else ""
+        return f"The robot does not know where it is{on_map} ({known['state']}{may_be}){why}.{others}"
+    was = f"was {pose['age_s']:.0f} s ago" if pose["age_s"] > OLD_S else "is"
+    return f"The robot {was} at {_at(pose)}{on_map}: {known['state']}, fit {known['fit']:.2f}{why}."
+
+
+def _at(pose: dict[str, Any]) -> str:
+    return f"({pose['x_m']:.2f} m, {pose['y_m']:.2f} m, {math.degrees(pose['heading_rad']):.0f}°)"
 
 
 @click.command()
@@ -126,11 +141,10 @@ def localize(context: CommandContext) -> None:
         state: dict[str, Any] = await robot.call("get_state")
         return state
 
-    topics = _run(context, look)["topics"]
-    known, told = topics["localization"]["data"], topics.get("map_pose")
-    if known["state"] != "localized" or told is None:
+    known, pose = _known_of(_run(context, look))
+    if known["state"] != "localized" or pose is None:
         raise ProgramError(Exit.NOT_DONE, _where(known, None))
-    output.say(context.as_json, {"localization": known, "pose": told["data"]}, _where(known, told["data"]))
+    output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
 
 
 def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> str:

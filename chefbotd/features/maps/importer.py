@@ -35,7 +35,7 @@ async def run_import(order: Order, report: Report) -> int:
     )
     assert process.stdout is not None  # noqa: S101 - it is a pipe
     told: dict[str, Any] = {}
-    latest: list[tuple[float, float, str]] = []
+    latest = [(0.0, 1.0, "starts the program that imports it")]
     repeating = asyncio.create_task(_repeat(latest, report))
     try:
         async for line in process.stdout:

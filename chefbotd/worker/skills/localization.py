@@ -32,6 +32,7 @@ from chefbotd.worker.skills import localization_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization_messages import LocalizationSkillParameters, Located
 from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
+from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Job, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
@@ -72,6 +73,7 @@ class LocalizationSkill:
         self._map: tuple[str, int] | None = None
         self._now = Localization()
         self._mount = MountCheck()
+        self._silence = Silence(self._parameters.lidar)
         self._reason = ""
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
@@ -98,12 +100,15 @@ class LocalizationSkill:
 
     def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
         """A turn of the lidar by which the robot finds its way."""
-        if self._within is not None and scan.lidar == self._parameters.lidar:
-            self._aligner.add_scan(scan)
+        if scan.lidar == self._parameters.lidar:
+            self._silence.scan_s = self._clock.now_s()
+            if self._within is not None:
+                self._aligner.add_scan(scan)
         return self._follow_what_is_aligned()
 
     def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
         """Where the robot is by odometry."""
+        self._silence.odometry_s = self._clock.now_s()
         self._aligner.add_odometry(odometry)
         return self._follow_what_is_aligned()
 
@@ -130,6 +135,8 @@ class LocalizationSkill:
     def step(self, now_s: float) -> Iterable[Struct]:
         """Go on with a search between two scans; keep the pose now and then."""
         yield from self._follow_what_is_aligned()
+        if self._silence.has_changed(now_s, is_awaited=self._within is not None):
+            yield self._standing()
         if self._within is None:
             return
         self._now = advanced(self._localization, self._within, self._now)
@@ -215,7 +222,7 @@ class LocalizationSkill:
         upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
         return Located(
             stamp_s=report.stamp_s,
-            state=str(State.LOST if self.problem else report.state),
+            state=self._state_told(report.state),
             map=self._map[0] if self._map else None,
             map_from_base=_triple(compose(report.map_from_odom, odometry.pose)) if moved else None,  # type: ignore[arg-type,union-attr]
             odometry=_triple(odometry.pose) if odometry else NOTHING,
@@ -224,15 +231,23 @@ class LocalizationSkill:
             jumped=report.jumped,
             alternatives=tuple((*_triple(one.estimate.pose), one.fit) for one in report.alternatives),
             searched=report.searched,
-            reason=self.problem or self._reason,
+            reason=self._reason_told(),
         )
+
+    def _state_told(self, state: State) -> str:
+        """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
+        if self.problem:
+            return str(State.LOST)
+        return str(State.DOUBTFUL if self._silence.told and state is State.LOCALIZED else state)
+
+    def _reason_told(self) -> str:
+        return "; ".join(filter(None, (self.problem, self._silence.told, self._reason)))
 
     def _standing(self) -> Located:
         """How it stands between two scans."""
-        now_s, state = self._clock.now_s(), str(State.LOST if self.problem else self._now.state)
-        name = self._map[0] if self._map else None
+        state, name = self._state_told(self._now.state), self._map[0] if self._map else None
         return Located(
-            now_s,
+            self._clock.now_s(),
             state,
             name,
             None,
@@ -242,7 +257,7 @@ class LocalizationSkill:
             False,
             (),
             0.0,
-            self.problem or self._reason,
+            self._reason_told(),
         )
 
 

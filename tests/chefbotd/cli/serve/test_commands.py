@@ -20,7 +20,7 @@ class Robot:
     def __init__(self) -> None:
         self.goals: list[dict[str, Any]] = []
         self.error: Exception | None = None
-        self.topics: dict[str, Any] = {}
+        self.state: dict[str, Any] = {}
 
     async def navigate_to(self, **goal: Any) -> str:
         self.goals.append(goal)
@@ -36,7 +36,7 @@ class Robot:
 
     async def call(self, method: str, **params: Any) -> dict[str, Any]:
         assert method == "get_state"
-        return {"topics": self.topics}
+        return self.state
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def test_where_says_the_pose_only_while_it_is_known(robot: Robot) -> None:
     """Localized: pose, map and fit. Lost: the last pose is not told, for it is wrong."""
     pose = {"x_m": 1.234, "y_m": -0.5, "heading_rad": -math.pi / 2}
     known = {"state": "localized", "map": "flat", "fit": 0.947, "alternatives": [], "reason": ""}
-    robot.topics = {"localization": {"data": known}, "map_pose": {"data": pose}}
+    robot.state = {"localization": known, "topics": {"map_pose": {"data": pose, "age_s": 0.1}}}
     assert (
         "The robot is at (1.23 m, -0.50 m, -90°) on the map flat: localized, fit 0.95."
         in chefbotctl("where").output
@@ -121,6 +121,40 @@ def test_where_says_the_pose_only_while_it_is_known(robot: Robot) -> None:
     told = chefbotctl("where").output
     assert "does not know where it is on the map flat (lost)" in told
     assert "1.23" not in told
+
+
+def test_where_names_each_place_where_the_robot_may_be(robot: Robot) -> None:
+    """Two rooms that look alike: both, with their fits; and what keeps it from finding out."""
+    places = [
+        {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "fit": 0.93},
+        {"x_m": 5.5, "y_m": 2.0, "heading_rad": math.pi, "fit": 0.91},
+    ]
+    known = {"state": "searching", "map": "flat", "fit": 0.9, "alternatives": places, "reason": ""}
+    robot.state = {"localization": known, "topics": {}}
+    assert chefbotctl("where").output.splitlines() == [
+        "The robot does not know where it is on the map flat (searching; it may be at 2 places).",
+        "  (1.00 m, 2.00 m, 0°), fit 0.93",
+        "  (5.50 m, 2.00 m, 180°), fit 0.91",
+    ]
+
+
+def test_where_before_anything_was_told_does_not_say_that_there_is_no_lidar(robot: Robot) -> None:
+    """The worker is still being started."""
+    nothing = {"state": "unknown", "map": None, "fit": 0.0, "alternatives": [], "reason": ""}
+    robot.state = {"localization": nothing, "topics": {}}
+    result = chefbotctl("where")
+    assert (result.exit_code, result.output) == (0, "The robot does not know where it is (unknown).\n")
+
+
+def test_where_tells_an_old_pose_as_old(robot: Robot) -> None:
+    """The lidar is silent: when the robot was there, and why it is not sure any more."""
+    pose = {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0}
+    why = "no scan of the lidar 'lidar' for 7 s"
+    known = {"state": "doubtful", "map": "flat", "fit": 0.0, "alternatives": [], "reason": why}
+    robot.state = {"localization": known, "topics": {"map_pose": {"data": pose, "age_s": 7.4}}}
+    told = chefbotctl("where").output
+    assert "The robot was 7 s ago at (1.00 m, 2.00 m, 0°) on the map flat: doubtful" in told
+    assert f"{why}." in told
 
 
 def test_where_on_a_robot_without_a_lidar_says_what_is_missing(robot: Robot) -> None:

@@ -17,7 +17,7 @@ from chefbotd.clock import LoopClock
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
 from chefbotd.core.geometry import CERTAIN, Pose2D
-from chefbotd.features.maps import parts
+from chefbotd.features.maps import importer, parts
 from chefbotd.features.maps.methods import SavePlaceParams
 from chefbotd.features.maps.service import MapsService
 from chefbotd.mapping.map_server import to_description, to_image
@@ -25,6 +25,7 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import read_slam, save
 from chefbotd.maps.disk import locked
 from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.importing import Order
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
 from chefbotd.settings import load
@@ -53,6 +54,20 @@ def write_files(folder: Path, name: str, of_grid: OccupancyGrid) -> Path:
     path = folder / f"{name}.yaml"
     path.write_text(to_description(of_grid, f"{name}.pgm"), encoding="utf-8")
     return path
+
+
+def test_an_import_whose_program_is_slow_to_start_says_that_it_is_at_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within 1.5 s, before its program has said a word: else a client gives the request up after 5 s."""
+    slow = tmp_path / "slow_python"
+    slow.write_text("#!/bin/sh\nsleep 2\necho '{\"version\": 7}'\n", encoding="utf-8")
+    slow.chmod(0o755)
+    monkeypatch.setattr(importer.sys, "executable", str(slow))
+    told: list[tuple[float, float, str]] = []
+    order = Order(folder=tmp_path, versions_kept=3, name="flat", yaml=tmp_path / "flat.yaml", source="a test")
+    assert asyncio.run(importer.run_import(order, lambda *report: told.append(report))) == 7
+    assert told[0] == (0.0, 1.0, "starts the program that imports it")
 
 
 def test_a_map_is_imported_loaded_and_sent(tmp_path: Path) -> None:

@@ -83,9 +83,11 @@ class Bench:
         assert isinstance(answer, Located)
         return answer
 
-    def drive(self, first: int, last: int, turned_rad: float = 0.0) -> None:
+    def drive(self, first: int, last: int, turned_rad: float = 0.0, *, with_scans: bool = True) -> None:
         """A part of the tour, ten scans a second; the lidar is turned in its mount, and the configuration is not."""
         for message in measured(first, last):
+            if isinstance(message, ScanSeen) and not with_scans:
+                continue
             if isinstance(message, ScanSeen):
                 x_m, y_m, yaw_rad = message.mount
                 message = replace(message, mount=(x_m, y_m, yaw_rad - turned_rad))
@@ -242,3 +244,27 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     covariance = (0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01)
     pose = SavedPose(map="flat", version=1, x_m=0, y_m=0, heading_rad=0, covariance=covariance)
     assert PoseOnDisk(tmp_path / "maps" / "last_pose.json").write(pose).startswith("the pose cannot be kept")
+
+
+def test_without_scans_it_is_not_sure_and_says_why() -> None:
+    """The lidar is silent for 3 s while odometry goes on: doubtful, once a second; with the next scan sure again."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 40)
+    assert bench.told[-1].state == "localized"
+    bench.told.clear()
+    bench.drive(40, 71, with_scans=False)
+    assert [(told.state, told.reason) for told in bench.told] == [
+        ("doubtful", "no scan of the lidar 'top' for 2 s"),
+        ("doubtful", "no scan of the lidar 'top' for 3 s"),
+    ]
+    bench.drive(71, 76)
+    assert (bench.told[-1].state, bench.told[-1].reason) == ("localized", "")
+
+
+def test_where_the_lidar_never_speaks_the_search_says_so() -> None:
+    """A map is in use, and no scan comes: otherwise it would be unknown for ever, and nobody told why."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 25, with_scans=False)
+    assert (bench.told[-1].state, bench.told[-1].reason) == ("unknown", "no scan of the lidar 'top' for 2 s")
