@@ -46,7 +46,8 @@ class Odometry(NamedTuple):
 class Localization:
     """All that the next step needs; ``told`` is ``map_from_odom`` as it was told last, at ``told_s``.
 
-    ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well.
+    ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
+    ``unsaid_since_s`` scans have seen nothing that the map knows.
     """
 
     state: State = State.UNKNOWN
@@ -58,6 +59,7 @@ class Localization:
     overlap: float = 0.0
     misfits: int = 0
     misfit_since_s: float | None = None
+    unsaid_since_s: float | None = None
     fits: int = 0
     told: Floats | None = None
     told_s: float = 0.0
@@ -191,7 +193,8 @@ def _follow(
     told = found.agreement
     now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
     if told.overlap < tracking.least_overlap:
-        return now, None
+        return _unsaid(watch, now, stamp_s)
+    now = replace(now, unsaid_since_s=None)
     if not found.matched or told.fit < watch.weak_fit:
         patience_s = watch.weak_after_s if found.matched else watch.lost_after_s
         return _misfit(watch, now, stamp_s, patience_s)
@@ -206,6 +209,15 @@ def _follow(
     confirmed = now.fits >= watch.confirmed_scans and _is_sure(watch, found.estimate)
     if now.state is State.DOUBTFUL and confirmed:
         return _on(now, Event.FITS), Event.FITS
+    return now, None
+
+
+def _unsaid(watch: WatchParameters, now: Localization, stamp_s: float) -> tuple[Localization, Event | None]:
+    """A doubtful pose in space that the map does not know is carried by odometry for a while, and then given up."""
+    since_s = stamp_s if now.unsaid_since_s is None else now.unsaid_since_s
+    now = replace(now, unsaid_since_s=since_s)
+    if now.state is State.DOUBTFUL and stamp_s - since_s >= watch.unsaid_after_s:
+        return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
     return now, None
 
 

@@ -22,6 +22,8 @@ class WatchParameters(Parameters):
     weak_fit: float = Field(default=0.6, gt=0, le=1)
     weak_after_s: float = Field(default=20.0, gt=0, le=600)
     """A pose whose scans fit worse than this is doubtful as well, and given up after so long."""
+    unsaid_after_s: float = Field(default=10.0, gt=0, le=600)
+    """A doubtful pose from which nothing is seen that the map knows is given up after so long."""
     confirmed_fit: float = Field(default=0.65, gt=0, le=1)
     confirmed_scans: int = Field(default=3, ge=1, le=100)
     """So many scans in a row that fit so well end a doubt."""

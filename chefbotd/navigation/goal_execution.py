@@ -17,7 +17,7 @@ from chefbotd.navigation.planner import Goal, NoPath
 from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
 from chefbotd.navigation.replanning import Choice, choice, is_due
-from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.trail import back_out
 from chefbotd.navigation.trips import Trip, find
@@ -33,6 +33,7 @@ class GoalExecution:
         self.trip: Trip | None = None
         self._planned_s = -math.inf
         self._missing = Missing()
+        self._unsure_since_s: float | None = None
         self._last_progress = LastProgress(-math.inf, Pose2D())
         self._making_way = MakingWay()
         self._recovery: Recovery | None = None
@@ -101,16 +102,30 @@ class GoalExecution:
         return find(params.planner, params.outline, costs, known.ground, now.pose, self._goal)
 
     def _plan(self, known: Awareness, now: StepInput) -> None:
+        if self._unsure_since_s is not None and now.now_s - self._planned_s < self._params.replan_s:
+            return
         found = self._find(known, now)
         if isinstance(found, Trip):
             self._set_out(found, now)
         elif found.only_for_now:
             self._become_stuck(known, now, found.reason)
+        elif now.status is PoseStatus.DOUBTFUL:
+            self._doubt(found, now)
         else:
             self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
 
+    def _doubt(self, found: NoPath, now: StepInput) -> None:
+        """From where the robot may not be at all there is no way: look again when the pose is sure."""
+        if self._unsure_since_s is None:
+            self._unsure_since_s = now.now_s
+        self.reason = f"stands, for it is not sure where it is: {found.reason}"
+        if now.now_s - self._unsure_since_s >= self._params.lost_s:
+            told = f"for {self._params.lost_s:.0f} s it was not sure where the robot is"
+            self.end(End.LOST, f"lost: {told}: {found.reason}")
+
     def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(Event.PATH_FOUND)
+        self._unsure_since_s = None
         self.trip, self._last_progress = trip, LastProgress(now.now_s, now.pose)
         self.reason = self._drives()
 
@@ -219,9 +234,10 @@ class GoalExecution:
         """Whether there is an end to recovering: a path that can be begun with, or none at all."""
         found = self._find(known, now, with_closed=with_closed)
         if isinstance(found, NoPath):
-            if not found.only_for_now:
-                self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
-            return not found.only_for_now
+            if found.only_for_now or now.status is PoseStatus.DOUBTFUL:
+                return False
+            self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
+            return True
         if not with_closed and not can_begin(self._params, known, found, now, near):
             return False
         self._set_out(found, now)

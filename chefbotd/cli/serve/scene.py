@@ -11,6 +11,7 @@ from chefbotd.client import Client
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
 TOPICS = ("odometry", "map_pose", "navigation", "path", "localization")
+ENDS = ("reached", "unreachable", "blocked", "cancelled", "lost", "fault")
 ROBOT, PATH, PLACE, SOMEBODY = "bold red", "green", "bold blue", "bold magenta"
 
 
@@ -30,6 +31,8 @@ class NavigationScene:
     time_s: float | None = None
     localization: str = "unknown"
     legs: list[Leg] = field(default_factory=list)
+    _past_goal: int | None = None
+    _heard: bool = False
 
     def take_event(self, event: Any) -> None:
         """Take in an event of ``TOPICS``."""
@@ -41,10 +44,18 @@ class NavigationScene:
         elif event.topic == "localization":
             self.localization = data.state
         elif event.topic == "navigation":
-            self.state, self.reason = data.state, data.reason
-            self.distance_m, self.time_s = data.distance_m, data.time_s
+            self._take_navigation(data)
         elif event.topic == "path":
             self.path = tuple(zip(data.x_m, data.y_m, strict=True))
+
+    def _take_navigation(self, data: Any) -> None:
+        """What it does; how somebody's last goal ended before this scene began is not told again."""
+        if not self._heard:
+            self._heard, self._past_goal = True, data.goal if data.state in ENDS else None
+        if data.state in ENDS and data.goal is not None and data.goal == self._past_goal:
+            return
+        self.state, self.reason = data.state, data.reason
+        self.distance_m, self.time_s = data.distance_m, data.time_s
 
     def marks(self) -> list[Mark]:
         """What is drawn on the map, the later above the earlier."""

@@ -301,6 +301,18 @@ def test_a_given_pose_is_doubtful_until_scans_confirm_it(flat: LocalizationMap) 
     assert off(report, pose)[0] < 0.05
 
 
+def test_a_given_pose_from_which_nothing_of_the_map_is_seen_is_given_up(flat: LocalizationMap) -> None:
+    """100 m beside the flat no scan says that it is wrong: it is doubtful for 10 s, and not for ever."""
+    lidar, pose = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3])
+    robot = Robot(flat)
+    robot.now = set_pose(PARAMS, robot.now, np.array([100.0, 100.0, 0.3]))
+    report = robot.look(np.zeros(3), lambda: lidar.points(pose), 95)
+    assert report.state is State.DOUBTFUL
+    report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
+    assert report.state is State.LOCALIZED
+    assert off(report, pose)[0] < 0.05
+
+
 def test_no_search_where_it_is_not_wanted(flat: LocalizationMap) -> None:
     """With searching by itself switched off it says that it is unknown, until ``localize`` is asked for."""
     params = PARAMS.model_copy(update={"searching": PARAMS.searching.model_copy(update={"by_itself": False})})

@@ -340,3 +340,30 @@ def test_the_same_drive_is_the_same_bit_for_bit() -> None:
         drive.run(8.0)
         ways.append([(twist.linear_m_s, twist.angular_rad_s) for twist in drive.twists])
     assert ways[0] == ways[1]
+
+
+def test_a_doubtful_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
+    """Somebody said that the robot is where it is not: it stands, and plans again when it is sure."""
+    drive = hall()
+    here, drive.pose = drive.pose, Pose2D(-3.0, 1.0, 0.4)
+    drive.status = PoseStatus.DOUBTFUL
+    drive.navigator.navigate_to((Goal(6.0, 1.5),))
+    drive.run(4.0)
+    assert drive.ended == []
+    assert drive.last is not None
+    assert drive.last.progress.reason.startswith(
+        "stands, for it is not sure where it is: the robot is outside"
+    )
+    drive.pose, drive.status = here, PoseStatus.LOCALIZED
+    drive.run(3.0)
+    assert drive.navigator.state is State.DRIVING
+
+
+def test_a_pose_that_stays_doubtful_where_there_is_no_way_ends_the_goal_as_lost() -> None:
+    """After 20 s, with both reasons."""
+    drive = hall()
+    drive.pose, drive.status = Pose2D(-3.0, 1.0, 0.4), PoseStatus.DOUBTFUL
+    drive.navigator.navigate_to((Goal(6.0, 1.5),))
+    drive.run(25.0)
+    assert [each.end for each in drive.ended] == [End.LOST]
+    assert "for 20 s it was not sure where the robot is: the robot is outside" in drive.ended[0].reason

@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,8 +11,10 @@ from click.testing import CliRunner, Result
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.cli.serve import commands
+from chefbotd.cli.serve.scene import NavigationScene
 from chefbotd.client import GoalBlocked
 from chefbotd.client.goals import GoalFault, GoalNotReached, GoalUnreachable, RobotLost, not_reached
+from chefbotd.features.navigation.methods import NavigationData
 
 
 class Robot:
@@ -172,3 +175,17 @@ def test_each_end_has_an_error_of_its_own(end: str, kind: type[GoalNotReached]) 
     error = not_reached(7, end, "because")
     assert type(error) is kind
     assert (error.goal, error.end, error.reason, str(error)) == (7, end, "because", "because")
+
+
+def test_how_the_goal_before_ended_is_not_told_as_what_the_robot_does() -> None:
+    """The topic's latest value comes first, and it is of somebody else's goal: the line "reached" would be wrong."""
+    scene = NavigationScene(doing="to kitchen")
+    before = NavigationData(state="reached", goal=7, reason="reached (2.45, 2.62)")
+    scene.take_event(SimpleNamespace(topic="navigation", data=before))
+    assert (scene.state, scene.reason) == ("idle", "")
+    for data in (
+        NavigationData(state="driving", goal=8, reason="drives to (6.40, 1.60)"),
+        NavigationData(state="blocked", goal=8, reason="blocked for 60 s"),
+    ):
+        scene.take_event(SimpleNamespace(topic="navigation", data=data))
+        assert (scene.state, scene.reason) == (data.state, data.reason)

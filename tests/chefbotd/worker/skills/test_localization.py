@@ -268,3 +268,17 @@ def test_where_the_lidar_never_speaks_the_search_says_so() -> None:
     bench.ask(UseMap("flat", 1))
     bench.drive(0, 25, with_scans=False)
     assert (bench.told[-1].state, bench.told[-1].reason) == ("unknown", "no scan of the lidar 'top' for 2 s")
+
+
+def test_a_pose_that_is_not_on_the_map_is_refused_and_what_is_known_stays() -> None:
+    """It names the pose and how far the map reaches."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 40)
+    with pytest.raises(
+        Refused, match=r"\(1.00, -40.50\) is not on the map, which reaches from \("
+    ) as refused:
+        bench.ask(SetPose(1.0, -40.5, 0.3))
+    assert refused.value.kind is RefusalKind.OUT_OF_RANGE
+    bench.drive(40, 42)
+    assert bench.told[-1].state == "localized"
