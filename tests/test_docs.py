@@ -81,3 +81,19 @@ def test_links_between_documents_lead_somewhere(page: Path) -> None:
     """Every relative link names a file that there is."""
     for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), target
+
+
+def test_the_architecture_names_every_part() -> None:
+    """Each package and module at the top, and each feature's room, has its place in the picture."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    picture = page.split("## The parts")[1].split("## Who may know whom")[0]
+    package = ROOT / "chefbotd"
+    rooms = [path for path in package.iterdir() if (path / "__init__.py").exists()]
+    missing = [f"{room.name}/" for room in rooms if f" {room.name}/ " not in picture]
+    missing += [
+        f.name for f in package.glob("*.py") if f.name != "__init__.py" and f" {f.name} " not in picture
+    ]
+    features = picture.split("features/ ")[1].split("feature.py:")[0]
+    rooms = [path for path in (package / "features").iterdir() if (path / "__init__.py").exists()]
+    missing += [f"features/{room.name}" for room in rooms if not re.search(rf"\b{room.name}\b", features)]
+    assert not missing
