@@ -1,7 +1,7 @@
-"""What a step of the wheels' controller may do while the board takes nothing that is faster.
+"""What a step of the wheels' controller may do while the board takes no faster commands.
 
-Commands that are held back must not be gone on from: the setpoints stand still with them, and no integral grows.
-What slows goes on as ever.
+Commands are being held back, so the controller must not go on from them: the setpoints stand still, and no integral
+grows. Slowing down goes on as always.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ Duty = tuple[int, ...]
 
 
 def under(ceiling: Duty | None, before: DriveState, after: DriveState) -> DriveState:
-    """The step ``after``, with no wheel pushed harder than ``ceiling`` or the other way (None: no such limit)."""
+    """The step ``after``, with no wheel driven harder than ``ceiling``, or backwards (None: no such limit)."""
     if ceiling is None:
         return after
     duty = tuple([_cut(wanted, most) for wanted, most in zip(after.duty, ceiling, strict=True)])

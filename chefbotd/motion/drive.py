@@ -1,7 +1,8 @@
-"""From the motion that is asked for to the duty of every wheel: limiter, kinematics and the wheels' PIDs in one step.
+"""From the commanded motion to the duty of every wheel: limiter, kinematics and the wheels' PIDs in one step.
 
-Two occasions step it. An encoder frame runs everything (``regulate``). A new command between two frames runs what
-needs no measurement: limiter, feedforward and the proportional term (``retarget``); integral and derivative wait.
+There are two kinds of step. An encoder frame runs everything (``regulate``). A new command between two frames runs
+what needs no measurement: limiter, feedforward and the proportional term (``retarget``). Integral and derivative wait
+for the next frame.
 """
 
 import math
@@ -57,7 +58,7 @@ class Drive:
         )
 
     def halt(self, state: DriveState) -> DriveState:
-        """Brake now: zero duty, integrators and limiter at zero, so that nothing jumps afterwards."""
+        """Brake now: zero duty, integrators and limiter at zero, so that the next motion begins without a jump."""
         return replace(self.at_rest, stepped_s=state.stepped_s)
 
     def retarget(self, state: DriveState, target: Motion, now_s: float, *, apart: bool = False) -> DriveState:
@@ -84,10 +85,10 @@ class Drive:
         apart: bool = False,
         substitutes: Sequence[tuple[int, int]] = (),
     ) -> DriveState:
-        """An encoder frame, board time ``dt_s`` after the one before.
+        """A step after an encoder frame, board time ``dt_s`` after the one before.
 
-        ``velocity_rad_s`` are the wheels' speeds on the mean over the last ``measured_over_s`` (0: those of now).
-        ``substitutes``: wheels whose reading is not to be believed, each with the one that it is driven like.
+        ``velocity_rad_s`` are the mean speeds of the wheels over the last ``measured_over_s`` (0: their present
+        speeds). ``substitutes`` are wheels whose reading is not believed, each with the one that it is driven like.
         """
         delay_s = self._parameters.response_delay_s
         asked = Asked(dt_s, state.setpoint_m_s)
@@ -132,11 +133,11 @@ class Drive:
         return replace(state, pids=pids)
 
     def relimit(self, limits: MotionLimits) -> None:
-        """Exchange the limits of speed and acceleration; at rest only, for a ramp begun under others would jump."""
+        """Exchange the limits of speed and acceleration; only at rest, because a ramp that has begun would jump."""
         self._setpoints = Setpoints(self._parameters, limits, self._kinematics)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
-        """A speed for each named wheel as a motion that can be asked for; the others stand.
+        """A speed for each named wheel, as a motion that can be commanded; the other wheels stand.
 
         Raises:
             Refused: there is no wheel of such a name.
@@ -149,7 +150,7 @@ class Drive:
         return WheelVelocities(wanted, self._kinematics.twist(wanted))
 
     def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
-        """What each wheel is asked to turn at."""
+        """The commanded speed of each wheel."""
         return tuple(map(truediv, state.setpoint_m_s, self._kinematics.radii_m))
 
     def effort(self, state: DriveState) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""What the wheels' controller is told once, and what one of its steps hands to the next."""
+"""Parameters and state of the wheels' controller."""
 
 from pydantic import Field
 
@@ -10,21 +10,22 @@ from chefbotd.motion.pid import PidState
 
 
 class DriveParameters(Parameters):
-    """``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
+    """Limits and delays of the wheels' controller.
 
-    ``max_duty`` is the wire's full scale, at which the bridge is full on: no duty beyond it is ever sent, whatever the
-    gains. A scale that is not the board's makes every gain and feedforward wrong in proportion.
+    ``max_rim_speed_m_s`` is what a wheel reaches under load: a motion that needs more is slowed as a whole.
+    ``max_duty`` is the wire's full scale, at which the bridge is fully on. No larger duty is ever sent, whatever the
+    gains. If it is not the full scale of the board, every gain and feedforward is wrong in proportion.
 
-    ``response_delay_s`` is by how much the encoders show what the wheels were asked for later than the mean over their
-    readings explains: the line both ways, the board's cycle, the motors.
+    ``response_delay_s`` is the delay between command and encoder reading that the averaging of the readings does not
+    explain: the line in both directions, the board's cycle, the motors.
 
-    Wheels behind each other are dragged sideways in a turn: on the spot that takes ``scrub_duty`` of each beyond its
-    friction, and in a curve the share of its way over the ground that is sideways, ``scrub_reach_m`` (half the
-    wheelbase) from the middle.
+    In a turn, wheels behind each other are dragged sideways. Turning on the spot takes ``scrub_duty`` of each wheel
+    beyond its friction. In a curve it takes the share of that by which the wheel moves sideways over the ground,
+    ``scrub_reach_m`` (half the wheelbase) from the middle.
 
-    ``longest_step_s`` bounds the time that one step may account for. A wheel whose duty saturates while it lags behind
-    slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the path;
-    ``regain_per_s`` gives it back.
+    ``longest_step_s`` is the longest time that one step accounts for. A wheel that lags behind while its duty
+    saturates slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the
+    path. ``regain_per_s`` gives it back.
     """
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
@@ -40,7 +41,7 @@ class DriveParameters(Parameters):
 class DriveState(Record, frozen=True):
     """Everything that one step hands to the next; ``stepped_s`` is None until the first.
 
-    ``loose``: the wheels of a side are not set to the same speed, so that ``limiter`` does not say it all.
+    ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
     """
 
     pids: tuple[PidState, ...]

@@ -1,11 +1,11 @@
 """How fast a wheel turns, from the times of its encoder's edges.
 
 The M/T method (Ohmae et al., "A microprocessor-controlled high-accuracy wide-range speed regulator for motor drives",
-IEEE Trans. Ind. Electron. IE-29, 1982): whole counts over the time between the very edges that bound them, a period at
-low speed and an average over a window at high speed. The four phases of a cycle are unequally wide, as discs and
-detectors are made; only an edge and its like in another cycle are whole cycles apart (Wu et al., "FPGA-based velocity
-estimation for control of robots with low-resolution encoders", IROS 2018). So the bounds are edges of one kind wherever
-two are known.
+IEEE Trans. Ind. Electron. IE-29, 1982): whole counts divided by the time between the edges that bound them. At low
+speed that is one period, at high speed an average over a window. The four phases of a cycle differ in width, because
+discs and detectors are not exact. Only two edges of the same kind are whole cycles apart (Wu et al., "FPGA-based
+velocity estimation for control of robots with low-resolution encoders", IROS 2018). So the bounds are edges of one
+kind wherever two are known.
 """
 
 import math
@@ -30,9 +30,9 @@ Before a whole cycle is known, the mean may itself be that of the widest or narr
 
 
 class QuadratureParameters(Parameters):
-    """Speed is averaged over ``window_s``, or over one cycle of slower edges.
+    """Speed is averaged over ``window_s``, or over one cycle if the edges are slower than that.
 
-    It is zero ``standstill_s`` after the last edge: a wheel whose edges come more rarely than that stands.
+    It is zero ``standstill_s`` after the last edge: a wheel whose edges come more rarely counts as standing.
     """
 
     window_s: float = Field(default=0.04, gt=0, le=1)
@@ -40,23 +40,23 @@ class QuadratureParameters(Parameters):
 
 
 class Mark(NamedTuple):
-    """An edge whose time is known: the count that it made, and when it was by the board's clock."""
+    """An edge whose time is known: its count, and its time by the board's clock."""
 
     counts: int
     at_s: float
 
 
 class Known(NamedTuple):
-    """A speed, and when the last edge was that it is known from."""
+    """A speed, and the time of the last edge that it is computed from."""
 
     rate_counts_s: float
     since_s: float
 
 
 class Run(Record, frozen=True):
-    """What speed is measured over: the latest edges, newest last, in one ``direction`` and without a rest or a loss.
+    """The edges over which speed is measured, newest last, all in one ``direction`` and without a rest or a loss.
 
-    ``direction`` is +1, -1, or 0 before the first count. After a loss ``held`` is the speed before it, which stands in
+    ``direction`` is +1, -1, or 0 before the first count. After a loss ``held`` is the speed before it, which is used
     until two edges are known again.
     """
 
@@ -70,13 +70,13 @@ STANDING = Known(0.0, -math.inf)
 
 
 def turned(run: Run, direction: int) -> Run:
-    """The wheel counts this way now: what came before the other way is not timed against it."""
+    """The wheel has changed direction: edges from before are not timed against the new ones."""
     goes_on = run.held is not None and run.held.rate_counts_s * direction > 0
     return Run(direction, (), run.held if goes_on else None)
 
 
 def broken(params: QuadratureParameters, run: Run) -> Run:
-    """Edges were lost, nobody knows how many: timing starts anew, and meanwhile the wheel is not said to stand."""
+    """Edges were lost, nobody knows how many: timing starts anew. Until then the wheel is not said to stand."""
     if not run.marks:
         return Run(held=run.held)
     last_s = run.marks[-1].at_s
@@ -84,9 +84,10 @@ def broken(params: QuadratureParameters, run: Run) -> Run:
 
 
 def extend(params: QuadratureParameters, run: Run, mark: Mark) -> Run:
-    """The run with a new edge, and without those that it cannot be timed against.
+    """The run with a new edge, without the edges that it cannot be timed against.
 
-    These are all when it came after a rest, or not after the one before; when the speed has jumped, all but that one.
+    These are all of them after a rest, or if the edge does not follow the one before; all but the last if the speed
+    has jumped.
     """
     if not run.marks:
         return replace(run, marks=(mark,))
@@ -98,7 +99,7 @@ def extend(params: QuadratureParameters, run: Run, mark: Mark) -> Run:
 
 
 def _goes_on(params: QuadratureParameters, marks: Sequence[Mark], new: Mark) -> bool:
-    """Whether the wheel may still turn as it did before the new edge."""
+    """Whether the new edge fits the speed before it."""
     if len(marks) < 2:
         return True
     newest, far = marks[-1], _far_end(params, marks)
@@ -112,14 +113,14 @@ def _gap_s(before: Mark, after: Mark) -> float:
 
 
 def _last_cycle(marks: Sequence[Mark]) -> list[Mark]:
-    """The edges not more than a cycle before the newest; with fewer times than that, the newest two."""
+    """The edges within one cycle of the newest; the newest two if there are fewer."""
     newest = marks[-1].counts
     near = [mark for mark in marks if abs(newest - mark.counts) <= CYCLE]
     return near if len(near) > 1 else list(marks[-2:])
 
 
 def _recent(params: QuadratureParameters, marks: tuple[Mark, ...], now_s: float) -> tuple[Mark, ...]:
-    """As much of a run as a speed can need: the window, and a cycle before it."""
+    """The part of a run that a speed can need: the window, and a cycle before it."""
     first = bisect_left(marks, now_s - params.window_s, key=lambda mark: mark.at_s)
     return marks[max(0, first - CYCLE) :]
 
@@ -127,7 +128,7 @@ def _recent(params: QuadratureParameters, marks: tuple[Mark, ...], now_s: float)
 def rate_counts_s(params: QuadratureParameters, run: Run, board_s: float) -> float:
     """Counts per second at ``board_s``, forward positive.
 
-    Once the next edge is overdue the rate is the highest that would not have brought it yet: it decays with the time.
+    Once the next edge is overdue, the rate is the highest at which it would not have come yet: it decays with time.
     """
     known = _known(params, run)
     quiet_s = board_s - known.since_s
@@ -149,7 +150,7 @@ def _known(params: QuadratureParameters, run: Run) -> Known:
 
 
 def _far_end(params: QuadratureParameters, marks: Sequence[Mark]) -> Mark:
-    """The edge to measure from: the oldest of the window that is like the newest, or else the latest of the like.
+    """The edge to measure from: the oldest in the window of the same kind as the newest, else the latest of that kind.
 
     Where there is none, as in the first cycle of a run: the first that is near.
     """
@@ -161,9 +162,9 @@ def _far_end(params: QuadratureParameters, marks: Sequence[Mark]) -> Mark:
 
 
 def _widest_phase(marks: Sequence[Mark], rate_counts_s: float) -> float:
-    """How many counts the widest phase of the last cycle is worth, 1 or more: so long the next edge may take.
+    """The width of the widest phase of the last cycle in counts, 1 or more: the next edge may take that long.
 
-    Where the times of three phases are known, the fourth has what they leave of a cycle.
+    Where the times of three phases are known, the fourth is the rest of the cycle.
     """
     if len(marks) < 2:
         return 1.0

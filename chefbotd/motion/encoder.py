@@ -1,8 +1,9 @@
-"""Encoder counts to wheel angles: wrap, sign, scale, velocity, and the refusal of what cannot be.
+"""Encoder counts to wheel angles: wrap, sign, scale, velocity, and the refusal of impossible readings.
 
-A number that lost digits on the wire still parses, so every change is held against the time it took. If one
-wheel's change is impossible the whole reading is refused; the next good one catches up for all wheels, so
-nothing is lost. One that is possible and far from where the wheels were heading waits for the next to agree with it.
+A number that lost digits on the wire still parses, so every change is compared with the time it took. If the change of
+one wheel is impossible, the whole reading is refused. The next good reading catches up for all wheels, so nothing is
+lost. A change that is possible but far from where the wheel was heading is believed when the next reading agrees with
+it.
 """
 
 import math
@@ -18,10 +19,10 @@ from chefbotd.core.record import Record, replace
 class EncoderParameters(Parameters):
     """What the counters look like, and what the wheels can do.
 
-    ``confirmations`` refused readings in a row that agree with each other mean that the counters themselves
-    have moved. A velocity is the mean over the last ``velocity_window`` readings, and zero below
-    ``standstill_rad_s``. A wheel that would have had to accelerate by more than ``max_acceleration_rad_s2`` to be where
-    it is read is believed only when the next reading bears it out (None: at once).
+    If ``confirmations`` refused readings in a row agree with each other, the counters themselves have moved. A
+    velocity is the mean over the last ``velocity_window`` readings, and zero below ``standstill_rad_s``. A change that
+    needs an acceleration of more than ``max_acceleration_rad_s2`` is believed only when the next reading confirms it
+    (None: at once).
     """
 
     counts_per_turn: float = Field(gt=0, le=1e9)
@@ -44,10 +45,10 @@ class Sample(Record, frozen=True):
 class EncodersState(Record, frozen=True):
     """What decoding remembers.
 
-    ``base`` is the last good reading as on the wire (None: the next reading becomes the reference).
-    ``totals`` are the signed counts since the start, integers so that positions are exact. ``window`` holds
-    the latest totals, newest last, and ``velocity_rad_s`` is the mean over it. ``suspect`` is the last refused
-    reading and ``agreeing`` how many before it, itself included, fit together.
+    ``base`` is the last good reading as on the wire (None: the next reading becomes the reference). ``totals`` are the
+    signed counts since the start, integers so that positions are exact. ``window`` holds the latest totals, newest
+    last, and ``velocity_rad_s`` is the mean over it. ``suspect`` is the last refused reading, and ``agreeing`` the
+    number of refused readings that agree, itself included.
     """
 
     base: Sample | None = None
@@ -62,12 +63,12 @@ START = EncodersState()
 
 
 class Reading(Record, frozen=True):
-    """What one encoder frame says, per wheel, in the order of the configured wheels, forward positive.
+    """One encoder frame per wheel, in the order of the configured wheels, forward positive.
 
-    The velocity is a mean over the board's last ``measured_over_s``, 0 where nothing could be measured.
-    A refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of
-    the wheels to blame, none when it is merely ``unconfirmed``. ``rebased`` says that the counters were taken as a new
-    reference, without travel.
+    The velocity is a mean over the last ``measured_over_s`` of the board's time, 0 where nothing could be measured. A
+    refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of the wheels to
+    blame, none when it is merely ``unconfirmed``. ``rebased``: the counters were taken as a new reference, without
+    travel.
     """
 
     travel_rad: tuple[float, ...]
@@ -80,7 +81,7 @@ class Reading(Record, frozen=True):
 
     @property
     def refused(self) -> bool:
-        """Whether a wheel jumped, or surprised, so that nothing of this frame was believed."""
+        """Whether nothing of this frame is believed, because a wheel jumped or a change waits for confirmation."""
         return bool(self.jumped) or self.unconfirmed
 
 
@@ -97,11 +98,11 @@ def decode(
     board_s: float,
     rate_counts_s: tuple[float, ...] | None = None,
 ) -> tuple[EncodersState, Reading]:
-    """The next state and what the frame says; ``signs`` is +1 or -1 per wheel.
+    """The next state, and the reading of the frame; ``signs`` is +1 or -1 per wheel.
 
-    Where the edges' own timing is known, ``rate_counts_s`` is the velocity, instead of the window's mean. After so long
-    without a good reading that a wheel may have gone half round the counter, its way is ambiguous: the reading is a new
-    reference. Raises ``ValueError`` unless there is one count per sign.
+    Where the edges' own timing is known, ``rate_counts_s`` is the velocity, instead of the window's mean. If a wheel
+    may have turned by half the counter's range since the last good reading, its direction is ambiguous, and the
+    reading becomes a new reference. Raises ``ValueError`` unless there is one count per sign.
     """
     sample, base = Sample(board_s, counts), state.base
     if base is None:
@@ -172,7 +173,7 @@ def _refuse(
 def _no_travel(
     params: EncoderParameters, state: EncodersState, jumped: tuple[int, ...] = (), rebased: bool = False
 ) -> Reading:
-    """The position and velocity that the state already had."""
+    """A reading with the position and velocity that the state already had."""
     nothing = (0.0,) * len(state.totals)
     position_rad = _radians(params, state.totals)
     return Reading(nothing, position_rad, state.velocity_rad_s, jumped, rebased)
@@ -187,7 +188,7 @@ def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[i
 
 
 def _most_counts(params: EncoderParameters, elapsed_s: float) -> float:
-    """How far a wheel can have turned; time that went back is no time at all."""
+    """How far a wheel can have turned; a time that went back counts as zero."""
     if elapsed_s <= 0:
         return params.slack_counts
     return params.max_speed_rad_s * elapsed_s / math.tau * params.counts_per_turn + params.slack_counts
@@ -200,9 +201,9 @@ def _surprises(
     deltas: tuple[int, ...],
     board_s: float,
 ) -> bool:
-    """Whether a wheel is farther from where its velocity would have taken it than its acceleration allows.
+    """Whether a wheel is farther from its expected position than its acceleration allows.
 
-    The velocity is the window's mean, so half of the window's age: it may have changed by ``a (span + elapsed) / 2``.
+    The velocity is the window's mean, so half of the window old: it may have changed by ``a (span + elapsed) / 2``.
     """
     if params.max_acceleration_rad_s2 is None:
         return False
@@ -243,7 +244,7 @@ def _velocity(params: EncoderParameters, window: tuple[Sample, ...]) -> tuple[fl
 
 
 def _standing_still(params: EncoderParameters, velocity_rad_s: Sequence[float]) -> tuple[float, ...]:
-    """The velocities, with those too slow to be told from none at zero."""
+    """The velocities; those too slow to tell from standstill are zero."""
     least = params.standstill_rad_s
     return tuple([0.0 if -least < v < least else v for v in velocity_rad_s])
 

@@ -1,7 +1,7 @@
-"""What the configured limits leave of a command: the target that the robot then goes for.
+"""What the configured limits leave of a command: the target that the robot approaches.
 
-The same command always has the same answer. What else may hold it back (ramps, obstacles, other sources, motors that
-cannot keep up) depends on the moment, and is told by the topics.
+The answer depends on the command alone. Ramps, obstacles, other sources and weak motors may hold it back as well: the
+topics tell of these.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from chefbotd.motion.rims import share_of_rims
 
 
 class LimitPreview:
-    """Computes as ``chefbotd.motion.drive.Drive`` does on every step, but for the steps."""
+    """Computes the limits as ``chefbotd.motion.drive.Drive`` does, without its steps."""
 
     def __init__(self, drive: DriveParameters, chassis: ChassisParameters, limits: MotionLimits) -> None:
         self._max_rim_speed_m_s, self._limits = drive.max_rim_speed_m_s, limits

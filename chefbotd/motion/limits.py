@@ -1,7 +1,7 @@
-"""What the robot as a whole may do: speed, acceleration and jerk of its twist, forward and in reverse.
+"""Limits of the robot as a whole: speed, acceleration and jerk of its twist, forward and in reverse.
 
-Zero is passed by braking first and accelerating then, each with its own limit. A stop that must be
-immediate does not come through here: it resets the limiter to ``AT_REST``.
+A change of direction first brakes to zero and then accelerates, each with its own limit. A stop that must be immediate
+does not come through here: it resets the limiter to ``AT_REST``.
 """
 
 import math
@@ -23,8 +23,8 @@ Jerk = Annotated[float, Field(gt=0, le=1e6)]
 class LinearLimits(Parameters):
     """Limits along the robot's x axis.
 
-    ``max_reverse_m_s`` may be 0: a robot that does not reverse.
-    Left out: reverse is as forward, braking as accelerating, jerk unlimited.
+    ``max_reverse_m_s`` may be 0: the robot does not reverse. Defaults: reverse is as forward, braking as accelerating,
+    jerk unlimited.
     """
 
     max_forward_m_s: float = Field(gt=0, le=100)
@@ -53,7 +53,7 @@ class LinearLimits(Parameters):
 class AngularLimits(Parameters):
     """Limits of turning, left being positive.
 
-    Left out: right is as left, braking as accelerating, jerk unlimited.
+    Defaults: right is as left, braking as accelerating, jerk unlimited.
     """
 
     max_left_rad_s: Speed

@@ -1,9 +1,9 @@
-"""Dead reckoning: where the robot is in ``odom`` by how far its sides rolled, and how sure that is.
+"""Dead reckoning: the robot's pose in ``odom`` from how far its sides rolled, and how certain it is.
 
-The pose follows the exact arc. The covariance grows with motion only: each side's travel is uncertain by a
-variance proportional to its length (Chong and Kleeman, "Accurate Odometry and Error Modelling for a Mobile
-Robot", ICRA 1997), and turning scrubs the tyres, which adds a variance proportional to the angle (the
-rotational noise of Thrun, Burgard and Fox, "Probabilistic Robotics", 5.4).
+The pose follows the exact arc. The covariance grows with motion only. The travel of each side is uncertain by a
+variance proportional to its length (Chong and Kleeman, "Accurate Odometry and Error Modelling for a Mobile Robot",
+ICRA 1997). Turning scrubs the tyres, which adds a variance proportional to the angle (the rotational noise of Thrun,
+Burgard and Fox, "Probabilistic Robotics", 5.4).
 """
 
 import math
@@ -42,7 +42,7 @@ START = OdometryState(ORIGIN, STANDING, CERTAIN)
 
 
 def set_pose(state: OdometryState, pose: Pose2D) -> OdometryState:
-    """Say where the robot is: the pose becomes certain, its heading wrapped to (-pi, pi], and the twist goes on."""
+    """Set the pose: it becomes certain, its heading is wrapped to (-pi, pi], and the twist stays."""
     wrapped = Pose2D(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad))
     return OdometryState(wrapped, state.twist, CERTAIN)
 
@@ -55,7 +55,7 @@ def integrate(
     right_m: float,
     twist: Twist2D,
 ) -> OdometryState:
-    """Roll the sides on by so much along the arc that they make; ``twist`` is how the robot moves now."""
+    """The state after the sides have rolled this far along an arc; ``twist`` is the present motion."""
     if left_m == 0 == right_m:
         return OdometryState(state.odom_from_base, twist, state.covariance)
     turned_rad = (right_m - left_m) / track_width_m
@@ -75,7 +75,7 @@ def integrate(
 
 
 def _arc(travel_m: float, turned_rad: float) -> Pose2D:
-    """The pose at an arc's end, seen from its start: the chord lies half of the turn off the heading."""
+    """The pose at an arc's end, in the frame of its start: the chord lies half of the turn off the heading."""
     half_rad = turned_rad / 2
     chord_m = travel_m * _sinc(half_rad)
     return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), turned_rad)

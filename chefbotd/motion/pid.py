@@ -20,12 +20,12 @@ from chefbotd.core.record import Record, replace
 
 
 class PidParameters(Parameters):
-    """Gains and clamps, all per metre per second of rim speed; each short name has the unit in its alias.
+    """Gains and limits, all per metre per second of rim speed; each short name has the unit in its alias.
 
-    ``ks``, ``kv`` and ``ka`` are the feedforward. An error inside the deadband acts on nothing. The
-    integral may be as large as the output unless it has a limit of its own. ``back_calculation_s`` is the
-    time constant with which a clamped output drains the integral (None: it does not);
-    ``conditional_integration`` keeps it from growing.
+    ``ks``, ``kv`` and ``ka`` are the feedforward. An error inside the deadband has no effect. The integral may be as
+    large as the output unless it has a limit of its own. ``back_calculation_s`` is the time constant with which a
+    clamped output drains the integral (None: it does not); ``conditional_integration`` keeps the integral from growing
+    while the output is clamped.
     """
 
     kp: float = Field(alias="kp_duty_per_m_s", ge=0, le=1e6)
@@ -167,7 +167,11 @@ def retune(
 
 
 def let_go(state: PidState) -> PidState:
-    """The state on the way to rest: what fades and would push on is gone at once, what brakes goes with the setpoint."""
+    """The state on the way to rest.
+
+    Of a change of gains that is still fading, a part that drives on is dropped at once; a part that brakes fades with
+    the setpoint.
+    """
     pushes_on = state.fading_duty * state.setpoint_m_s > 0
     return replace(state, fading_duty=0.0) if pushes_on else state
 

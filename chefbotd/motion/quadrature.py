@@ -1,8 +1,8 @@
 """Quadrature edges to counts, for boards that decode nothing themselves.
 
-Full (4x) decoding by a state table: every edge of A and of B is a count. What cannot be is counted and moves nothing: a
-change of both levels at once, levels that did not change, and edges that the board counted and nobody told. Counts
-become angles where those of any board do, in ``motion.encoder``; speed is ``motion.edge_speed``'s.
+Full (4x) decoding by a state table: every edge of A and of B is a count. Three impossible things are counted and move
+nothing: a change of both levels at once, levels that did not change, and edges that the board counted but did not
+send. ``motion.encoder`` turns the counts into angles as for any board; ``motion.edge_speed`` measures the speed.
 """
 
 from chefbotd.core.events import EdgeBurst
@@ -81,7 +81,7 @@ def decode(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurs
 
 
 def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurst) -> QuadratureState:
-    """Hold the board's total against what it has told."""
+    """Compare the total of the board with the edges that it has sent."""
     state, known = replace(state, total=burst.total), state.total
     lost = 0 if known is None else (burst.total - known - len(burst.levels)) % TOTAL_SPAN
     if not lost:
@@ -90,7 +90,7 @@ def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBu
 
 
 def misses_edges(before: QuadratureState, after: QuadratureState) -> bool:
-    """Whether edges were found missing between these two states, so that the counts fall short."""
+    """Whether edges were lost between these two states, so that the counts fall short."""
     return after.lost > before.lost or after.illegal > before.illegal
 
 

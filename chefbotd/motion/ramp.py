@@ -1,10 +1,9 @@
-"""One axis on its way from the speed it has to the speed it should have.
+"""One axis on the way from its present speed to a target speed.
 
-Works for metres and radians alike: a speed is in u/s, an acceleration in u/s², a jerk in u/s³. Without a
-jerk limit the speed is a ramp; with one it is the time-optimal S-curve of Kroeger and Wahl ("Online
-Trajectory Generation", IEEE T-RO 2010) for a target speed: acceleration rises, holds, and is back at zero
-as the target is reached. The curve is followed exactly, so it does not depend on how time is cut into
-steps.
+Works for metres and radians alike: a speed is in u/s, an acceleration in u/s², a jerk in u/s³. Without a jerk limit
+the speed is a ramp. With one it is the time-optimal S-curve of Kroeger and Wahl ("Online Trajectory Generation", IEEE
+T-RO 2010) for a target speed: the acceleration rises, holds, and is back at zero as the target is reached. The curve
+is followed exactly, so it does not depend on how the time is cut into steps.
 """
 
 import math
@@ -62,12 +61,12 @@ def advance(
 
 
 def braking_distance(limits: AxisLimits, top_speed: float, *, forward: bool) -> tuple[float, float]:
-    """From which speed on, and how far, an axis goes until it is at rest, where braking begins at the worst moment.
+    """The speed from which, and how far, an axis rolls until it is at rest, if braking begins at the worst moment.
 
-    Without a jerk limit that is the top speed ``v``: ``v^2 / 2d``. With one, of ``j``, it is while the axis still gains
-    speed at ``a`` (at most ``sqrt(j v)``) and will be at ``v`` just as that is over: from ``v - a^2 / 2j`` it goes
-    ``(v - a^2 / 2j) a / j + a^3 / 3j^2``, and then ``v / 2`` over the ``v / d + d / j`` seconds of braking, or
-    ``2 sqrt(v / j)`` where ``d`` is not reached.
+    Without a jerk limit that is the top speed ``v``: ``v^2 / 2d``. With a jerk limit ``j`` the worst moment is while
+    the axis still gains speed at ``a`` (at most ``sqrt(j v)``) and will be at ``v`` when that is over. From ``v - a^2
+    / 2j`` it goes ``(v - a^2 / 2j) a / j + a^3 / 3j^2``, and then ``v / 2`` over the ``v / d + d / j`` seconds of
+    braking, or ``2 sqrt(v / j)`` where ``d`` is not reached.
     """
     gain = limits.acceleration if forward else limits.reverse_acceleration
     braking = limits.deceleration if forward else limits.reverse_deceleration

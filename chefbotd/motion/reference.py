@@ -1,17 +1,18 @@
 """The setpoint as the encoders should show it by now, if the wheels followed it.
 
-A measured speed is a mean over a window of readings, and the line and the board add to its age. Held against the
-setpoint of this moment it shows an error on every ramp that is none: a controller that believes it overshoots. So the
-feedback compares what was measured with the setpoint's own mean over the same window, as late. The feedforward needs no
-measurement and keeps to the setpoint itself. It is the idea of the Smith predictor ("Closer control of loops with dead
-time", Chemical Engineering Progress 53, 1957), with the setpoint for a model: the feedforward makes the wheel follow it.
+A measured speed is a mean over a window of readings, and the line and the board add to its age. Compared with the
+present setpoint, it shows a false error on every ramp, and a controller that acts on it overshoots. So the feedback
+compares the measurement with the mean of the setpoint over the same window, equally late. The feedforward needs no
+measurement and uses the present setpoint. This is the idea of the Smith predictor ("Closer control of loops with dead
+time", Chemical Engineering Progress 53, 1957), with the setpoint as the model: the feedforward makes the wheel follow
+it.
 """
 
 from chefbotd.core.record import Record
 
 
 class Asked(Record, frozen=True):
-    """What each wheel's rim was asked for, for so long."""
+    """The setpoint of each rim, and for how long it was in force."""
 
     duration_s: float
     setpoint_m_s: tuple[float, ...]
@@ -22,7 +23,7 @@ History = tuple[Asked, ...]
 
 
 def remember(history: History, newest: Asked, over_s: float) -> History:
-    """The history with what was asked for last, cut to what reaches into the last ``over_s``."""
+    """The history with the last setpoint, cut to the last ``over_s``."""
     first, age_s = len(history), newest.duration_s
     while first and age_s < over_s:
         first -= 1
@@ -46,6 +47,6 @@ def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ..
 def caught_up(
     measured_m_s: tuple[float, ...], asked_m_s: tuple[float, ...], setpoint_m_s: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """The rims' speeds of now: on from the measured ones by as much as the setpoints went on from ``asked_m_s``."""
+    """The present speeds of the rims: the measured ones, plus the change of the setpoints since ``asked_m_s``."""
     wheels = zip(measured_m_s, asked_m_s, setpoint_m_s, strict=True)
     return tuple([measured + setpoint - asked for measured, asked, setpoint in wheels])

@@ -1,8 +1,9 @@
-"""Wheels that are each asked for a speed of their own: what they come to together is limited as any twist is.
+"""Wheels that are each asked for a speed of their own.
 
-So are its acceleration and jerk, and a stop brakes the robot as hard as any other. What is left is how the wheels of a
-side differ from their mean, which moves nothing. On the way to other speeds all rims go in step, none faster than the
-linear acceleration limits: a wheel that is to stand does. To a stop the differences end on their own, at that rate.
+Together their speeds make a twist, whose speed, acceleration and jerk are limited like any other; a stop brakes the
+robot as hard as any other. What is left is how the wheels of a side differ from their mean, which moves nothing. On
+the way to other speeds all rims change in step, none faster than the linear acceleration limits. On the way to a stop
+the differences end on their own, at that rate.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ Rims = tuple[float, ...]
 def share_of(
     limits: MotionLimits, max_rim_speed_m_s: float, speeds_m_s: Sequence[float], twist: Twist2D
 ) -> float:
-    """How much of these rim speeds, which make this twist, the robot may go (0 to 1): their ratios are kept."""
+    """The share of these rim speeds, which make this twist, that the limits allow (0 to 1): their ratios are kept."""
     return min(
         share_of_rims(max_rim_speed_m_s, speeds_m_s),
         limits.linear.axis.share_of(twist.linear_m_s),
@@ -26,19 +27,19 @@ def share_of(
 
 
 def share_of_rims(max_rim_speed_m_s: float, speeds_m_s: Sequence[float]) -> float:
-    """How much of these rim speeds the wheels reach, 0 to 1."""
+    """The share of these rim speeds that the wheels reach, 0 to 1."""
     fastest_m_s = max(map(abs, speeds_m_s))
     return 1.0 if fastest_m_s <= max_rim_speed_m_s else max_rim_speed_m_s / fastest_m_s
 
 
 def pace_s(axis: AxisLimits, speeds_m_s: Rims, aims_m_s: Rims) -> float:
-    """How long the rim that needs most takes to its aim at the axis' accelerations."""
+    """The time that the rim with the longest way takes to its target at the axis' accelerations."""
     gaps = [(speed, aim - speed) for speed, aim in zip(speeds_m_s, aims_m_s, strict=True)]
     return max(abs(gap) / axis.rate(speed, gap) for speed, gap in gaps)
 
 
 def progress(before: Twist2D, after: Twist2D, aim: Twist2D) -> float:
-    """How much of the way to the aim lies between two twists, 0 to 1; 1 where there was none to go."""
+    """The share of the way to the target that lies between two twists, 0 to 1; 1 where there was no way to go."""
     gaps = [
         (abs(aim.linear_m_s - was.linear_m_s), abs(aim.angular_rad_s - was.angular_rad_s))
         for was in (before, after)
@@ -48,7 +49,7 @@ def progress(before: Twist2D, after: Twist2D, aim: Twist2D) -> float:
 
 
 def approach(speeds_m_s: Rims, aims_m_s: Rims, share: float) -> Rims:
-    """The speeds after this share of the way to the aims."""
+    """The speeds after this share of the way to the targets."""
     if share >= 1.0:
         return aims_m_s
     return tuple([now + share * (aim - now) for now, aim in zip(speeds_m_s, aims_m_s, strict=True)])

@@ -1,7 +1,7 @@
-"""From the motion that is asked for to what each wheel's rim is to do now: limits, kinematics and ramps.
+"""From the commanded motion to the speed of each wheel's rim now: limits, kinematics and ramps.
 
-A twist is limited as a twist, and so is what wheels that are each asked for a speed come to together. Where the wheels
-of a side differ, that is ramped beside it, until they turn alike again: no setpoint ever jumps.
+A twist is limited as a twist, and so is the twist that wheels with speeds of their own make together. Where the wheels
+of a side differ, the difference is ramped beside it, until they turn alike again: no setpoint ever jumps.
 """
 
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
@@ -22,7 +22,7 @@ class Setpoints:
         self._still = (0.0,) * len(kinematics.radii_m)
 
     def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
-        """The state with the setpoints of now; ``apart``: the path has no curvature to keep."""
+        """The state with the present setpoints; ``apart``: the path has no curvature to keep."""
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
         dt_s = min(elapsed_s, self._parameters.longest_step_s)
         if is_rest(target):

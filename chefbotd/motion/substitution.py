@@ -1,8 +1,9 @@
-"""How a wheel is driven whose reading is not believed: like its substitute, a wheel of the same side that is believed.
+"""How a wheel is driven whose reading is not believed: like its substitute, a believed wheel of the same side.
 
-The substitute's speed closes the loop of both. If the wheel that is not believed turns faster than the substitute, its
-speed counts up to the setpoint: if the choice was wrong, the side is not driven past its setpoint because one reading
-is too small, and if the wheel only slips, the side is not braked, which would turn the robot.
+The speed of the substitute closes the loop of both. If the wheel that is not believed turns faster than the
+substitute, its speed counts, up to the setpoint. So if the choice was wrong, the side is not driven past its setpoint
+because of a reading that is too small. And if the wheel only slips, the side is not braked, which would turn the
+robot.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ def substituted(substitutes: Substitutes, values: Sequence[T]) -> tuple[T, ...]:
 def loop_speeds(
     substitutes: Substitutes, speeds_m_s: Sequence[float], setpoints_m_s: Sequence[float]
 ) -> tuple[float, ...]:
-    """The rim speed in m/s that each wheel's loop is closed on."""
+    """The rim speed in m/s that each wheel's controller uses."""
     believed_m_s = list(speeds_m_s)
     for wheel, substitute in substitutes:
         setpoint_m_s = setpoints_m_s[substitute]

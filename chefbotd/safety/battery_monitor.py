@@ -8,9 +8,9 @@ from chefbotd.safety.faults import Fault, FaultKind
 
 
 class BatteryMonitorParameters(Parameters):
-    """Critical for ``critical_s`` without a break is a fault, so that a motor that starts (and sags) is none.
+    """A battery that is critical for ``critical_s`` without a break is a fault; the sag of a starting motor is none.
 
-    Below ``absent_below_v`` there is no battery on the ADC's pin: the board runs on something, after all.
+    Below ``absent_below_v`` no battery is connected to the ADC: the board runs, so it has another supply.
     """
 
     critical_s: float = Field(default=5.0, gt=0, le=600)
@@ -20,9 +20,9 @@ class BatteryMonitorParameters(Parameters):
 def judge(
     params: BatteryMonitorParameters, critical_since_s: float | None, measured: BatteryMeasured
 ) -> tuple[float | None, Fault | None]:
-    """Since when the battery has been critical (None: it is not), and the fault once that is too long.
+    """Since when the battery has been critical (None: it is not), and the fault once that has lasted too long.
 
-    The fault starts the time anew: who arms all the same gets ``critical_s`` more to drive out of the way.
+    The fault restarts the time: after ``arm`` the robot can be driven out of the way for another ``critical_s``.
     """
     critical = measured.status is BatteryLevelStatus.CRITICAL and measured.voltage_v >= params.absent_below_v
     if not critical:

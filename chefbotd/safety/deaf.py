@@ -1,11 +1,13 @@
-"""A robot that moves though it is told to stand: its board does not carry out what it is told.
+"""A robot that moves although it is told to stand: its board does not carry out its commands.
 
-Zero is said again with every reading, so a board that has sent a few of them since has had its chance to hear it. From
-there on a wheel may roll as far as one that slows down by ``braking_m_s2``; a wheel that goes on beyond that is still
-driven. Of a robot that has come to rest this can no longer be said: somebody may push it. Then only the board's own word
-counts, an echo (where it is known to follow the commands) of a motor that is driven though zero was said. So a
-robot that is pushed by hand, armed or not, is no fault, and one that never stopped is, whether armed, disarmed or
-estopped: only the motors' switch stops it.
+Zero is sent again after every reading. A board that has sent a few readings since the first zero has had time to obey.
+From then on a wheel may roll as far as one that slows down by ``braking_m_s2``. A wheel that rolls further is still
+driven.
+
+A robot that has come to rest may be pushed by somebody, so rolling then proves nothing. Only the board's own echo
+counts then: where the echo is known to follow the commands, it must not show a driven motor after zero was sent. So a
+robot that is pushed by hand is no fault, armed or not. A robot that never stopped is a fault in every mode, and only
+the motors' power switch stops it.
 """
 
 from pydantic import Field
@@ -32,11 +34,11 @@ class DeafParameters(Parameters):
 
 
 class DeafState(Record, frozen=True):
-    """What has been seen since the last duty: ``told_s`` is when zero was first said (None: a duty is in force).
+    """What has been seen since the last duty: ``told_s`` is when zero was first sent (None: a duty is in force).
 
-    ``readings`` have come since; the wheels may roll ``coasting_m`` (None: the board need not have heard yet) and have
-    rolled ``moved_m``, forwards less backwards. They have been slow for ``slow_s``, ``rested`` says that this was once
-    long enough; ``beyond`` readings in a row were too far.
+    Since then ``readings`` have come. The wheels may roll ``coasting_m`` (None: the board need not have obeyed yet)
+    and have rolled ``moved_m``, forwards less backwards. They have been slow for ``slow_s``; ``rested`` says whether
+    that was once long enough. ``beyond`` readings in a row showed too long a way.
     """
 
     told_s: float | None = None
@@ -53,7 +55,7 @@ DRIVEN = DeafState()
 
 
 def told(state: DeafState, now_s: float, *, driven: bool) -> DeafState:
-    """A command goes to the board; ``driven`` tells whether it is other than zero."""
+    """A command goes to the board; ``driven`` says whether it is other than zero."""
     if driven:
         return DRIVEN
     return DeafState(told_s=now_s) if state.told_s is None else state

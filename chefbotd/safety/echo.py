@@ -1,11 +1,11 @@
-"""A board that says it carries out something else than it was told.
+"""A board that reports another command than it was sent.
 
-An `s` line echoes the command in force. What it shows must be one of the commands of late: which one depends on how long
-the board takes to read. Zero is always well: a board that boots, or stops the motors of its own accord, says so. Boards
-whose echo means something else (metres per second) never show a command of ours and are never judged.
+An `s` line echoes the command in force. It must be one of the recent commands; which one depends on how long the board
+takes to read. Zero always fits: a board that boots, or stops the motors by itself, reports it. The echo of some boards
+means something else (metres per second). Such an echo never equals a command of ours, and these boards are not judged.
 
-A line may be damaged on its way, in either direction, so one that does not fit is no fault: each counts one, and one
-that fits takes off ``forgiven``.
+A line may be damaged on its way in either direction, so a single echo that does not fit is no fault. Each of them adds
+one to a score, and each echo that fits takes off ``forgiven``.
 """
 
 from pydantic import Field
@@ -21,10 +21,11 @@ MOST_SAID = 256
 
 
 class EchoParameters(Parameters):
-    """``mismatches`` are too many, less ``forgiven`` for each echo that fits.
+    """A score of ``mismatches`` is a fault; each echo that fits takes off ``forgiven``.
 
-    An echo is believed once it has shown ``believed_after`` commands that were not zero. A command that was not said for
-    ``memory_s`` must no longer be in force: the sketch reads nothing for up to a second, while it waits for an echo.
+    An echo is judged once it has shown ``believed_after`` commands other than zero. A command that was last sent
+    ``memory_s`` ago must no longer be in force: the sketch reads nothing for up to a second while it waits for an
+    ultrasonic echo.
     """
 
     mismatches: float = Field(default=8.0, ge=2, le=1000)
@@ -34,10 +35,10 @@ class EchoParameters(Parameters):
 
 
 class EchoState(Record, frozen=True):
-    """``said``: the commands of late, newest first, each with when it was last said.
+    """``said``: the recent commands, newest first, each with the time at which it was last sent.
 
-    ``fitting`` counts the echoes that showed one of them; ``score`` is what is held against the board, ``shown`` its
-    latest echo, at ``shown_s``.
+    ``fitting`` counts the echoes that equalled one of them. ``score`` is what speaks against the board, ``shown`` its
+    latest echo, received at ``shown_s``.
     """
 
     said: tuple[tuple[float, Duty], ...] = ()
@@ -52,7 +53,7 @@ UNKNOWN = EchoState()
 
 
 def say(state: EchoState, now_s: float, duty: Duty) -> EchoState:
-    """A command goes to the board, or may: one that a newer one overtakes is remembered as well."""
+    """A command goes to the board, or may go: one that a newer one replaces is remembered as well."""
     earlier = state.said
     if earlier and earlier[0][1] == duty:
         earlier = earlier[1:]
@@ -67,7 +68,7 @@ def is_believed(params: EchoParameters, state: EchoState) -> bool:
 def hear(
     params: EchoParameters, state: EchoState, now_s: float, shown: tuple[float, ...]
 ) -> tuple[EchoState, Fault | None]:
-    """An echo: the next state, and the fault once too many did not fit."""
+    """Judge an echo: the next state, and the fault once the score is too high."""
     state = replace(state, shown=shown, shown_s=now_s)
     if not any(shown):
         return replace(state, score=max(0.0, state.score - params.forgiven)), None
@@ -83,7 +84,7 @@ def hear(
 
 
 def _was_said(state: EchoState, shown: tuple[float, ...], since_s: float) -> bool:
-    """Whether this is a command of late, but for wheels that stand."""
+    """Whether this is a recent command; wheels that stand are not compared."""
     for said_s, duty in state.said:
         if said_s < since_s:
             return False

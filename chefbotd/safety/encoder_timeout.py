@@ -1,9 +1,9 @@
-"""Encoders that fall silent: nobody drives a robot that cannot be seen to move.
+"""Encoders that fall silent: a robot is not driven while nobody can tell whether it moves.
 
-Silence is a stop and not yet a fault. The classic sketch says nothing for up to a second while it waits for an
-ultrasonic echo, as a matter of course, and a latch that trips in health is a latch that people learn to ignore: so the
-robot brakes, and goes on from rest with the next reading if somebody still commands it. A silence longer than any that
-the sketch has a reason for, which began while the robot was driven, is a fault.
+Silence stops the robot and is not a fault yet. The classic sketch regularly says nothing for up to a second while it
+waits for an ultrasonic echo. A latch that trips on a healthy robot teaches people to ignore it. So the robot brakes,
+and starts from rest with the next reading if it is still commanded. A silence that is longer than the sketch can
+explain, and that began while the robot was driven, is a fault.
 """
 
 from pydantic import Field
@@ -14,7 +14,11 @@ from chefbotd.safety.faults import Fault, FaultKind
 
 
 class EncoderTimeoutParameters(Parameters):
-    """``max_age_s``: how old the last encoder reading may be for the robot to move. ``latch_after_s``: see above."""
+    """How long the encoders may be silent.
+
+    The robot moves only if the last encoder reading is younger than ``max_age_s``. A silence of ``latch_after_s`` that
+    began while the robot was driven is a fault.
+    """
 
     max_age_s: float = Field(default=0.25, gt=0, le=2)
     latch_after_s: float = Field(default=2.0, ge=2, le=60)
@@ -28,14 +32,14 @@ class EncoderTimeoutState(Record, frozen=True):
 
 
 def is_stale(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float) -> bool:
-    """Whether the robot must stand still for want of a reading."""
+    """Whether the robot must stand still because there is no recent reading."""
     return now_s - state.heard_s > params.max_age_s
 
 
 def update(
     params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float, *, driven: bool
 ) -> tuple[EncoderTimeoutState, Fault | None]:
-    """The encoders are stale: ``driven`` tells whether there still is a duty to take away."""
+    """The encoders are stale: ``driven`` says whether a duty other than zero is in force."""
     interrupted = state.interrupted or driven
     silent_s = now_s - state.heard_s
     if not interrupted or silent_s <= params.latch_after_s:

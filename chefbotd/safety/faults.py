@@ -1,4 +1,4 @@
-"""What can go wrong with motion: a stable name for each fault, and what happened in words that say what to check."""
+"""What can go wrong with motion: a stable name for each fault, and a reason that says what to check."""
 
 from enum import StrEnum
 

@@ -54,10 +54,10 @@ class Rearm(StrEnum):
 
 
 class SafetyParameters(Parameters):
-    """``command_timeout_s`` is the dead-man: no command, of whatever source, moves the robot for longer.
+    """``command_timeout_s`` is the dead-man: no command of any source moves the robot for longer.
 
-    ``default_source`` is whose a command is that does not say. A source that a stop holds is free when no command has
-    come from it for ``let_go_s``, or for the dead-man's time if that is longer.
+    A command that names no source counts as one of ``default_source``. A source that a stop holds is free when no
+    command has come from it for ``let_go_s``, or for the dead-man's time if that is longer.
     """
 
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
@@ -125,7 +125,7 @@ NEXT: Mapping[tuple[Mode, Trigger], Mode] = {
 
 
 class Command(Record, frozen=True):
-    """A motion asked for by a source, and when it was."""
+    """A motion that a source asked for, and when."""
 
     source: str
     motion: Motion
@@ -133,7 +133,7 @@ class Command(Record, frozen=True):
 
 
 class GateState(Record, frozen=True):
-    """The mode, why it is so (``fault``: the fault that latched), and the newest command of each source."""
+    """The mode, the reason for it (``fault``: the fault that latched), and the newest command of each source."""
 
     mode: Mode = Mode.ARMED
     reason: str = "started"
@@ -142,9 +142,9 @@ class GateState(Record, frozen=True):
 
 
 class Decision(Record, frozen=True):
-    """The motion to follow and whose it is; ``halted`` means brake now, whatever the motion.
+    """The motion to follow, and its source; ``halted`` means brake now, whatever the motion.
 
-    ``limited_by`` says what keeps a live command from being followed as it was given.
+    ``limited_by`` says why a live command is not followed as it was given.
     """
 
     motion: Motion
@@ -177,7 +177,7 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
 
 
 def release(state: GateState, source: str) -> GateState:
-    """Forget a source's command, as if it had never spoken: lower sources go on at once."""
+    """Forget the command of a source as if there had been none: lower sources go on at once."""
     return replace(state, commands=tuple(c for c in state.commands if c.source != source))
 
 
@@ -187,12 +187,12 @@ def stop(state: GateState) -> GateState:
 
 
 def change_mode(state: GateState, trigger: Trigger, reason: str, fault: FaultKind | None = None) -> GateState:
-    """Apply a trigger, of a fault with its kind.
+    """Apply a trigger; for a fault with its kind.
 
-    A change forgets every command; a fault or a recovery that changes nothing keeps the reason, so that the first of
-    several faults is the one that is told, but for one that needs a person, which takes the place of one that passes.
-    One of ``UNSTOPPED`` takes the place of every other, and of an e-stop's reason, which it goes on to tell.
-    Only a ``RECOVERABLE`` fault recovers.
+    A change of mode forgets every command. A fault or a recovery that changes nothing keeps the reason, so that the
+    first of several faults is the one that is reported. Two exceptions: a fault that needs a person replaces one that
+    recovers by itself, and one of ``UNSTOPPED`` replaces every other, and the reason of an e-stop. Only a
+    ``RECOVERABLE`` fault recovers.
     """
     mode = NEXT[state.mode, trigger]
     if fault in UNSTOPPED and state.mode is not Mode.ARMED:

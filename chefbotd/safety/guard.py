@@ -1,8 +1,8 @@
-"""The obstacle guard: not closer to what a range sensor sees than the robot can brake for.
+"""The obstacle guard: the robot comes no closer to what a range sensor sees than it can brake for.
 
 Only the part of the motion that shortens a beam is limited. Backing off, turning on the spot and turning away stay
 allowed, so the robot is never trapped by what it has stopped for. Wheels that are each asked for a speed of their own
-keep its proportions: they are slowed together.
+keep their proportions: they are slowed together.
 """
 
 import math
@@ -17,11 +17,12 @@ from chefbotd.core.record import Record, replace
 
 
 class ScanGuardParameters(Parameters):
-    """How the robot keeps off what lidars see, from its outline (``chefbotd.safety.scan_guard``).
+    """How the robot keeps away from what lidars see, measured from its outline (``chefbotd.safety.scan_guard``).
 
     It stops ``stop_distance_m`` before what is in its way, and passes what is at least ``clearance_m`` beside it. Its
-    turning brakes with ``turn_deceleration_rad_s2`` at least, which must not exceed what the motion limits allow.
-    Without a scan for ``max_age_s`` of the guard, no part of it moves faster than ``silent_speed_m_s`` (0: none at all).
+    turning brakes with at least ``turn_deceleration_rad_s2``, which must not exceed what the motion limits allow.
+    Without a scan for ``max_age_s`` of the guard, no part of the robot moves faster than ``silent_speed_m_s`` (0: it
+    stands).
     """
 
     stop_distance_m: float = Field(default=0.05, ge=0, le=5)
@@ -31,12 +32,12 @@ class ScanGuardParameters(Parameters):
 
 
 class GuardParameters(Parameters):
-    """How close is close enough, from the sensor, and how the robot brakes before that.
+    """The stop distance, measured from the sensor, and how the robot brakes before it.
 
-    ``deceleration_m_s2`` must not exceed what the motion limits allow: a configuration where it does is refused.
-    ``reaction_s`` passes between a reading and the first braking; the time since it was measured comes on top. A
-    sensor that is silent for longer than ``max_age_s`` sees nothing, or, where ``silent_is_obstacle``, an obstacle at no
-    distance.
+    ``deceleration_m_s2`` must not exceed what the motion limits allow: the configuration is refused otherwise.
+    ``reaction_s`` passes between a reading and the first braking, in addition to the age of the reading. A sensor that
+    is silent for longer than ``max_age_s`` counts as a free way, or, where ``silent_is_obstacle``, as an obstacle at
+    distance zero.
     """
 
     enabled: bool = True
@@ -49,10 +50,10 @@ class GuardParameters(Parameters):
 
 
 class Beam(Record, frozen=True):
-    """What a sensor last saw: infinity is a free way.
+    """The last reading of a sensor; infinity is a free way.
 
     The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
-    each radian that it turns left. Its distance was measured at ``stamp_s`` and read at ``arrival_s``.
+    each radian that it turns left. Its distance was measured at ``stamp_s`` and received at ``arrival_s``.
     """
 
     sensor: str
@@ -67,18 +68,18 @@ Beams = tuple[Beam, ...]
 
 
 def from_mounts(mounts: Mapping[str, Pose2D]) -> Beams:
-    """Beams that have seen nothing yet, by sensor name and its pose in the base frame (``base_from_sensor``)."""
+    """Beams without a reading, by sensor name; each from its sensor's pose in the base frame (``base_from_sensor``)."""
     return tuple(_mounted(name, pose) for name, pose in mounts.items())
 
 
 def _mounted(name: str, pose: Pose2D) -> Beam:
-    """Rounded, because a beam at a right angle must not be shortened by the last bit of a cosine."""
+    """Rounded, so that the last bit of a cosine does not shorten a beam at a right angle."""
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
 
 
 def update(beams: Beams, measured: RangeMeasured) -> Beams:
-    """The beams with a new reading; a sensor that was not mounted guards nothing."""
+    """The beams with a new reading; a sensor without a mount does not guard."""
     distance_m = _distance_m(measured)
     return tuple(
         [
@@ -94,7 +95,7 @@ MAYBE_NEAR = frozenset({RangeStatus.TOO_NEAR, RangeStatus.AMBIGUOUS})
 
 
 def _distance_m(measured: RangeMeasured) -> float:
-    """What may be near is no distance at all; too far and no echo are a free way."""
+    """The distance to use: 0 for what may be near, infinity for what is too far and for no echo."""
     if measured.range_m is not None:
         return measured.range_m
     return 0.0 if measured.status in MAYBE_NEAR else math.inf
@@ -160,7 +161,7 @@ def _closing_m_s(beam: Beam, twist: Twist2D) -> float:
 
 
 def _slowed(beam: Beam, twist: Twist2D, allowed_m_s: float) -> Twist2D:
-    """First less of the driving that closes in, then, if that was not all, less of the turning."""
+    """First slow the part of the driving that closes in, then, if that is not enough, the turning."""
     driving_m_s = beam.per_linear * twist.linear_m_s
     turning_m_s = beam.per_angular_m * twist.angular_rad_s
     linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s

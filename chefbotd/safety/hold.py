@@ -1,9 +1,11 @@
-"""Which sources of commands a stop holds: who repeats a command in ignorance of it would undo it 50 ms later.
+"""Which sources of commands a stop holds.
 
-A stop holds every source from which a command has come lately. Each further command from it is refused, and lets the
-time begin anew: a source is free again when none has come for ``let_go_s``, or when its driver asks anew. An emergency
-stop holds in addition what tries to drive while it is latched, so that ``arm`` alone never moves the robot. It does not
-matter who sends the commands: a connection that comes and goes for each of them is held as well.
+A driver who repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
+source from which a command has come lately. Each further command from a held source is refused, and restarts its
+waiting time. A source is free again when no command has come from it for ``let_go_s``, or when its driver asks to
+drive again. An emergency stop also holds every source that tries to drive while it is latched, so that ``arm`` alone
+never moves the robot. It does not matter who sends the commands: a client that opens a new connection for each command
+is held as well.
 """
 
 from collections.abc import Collection
@@ -11,7 +13,7 @@ from typing import NamedTuple
 
 
 class Attempt(NamedTuple):
-    """When the last command came from a source, refused or not, and whose stop holds it (empty: none)."""
+    """When the last command came from a source, refused or not, and whose stop holds the source (empty: none)."""
 
     source: str
     stamp_s: float
@@ -23,7 +25,7 @@ Attempts = tuple[Attempt, ...]
 
 
 def note_attempt(state: Attempts, source: str, now_s: float, let_go_s: float) -> Attempts:
-    """A command comes from this source; one that had let go is no longer held."""
+    """Record a command from this source. A source that was silent long enough is no longer held."""
     before = _of(state, source)
     goes_on = before is not None and now_s - before.stamp_s < let_go_s
     stopped_by = before.stopped_by if before is not None and goes_on else ""
@@ -32,7 +34,7 @@ def note_attempt(state: Attempts, source: str, now_s: float, let_go_s: float) ->
 
 
 def hold(state: Attempts, now_s: float, let_go_s: float, by: str, excluded: Collection[str] = ()) -> Attempts:
-    """A stop: hold every source from which commands have come lately, but for the ``excluded`` ones."""
+    """A stop: hold every source from which commands have come lately, except the ``excluded`` ones."""
     return tuple(
         [
             each._replace(stopped_by=by)
@@ -44,7 +46,7 @@ def hold(state: Attempts, now_s: float, let_go_s: float, by: str, excluded: Coll
 
 
 def free(state: Attempts, sources: Collection[str]) -> Attempts:
-    """The drivers of these sources ask anew."""
+    """The drivers of these sources ask to drive again: free them."""
     return tuple([each._replace(stopped_by="") if each.source in sources else each for each in state])
 
 

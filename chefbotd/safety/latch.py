@@ -1,7 +1,7 @@
-"""What outlives the daemon of its gate: mode, reason and fault, as the next daemon finds them.
+"""What the next daemon is told of the gate: its mode, reason and fault.
 
-A daemon that runs armed has left word of that too, and takes it back when it ends in order. So whoever finds it knows
-that its predecessor was killed or crashed, with the robot perhaps in motion.
+A daemon that runs armed stores that too, and removes it when it ends in order. So a daemon that finds it knows that
+its predecessor was killed or crashed, perhaps with the robot in motion.
 """
 
 from pathlib import Path
@@ -28,13 +28,13 @@ UNREADABLE = GateState(
 
 
 class LatchParameters(Parameters):
-    """``folder`` is where the file is; without one the gate remembers nothing."""
+    """``folder`` is where the file is; without one the state of the gate does not outlive the daemon."""
 
     folder: Path | None = None
 
 
 class GateStore(Protocol):
-    """Where the gate's state is kept beyond the end of the process; nothing here raises for what cannot be kept."""
+    """Where the state of the gate is kept beyond the end of the process. What cannot be kept raises nothing."""
 
     def recall(self) -> GateState:
         """The state to begin in."""
@@ -58,16 +58,16 @@ class Latch(Parameters):
 
 
 def write(state: GateState) -> bytes:
-    """What is left word of: JSON in UTF-8, whatever the reason is made of; a long one is cut."""
+    """The state as JSON in UTF-8, whatever characters the reason has. A long reason is cut."""
     reason = state.reason[:MAX_REASON_CHARACTERS].encode(errors="replace").decode()
     return Latch(mode=state.mode, fault=state.fault, reason=reason).model_dump_json().encode()
 
 
 def read(left: bytes) -> GateState:
-    """The state to begin in; armed is never one.
+    """The state to begin in, which is never armed.
 
     Raises:
-        ValueError: this is not what ``write`` writes.
+        ValueError: these are not bytes that ``write`` has made.
     """
     latch = Latch.model_validate_json(left)
     if latch.mode is Mode.ARMED:

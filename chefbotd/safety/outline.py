@@ -22,7 +22,7 @@ class Outline(Protocol):
         ...
 
     def grown(self, by_m: float) -> "Outline":
-        """The same shape, so much larger on every side."""
+        """The same shape, larger by this much on every side."""
         ...
 
     def distances(self, x: Floats, y: Floats) -> Floats:

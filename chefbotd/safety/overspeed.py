@@ -1,14 +1,14 @@
 """Wheels that turn much faster than they are asked to, beyond what braking explains.
 
-A feedforward made for another full scale, a gain that is ten times too large or a motor driver that is stuck does that,
-and no feedback that is limited can hold it. What a wheel rolls beyond the speed allowed to it is summed up, as in a
-CUSUM test (Page, "Continuous Inspection Schemes", Biometrika 41, 1954): so neither the rate of the readings nor their
-noise matters, and twice the excess is found in half the time. Forwards and backwards are summed apart, so an encoder
-that dithers sums up to nothing.
+Causes are a feedforward made for another full scale, a gain that is ten times too large, or a motor driver that is
+stuck. Feedback with a limited output cannot hold such a wheel. The way that a wheel rolls beyond its allowed speed is
+summed up, as in a CUSUM test (Page, "Continuous Inspection Schemes", Biometrika 41, 1954). So neither the rate of the
+readings nor their noise matters, and twice the excess is found in half the time. Forwards and backwards are summed
+separately, so an encoder that dithers adds up to nothing.
 
-Allowed is what a wheel was asked for, and a bit more. After it was asked for less it may be as fast as a wheel that
-slows down by ``braking_m_s2``. A reading damaged on the line may look like a leap, and the next good one like a leap
-back: neither is enough alone, and the excess has to last.
+The allowed speed is what the wheel was asked for, and a margin. After it was asked for less, the wheel may be as fast
+as one that slows down by ``braking_m_s2``. A reading damaged on the line may look like a leap, and the next good one
+like a leap back. Neither is enough alone, and the excess has to last.
 """
 
 from pydantic import Field
@@ -38,7 +38,7 @@ LEAP_SHARE = 0.8
 
 
 class Excess(Record, frozen=True):
-    """How fast a wheel may be for what it was asked, how far beyond it went forwards and backwards, and since when."""
+    """The allowed speed of a wheel, how far it rolled beyond that forwards and backwards, and since when."""
 
     asked_m_s: float = 0.0
     ahead_m: float = 0.0
@@ -50,7 +50,7 @@ OverspeedState = tuple[Excess, ...]
 
 
 def at_rest(wheels: int) -> OverspeedState:
-    """So many wheels of which nothing is known."""
+    """The state of this many wheels before the first reading."""
     return (Excess(),) * wheels
 
 
@@ -65,8 +65,8 @@ def watch(
 ) -> tuple[OverspeedState, Fault | None]:
     """A good reading, ``dt_s`` after the last one, in which each rim rolled ``travel_m``, asked for ``asked_m_s``.
 
-    Wheels whose reading is not believed (``excluded``) are not judged, and none is while nothing is asked of any: then
-    it is not the speed that is wrong (see ``chefbotd.safety.deaf``).
+    Wheels whose reading is not believed (``excluded``) are not judged. No wheel is judged while none is asked to move:
+    that case is ``chefbotd.safety.deaf``.
     """
     dt_s, driven = max(dt_s, 0.0), any(asked_m_s)
     wheels = zip(state, asked_m_s, travel_m, strict=True)
@@ -85,7 +85,7 @@ def watch(
 def _add(
     params: OverspeedParameters, excess: Excess, asked_m_s: float, travel_m: float, dt_s: float
 ) -> Excess:
-    """What the wheel rolled beyond what it was allowed to; less than that takes off, down to a late reading's worth."""
+    """Add what the wheel rolled beyond the allowed way. Rolling less takes off, down to the worth of a late reading."""
     fastest_m_s = excess.asked_m_s if excess.asked_m_s > asked_m_s else asked_m_s
     allowed_m_s = fastest_m_s * (1 + params.share) + params.margin_m_s
     allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.late_s

@@ -1,9 +1,9 @@
-"""Scans as a source of the obstacle guard: the robot's outline is looked ahead along the arc that it drives.
+"""Scans as a source of the obstacle guard: the robot's outline is moved ahead along the arc that it drives.
 
-Every point that a lidar sees is moved as the robot will, in the robot's frame, on a circle about the centre of its
-turn. The motion may be as fast as leaves room to brake along the same arc before the first point touches the outline.
-What would touch nothing is not slowed: a wall at the side, a table that is passed. Where the whole motion is not
-allowed, the part of it that is goes on: turning, or driving straight.
+In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
+may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline
+never touches slow nothing: a wall at the side, a table that is passed. Where the whole motion is not allowed, its
+allowed part goes on: turning, or driving straight.
 """
 
 import math
@@ -38,9 +38,9 @@ WHOLE = 1 - 1e-9
 
 
 class View(NamedTuple):
-    """What a lidar has seen lately: ``points_m`` (n, 2) in the robot's frame as it stands now.
+    """The recent points of a lidar: ``points_m`` (n, 2) in the robot's frame at its present pose.
 
-    The newest was measured at ``stamp_s`` and heard at ``arrival_s``; a turn takes ``turn_s``.
+    The newest was measured at ``stamp_s`` and received at ``arrival_s``; a turn of the lidar takes ``turn_s``.
     """
 
     lidar: str
@@ -59,7 +59,8 @@ def limit(
 ) -> tuple[Motion, str | None]:
     """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
 
-    That is ``obstacle:`` and the lidar that sees it, or ``silent:`` and the lidar that does not see any more.
+    The reason is ``obstacle:`` and the name of the lidar that sees it, or ``silent:`` and that of a lidar without a
+    recent scan.
     """
     look = _Look(params, outline, views, now_s)
     twist = wanted.twist if isinstance(wanted, WheelVelocities) else wanted
@@ -105,9 +106,9 @@ class _Look:
         return share, limited_by
 
     def most_of(self, wanted: Twist2D, share: float) -> Twist2D:
-        """As much of it as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
+        """As much of the motion as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
 
-        Where hardly anything is left of it, only the turning, or only the driving, if more is left of that.
+        Where hardly anything is left of the whole, only the turning or only the driving, if more is left of that.
         """
         linear_m_s, angular_rad_s = wanted.linear_m_s, wanted.angular_rad_s
         if linear_m_s == 0 or angular_rad_s == 0:
@@ -137,10 +138,10 @@ def _scaled(twist: Twist2D, share: float) -> Twist2D:
 def _share(
     params: GuardParameters, outline: Outline, points_m: Floats, twist: Twist2D, delay_s: float
 ) -> float:
-    """How much of its speed may be driven before these points: infinity where none is in the way.
+    """The share of its speed that the motion may have before these points; infinity where none is in the way.
 
-    Room is counted in seconds of the whole motion. After a delay ``d`` a share ``s`` falls by ``k`` each second, and so
-    takes ``s d + s^2 / 2k`` of it.
+    Room is counted in seconds of the whole motion. After a delay ``d`` a share ``s`` falls by ``k`` each second, and
+    so takes ``s d + s^2 / 2k`` of the room.
     """
     linear_m_s, angular_rad_s = abs(twist.linear_m_s), abs(twist.angular_rad_s)
     k = min(

@@ -1,20 +1,22 @@
 """Wheels that do not do what their motors are told: stalled, turning the wrong way, or with an encoder that jumps.
 
-A wheel that is driven hard enough to turn must turn, and the right way round. Only how long it was driven and how far it
-went are looked at, so neither the rate of the readings nor a velocity filter matters. Neither is forgotten when the
-direction changes: a wheel that is blocked, or whose encoder is dead, is found after the same time of driving however
-quickly the driver changes his mind. What clears a wheel is real travel, summed over pushes:
+A wheel that is driven hard enough to turn must turn, and in the right direction. The check uses only how long a wheel
+was driven and how far it went, so neither the rate of the readings nor a velocity filter matters. Neither sum is
+forgotten when the direction changes. So a wheel that is blocked, or whose encoder is dead, is found after the same
+time of driving, however often the driver changes direction. A push is the time between two changes of direction. Only
+real travel clears a wheel:
 
-- the way that it was pushed. A healthy wheel that is rocked goes that way with every push, be it by little;
-- while it rolls on after a change of direction: that is what it was pushed to before, and it does turn;
-- any way while it is not driven: it is neither blocked nor is its encoder dead.
+- travel in the direction of the push. A healthy wheel that is rocked moves in that direction with every push, be it by
+  little;
+- travel while it rolls on after a change of direction: the push before caused it, so the wheel does turn;
+- travel in any direction while it is not driven: it is neither blocked nor is its encoder dead.
 
-Travel within the play of three counts is none (as in a hysteresis: only what drags the ends of the play along counts).
-So an encoder that dithers by a count clears nobody, however often the direction changes. Travel the wrong way is taken
-off that the right way, so a larger dither under a steady push clears nobody either.
+Travel within a play of three counts does not count (hysteresis: only what drags the ends of the play along counts). So
+an encoder that dithers by a count clears no wheel, however often the direction changes. Travel in the wrong direction
+is subtracted from that in the right one, so a larger dither under a steady push clears no wheel either.
 
-Reversed is the mirror of it: travel against the pushes, less travel with them, summed over pushes. A wheel that only
-rolls on is excused, for ``rolls_on_s``, until it stands or turns round.
+Reversed is the mirror of stalled: travel against the pushes, less travel with them, summed over pushes. A wheel that
+still rolls on from the push before is excused for ``rolls_on_s``, until it stands or turns round.
 """
 
 import math
@@ -78,7 +80,7 @@ class WheelWatchState(Record, frozen=True):
 
 
 def at_rest(wheels: int) -> WheelWatchState:
-    """So many wheels of which nothing is known."""
+    """The state of this many wheels before the first reading."""
     return WheelWatchState((Push(),) * wheels, (0.0,) * wheels)
 
 
@@ -127,7 +129,7 @@ def _push(
     dt_s: float,
     half_play_rad: float,
 ) -> Push:
-    """A reading later: what the wheel moved, and whether it rolled on or was driven to it."""
+    """The push after a reading: what the wheel moved, and whether it rolled on or was driven to it."""
     reached_rad = push.play_rad + travel_rad
     play_rad = reached_rad
     if not -half_play_rad <= reached_rad <= half_play_rad:
@@ -155,7 +157,7 @@ def _push(
 def _charge(
     params: WheelWatchParameters, push: Push, effort: float, ahead_rad: float, dt_s: float
 ) -> tuple[float, float]:
-    """The time that the wheel was driven for and the way that it went wrong: more of them, or less with a pause."""
+    """Add the time that the wheel was driven for and the way that it went wrong; a pause reduces both."""
     if not -params.driven_duty_share < effort < params.driven_duty_share:
         weight = (effort / FULL_WEIGHT_SHARE) ** 2
         against_rad = push.against_rad - ahead_rad
@@ -169,7 +171,7 @@ def _charge(
 def _first_fault(
     params: WheelWatchParameters, names: tuple[str, ...], pushes: tuple[Push, ...], effort: tuple[float, ...]
 ) -> Fault | None:
-    """Of a wheel that is driven: one that is not was judged when it was."""
+    """The first fault among the wheels that are driven. A wheel that is not driven was judged when it was."""
     for name, push, share in zip(names, pushes, effort, strict=True):
         if -params.driven_duty_share < share < params.driven_duty_share:
             continue

@@ -48,7 +48,7 @@ class BatteryParameters(Parameters):
 
 
 class BatteryState(Record, frozen=True):
-    """How urgent the last measurement was, for the hysteresis."""
+    """The status of the last measurement, for the hysteresis."""
 
     status: BatteryLevelStatus = BatteryLevelStatus.OK
 
@@ -59,7 +59,7 @@ START = BatteryState()
 def measure(
     params: BatteryParameters, state: BatteryState, counted: BatteryCounted
 ) -> tuple[BatteryState, BatteryMeasured]:
-    """The next state and what an ADC reading says."""
+    """The next state, and the meaning of an ADC reading."""
     voltage_v = counted.adc / params.adc_full_scale * params.reference_v * params.divider_ratio
     status = _status(params, voltage_v, state.status)
     percentage = _percentage(params.discharge_curve, voltage_v)
@@ -77,7 +77,7 @@ def _percentage(curve: tuple[tuple[float, float], ...], voltage_v: float) -> flo
 
 
 def _status(params: BatteryParameters, voltage_v: float, previous: BatteryLevelStatus) -> BatteryLevelStatus:
-    """Worse at once, better only past the hysteresis."""
+    """The status: it gets worse at once, and better only past the hysteresis."""
     was_critical = previous is BatteryLevelStatus.CRITICAL
     was_low = previous is not BatteryLevelStatus.OK
     if voltage_v < params.critical_v + (params.hysteresis_v if was_critical else 0.0):

@@ -36,7 +36,7 @@ class MonotoneCurve:
 
 
 def _slopes(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """The curve's slope at every point."""
+    """The slope of the curve at every point."""
     widths = [b - a for a, b in pairwise(x)]
     rises = [(b - a) / width for (a, b), width in zip(pairwise(y), widths, strict=True)]
     if len(rises) == 1:
@@ -57,7 +57,7 @@ def _inner_slope(widths: tuple[float, float], rises: tuple[float, float]) -> flo
 
 
 def _end_slope(width: float, next_width: float, rise: float, next_rise: float) -> float:
-    """A three-point estimate, held to what keeps the end monotone."""
+    """A three-point estimate, limited so that the end stays monotone."""
     slope = ((2 * width + next_width) * rise - width * next_rise) / (width + next_width)
     if slope * rise <= 0:
         return 0.0

@@ -1,11 +1,14 @@
 """Infrared range finder (Sharp GP2Y0A02YK): an analogue voltage that falls with distance, and folds back.
 
-Nearer than its fold (about 0.15 m) the voltage falls again, so a near object looks like a far one, and one reading
-cannot tell them apart. What came before can: an object that comes closer gets to the near side of the fold only through
-the peak. So whatever may have got there (each sample counts, not only their median: one that was too near, one that
-would be with the next if it goes on coming, one after a pause in which nobody looked, and the first of all) is told as
-ambiguous, until a voltage is seen that nothing on the near side gives. Nothing gives less there than an object that
-touches the robot, which is ``setback_m`` from the sensor.
+Nearer than the fold (about 0.15 m) the voltage falls again, so a near object looks like a far one. One reading cannot
+tell them apart, but the readings before it can: an object that comes closer reaches the near side of the fold only
+through the peak voltage.
+
+So a reading is ambiguous from the moment at which an object may have got past the peak. That is after a sample that
+was too near, after one that the next sample would find too near at the present pace, after a pause without samples,
+and at the start. Every single sample counts for this, not only the median. The reading stays ambiguous until a voltage
+is seen that nothing on the near side can cause. The lowest voltage there comes from an object that touches the robot,
+which is ``setback_m`` from the sensor.
 """
 
 import math
@@ -50,11 +53,12 @@ class InfraredParameters(Parameters):
     """The analogue input and its reference, the calibrated curves, the trusted band, the cone and the mount.
 
     ``curve_v_m`` are (volts, metres) from the fold outwards, ``near_curve_v_m`` those from the sensor to the fold.
-    ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: nothing gets nearer
-    to it than that. 0.10 m behind the bumper, what may be folded is believed again below 2.0 V (from 0.30 m on); at the
-    very front (0) only when nothing at all is in sight. After ``longest_gap_s`` without a reading nothing of before
-    counts; what would be across the peak after so long, at its present pace, may be folded as well. Only the
-    robot's description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
+    ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: no object gets
+    nearer to the sensor than that. With 0.10 m, an ambiguous reading is trusted again below 2.0 V (from 0.30 m on);
+    with 0, only when nothing at all is in sight. After ``longest_gap_s`` without a reading the earlier readings no
+    longer count; an object that could cross the peak in that time, at its present pace, makes the reading ambiguous as
+    well. Only the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the
+    axles.
     """
 
     name: str = Field(default="front", min_length=1)
@@ -104,25 +108,25 @@ class InfraredParameters(Parameters):
 
     @cached_property
     def metres_by_volts(self) -> MonotoneCurve:
-        """The curve, ready to be asked."""
+        """The curve from volts to metres."""
         return MonotoneCurve(self.curve_v_m[::-1])
 
     @cached_property
     def certain_below_v(self) -> float:
-        """Nothing on the near side of the fold gives as little as this."""
+        """No object on the near side of the fold causes a voltage as low as this."""
         volts_by_metres = MonotoneCurve([(metres, volts) for volts, metres in self.near_curve_v_m])
         return volts_by_metres.at(self.setback_m) - MARGIN_V
 
 
 class Sample(NamedTuple):
-    """A reading in volts, and when it was made."""
+    """A voltage, and when it was measured."""
 
     volts: float
     stamp_s: float
 
 
 class InfraredState(Record, frozen=True):
-    """The latest samples, newest last, and whether what is in front may be nearer than the fold: so at the start."""
+    """The latest samples, newest last, and whether an object may be nearer than the fold: at the start it may."""
 
     recent: tuple[Sample, ...] = ()
     maybe_folded: bool = True
@@ -159,9 +163,9 @@ def interpret(
 
 
 def _may_fold(params: InfraredParameters, before: tuple[Sample, ...], sample: Sample) -> bool:
-    """Whether what this sample sees is too near, or may be across the peak before the next one must be there.
+    """Whether an object in this sample is too near, or may be past the peak before the next sample is due.
 
-    What appears out of nothing is coming infinitely fast: it may have come from the side.
+    An object that was not in sight before may have come from the side, at any speed.
     """
     distance_m = _distance_m(params, sample.volts)
     if distance_m < params.min_range_m or not before:
@@ -173,7 +177,7 @@ def _may_fold(params: InfraredParameters, before: tuple[Sample, ...], sample: Sa
 
 
 def _distance_m(params: InfraredParameters, volts: float) -> float:
-    """What the curve makes of a voltage if nothing is nearer than the fold; inf below its last point."""
+    """The distance of a voltage if no object is nearer than the fold; infinity below the last point of the curve."""
     farthest_v, _ = params.curve_v_m[-1]
     return params.metres_by_volts.at(volts) if volts >= farthest_v else math.inf
 

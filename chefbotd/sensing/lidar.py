@@ -1,4 +1,4 @@
-"""Lidars: which one, where it is plugged in and mounted, and what of its turn is used. Loads no numpy.
+"""Lidars: model, port, mount, and the part of each turn that is used. Loads no numpy.
 
 Source of the ranges: LDROBOT's LD06 and LD19 data sheets, Slamtec's A1M8 and A2M8 data sheets.
 """
@@ -40,13 +40,12 @@ MAX_SECTOR_RAD = 2 * math.tau
 class LidarParameters(Parameters):
     """One lidar, a ``[[lidar]]`` table each.
 
-    ``device`` is a path (better ``/dev/serial/by-id/...``) or ``socket://host:port``, ``baud`` the model's own if left
-    out, and so are ``min_range_m`` and ``max_range_m``. The mount is where the lidar's axis is, seen from the base;
-    ``mount_yaw_rad`` is where its zero mark points, CCW seen from above, ``upside_down`` or not. Only the robot's
-    description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
-
-    ``blind_sectors_rad`` are spans (from, to) of bearings that are not looked at, CCW seen from above, 0 at the zero
-    mark: what stands on the robot beside the lidar. With ``guards`` the obstacle guard slows for what the lidar sees.
+    ``device`` is a path (better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``baud``, ``min_range_m`` and
+    ``max_range_m`` are those of the model unless they are set. The mount is the position of the lidar's axis in the
+    base frame; ``mount_yaw_rad`` is the direction of its zero mark, CCW seen from above, ``upside_down`` or not. Only
+    the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the axles.
+    ``blind_sectors_rad`` are spans (from, to) of bearings that are ignored, CCW seen from above, 0 at the zero mark:
+    they hide parts of the robot beside the lidar. With ``guards`` the obstacle guard slows for what the lidar sees.
     With ``express`` an RPLIDAR that offers the express scan is asked for it.
     """
 

@@ -1,4 +1,4 @@
-"""Ultrasonic range finder (HC-SR04): whole centimetres to a range that says what it knows."""
+"""Ultrasonic range finder (HC-SR04): whole centimetres to a range, or to the reason why there is none."""
 
 import math
 from typing import Self
@@ -13,7 +13,7 @@ from chefbotd.core.parameters import Parameters
 class UltrasonicParameters(Parameters):
     """The band in which the sensor is trusted, its cone (full angle), and its place in ``base_footprint``.
 
-    Only the robot's description needs ``mount_z_m``, the height above the floor; left out it is that of the axles.
+    Only the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the axles.
     """
 
     name: str = Field(default="front", min_length=1)
@@ -40,7 +40,7 @@ class UltrasonicParameters(Parameters):
 
 
 def interpret(params: UltrasonicParameters, echoed: UltrasonicEchoed) -> RangeMeasured:
-    """What a reading says; 0 cm is no echo, and a distance outside the band is never passed on as one."""
+    """The range of a reading. 0 cm is no echo; a distance outside the band is never passed on as a distance."""
     distance_cm = echoed.distance_cm
     status = _status(params, distance_cm)
     return RangeMeasured(
