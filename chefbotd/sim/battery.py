@@ -1,4 +1,4 @@
-"""The battery: what is left in it, the voltage it gives for that, and what the board's ADC reads of it."""
+"""The battery: its charge, its voltage under load, and what the board's ADC reads of it."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ ADC_MAX = 4095
 
 @dataclass(frozen=True, slots=True)
 class Divider:
-    """What lies between the battery and the ADC's count: so much less of its voltage, and so much is full scale."""
+    """The voltage divider between the battery and the ADC, and the ADC's full scale."""
 
     reference_v: float = 3.3
     ratio: float = 4.0
@@ -30,7 +30,7 @@ class Battery:
 
     @classmethod
     def fresh(cls, parameters: BatteryParameters) -> "Battery":
-        """The battery as it is when the simulation starts."""
+        """The battery at the start of the simulation."""
         return cls(parameters, parameters.start_charge_share)
 
     @property

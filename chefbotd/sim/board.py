@@ -13,10 +13,10 @@ STALE_S = 0.5
 
 
 class BoardRunner:
-    """Powers a board on at construction and keeps its time level with the clock's.
+    """Powers a board on at construction, and runs it at the pace of the clock.
 
-    Times of emission are absolute, so being late does not add up. Lines more than ``STALE_S`` late are
-    counted and not sent: after a long stall the host gets the present, not minutes of the past at once.
+    Lines are due at absolute times, so delays do not add up. Lines more than ``STALE_S`` late are counted and not
+    sent: after a long stall the host gets the present, not minutes of the past at once.
     """
 
     def __init__(self, launchpad: Launchpad, send: Callable[[bytes], None], clock: Clock) -> None:
@@ -39,16 +39,16 @@ class BoardRunner:
         self._launchpad.receive(data, self.board_s())
 
     def truth(self, stamp_s: float) -> TruthSimulated:
-        """Where the robot really is now, stamped as told."""
+        """The true pose and motion of the robot now, with the given stamp."""
         return self._launchpad.truth(self.board_s(), stamp_s)
 
     def trail(self, since_s: float) -> Vector:
-        """Where the robot was since this time of the board's: rows of time, x, y, heading, a step apart."""
+        """The robot's poses since this board time: rows of time, x, y, heading, one per step."""
         return self._launchpad.trail(self.board_s(), since_s)
 
     @property
     def crowd(self) -> Crowd:
-        """Who and what stands about the robot: things can be put there, and taken away."""
+        """People and things around the robot; things can be put there and taken away."""
         return self._launchpad.crowd
 
     async def run(self) -> None:
@@ -66,5 +66,5 @@ class BoardRunner:
             self._send(b"".join(fresh))
 
     def board_s(self) -> float:
-        """How long the board has been powered on."""
+        """For how long the board has been powered on."""
         return self._clock.now_s() - self._powered_on_s

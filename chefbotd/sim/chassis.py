@@ -1,4 +1,4 @@
-"""The robot's wheels as they are built: on which side, how large, wired which way round, and where along the robot."""
+"""The wheels as they are built: side, size, wiring, and position along the robot."""
 
 from dataclasses import dataclass
 

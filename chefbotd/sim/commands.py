@@ -1,7 +1,8 @@
-"""How a sketch takes the host's bytes for commands.
+"""How a sketch reads commands from the host's bytes.
 
-The published ones use a library (Messenger) that cuts a line into words and reads numbers like C's ``atol``: ``66s`` is
-66, and a word that is not there is 0. So what is left of two commands whose middle was lost is obeyed.
+The published sketches use a library (Messenger) that cuts a line into words and reads numbers like C's ``atol``:
+``66s`` is 66, and a missing word is 0. So if the middle of two commands is lost, the sketch obeys what is left of
+them.
 """
 
 import re
@@ -16,7 +17,7 @@ Command = SetDuty | ResetBoard
 
 
 class CommandReader:
-    """Obeys as the published sketches do: of a line the first ``s`` with the numbers behind it, and each ``r`` before.
+    """Reads as the published sketches do: of a line the first ``s`` with its numbers, and each ``r`` before it.
 
     Beyond 64 bytes a line begins anew.
     """

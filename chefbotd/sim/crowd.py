@@ -1,4 +1,4 @@
-"""People who walk about, and things that were put in the way: discs on the floor that are on no map."""
+"""People who walk around, and things in the way: discs on the floor that are on no map."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ PACE_SPREAD = 0.1
 
 
 class Person:
-    """Walks along a path, to and fro or round and round; may wait for the robot."""
+    """Walks along a path, back and forth or in circles; may wait for the robot."""
 
     def __init__(self, parameters: PersonParameters, chance: np.random.Generator) -> None:
         self._parameters, self._chance = parameters, chance
@@ -35,7 +35,7 @@ class Person:
         return (*self._place(self._walked_m), self._parameters.radius_m)
 
     def step(self, dt_s: float, robot: Pose2D, robot_radius_m: float) -> None:
-        """Walk on for ``dt_s``, unless this is a pause, or the way is the robot's and this person waits for it."""
+        """Walk on for ``dt_s``, unless it pauses or waits for the robot to pass."""
         if self._pause_s > 0:
             self._pause_s -= dt_s
             return
@@ -61,7 +61,7 @@ class Person:
         self._speed_m_s = self._parameters.speed_m_s * self._spread()
 
     def _is_met(self, wanted_m: float, robot: Pose2D, robot_radius_m: float) -> bool:
-        """Whether the next step would bring this person closer to the robot than is kept."""
+        """Whether the next step would bring this person too close to the robot."""
         kept_m = self._parameters.radius_m + robot_radius_m + self._parameters.keeps_m
         now, then = self._place(self._walked_m), self._place(wanted_m)
         there = (robot.x_m, robot.y_m)
@@ -74,7 +74,7 @@ class Person:
 
 
 class Crowd:
-    """All that stands or walks about; ``discs`` (D x 3: x, y, radius) is where it is now."""
+    """All people and things; ``discs`` (D x 3: x, y, radius) are their present places."""
 
     def __init__(
         self, people: Sequence[PersonParameters], things: Sequence[ThingParameters], seed: int

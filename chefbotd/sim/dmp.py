@@ -1,4 +1,4 @@
-"""The motion processor of the MPU-6050: it has a sample every period, and keeps them until they are read."""
+"""The motion processor of the MPU-6050: it takes a sample every period, and keeps samples until they are read."""
 
 from collections import deque
 from typing import NamedTuple
@@ -12,7 +12,7 @@ FIFO_SAMPLES = 24
 
 
 class Sample(NamedTuple):
-    """What was felt, and when."""
+    """A motion, and when it was sampled."""
 
     at_s: float
     motion: Motion
@@ -34,7 +34,7 @@ class MotionProcessor:
 
     @property
     def ready_s(self) -> float:
-        """When the oldest sample is there."""
+        """When the oldest sample is available."""
         return self._samples[0].at_s if self._samples else self._next_s
 
     def read(self, now_s: float) -> Sample | None:

@@ -63,7 +63,7 @@ class EmbeddedBoard:
         self._pty.plug()
 
     def share_truth(self) -> Path:
-        """The path of a file that from now on has the truth for other processes (``truth_file.TruthReader``)."""
+        """Write the truth into a file for other processes from now on; its path (``truth_file.TruthReader``)."""
         path = Path(self._folder.name) / "truth"
         self._truth_file = TruthWriter(path)
         return path

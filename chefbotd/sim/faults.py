@@ -1,6 +1,6 @@
-"""A bad cable: bytes that arrive flipped, not at all, or twice, and noise between them.
+"""A bad cable: bytes that arrive with a flipped bit, not at all, or twice, and noise between them.
 
-Which bytes are hit depends on the seed and on their place in the stream, never on how it is chunked.
+Which bytes are hit depends on the seed and on their place in the stream, never on the chunks.
 """
 
 import math
@@ -33,7 +33,7 @@ class CableParameters(Parameters):
 
 
 class BadCable:
-    """One direction of a cable; ``counts`` says how often it did what."""
+    """One direction of a cable; ``counts`` says how often each fault happened."""
 
     def __init__(self, parameters: CableParameters, seed: int) -> None:
         shares = (

@@ -1,4 +1,4 @@
-"""What a Sharp GP2Y0A02YK makes of the world: a voltage that rises with distance up to its fold, and falls beyond."""
+"""The output of a Sharp GP2Y0A02YK: a voltage that rises with distance up to its fold, and falls beyond."""
 
 import math
 
@@ -43,7 +43,7 @@ class Infrared:
         self.channel = parameters.channel
 
     def adc_counts(self, world_from_base: Pose2D, chance: np.random.Generator) -> int:
-        """The 12-bit reading of what stands nearest in its cone."""
+        """The 12-bit reading of the nearest object in its cone."""
         volts = voltage(self._fan.nearest_m(world_from_base))
         volts += float(chance.standard_normal()) * self._parameters.noise_v
         return min(max(round(volts / self._parameters.reference_v * ADC_MAX), 0), ADC_MAX)

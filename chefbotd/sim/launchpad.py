@@ -12,7 +12,7 @@ from chefbotd.sim_parameters.sketches import BoardParameters
 
 
 class Launchpad:
-    """A board wired to a robot, powered on at time 0. When and how often it is asked changes nothing."""
+    """A board wired to a robot, powered on at time 0. When and how often it is advanced changes nothing."""
 
     def __init__(
         self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
@@ -44,7 +44,7 @@ class Launchpad:
         return self._uart.received_dropped
 
     def next_event_s(self) -> float:
-        """When to call ``advance`` next: no line leaves before."""
+        """When to call ``advance`` next: no line leaves before then."""
         return min(self._uart.next_s, self._resume_s)
 
     def advance(self, to_s: float) -> list[tuple[float, bytes]]:

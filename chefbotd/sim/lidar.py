@@ -11,9 +11,9 @@ from chefbotd.sim.spinning import SpinningLidar
 
 
 class LidarRunner:
-    """Sends what has left the lidar each time its USB converter hands over.
+    """Sends the lidar's packets each time its USB converter hands over.
 
-    It has its time from the board's: both are powered on together.
+    Its time is that of the board: both are powered on together.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class LidarRunner:
             self._send(carried)
 
     def turn(self, by_rad: float) -> None:
-        """Turn the lidar in its mount, which no configuration knows of."""
+        """Turn the lidar in its mount, which the configuration does not know."""
         self._lidar.turn(by_rad)
 
     async def run(self) -> None:

@@ -1,4 +1,4 @@
-"""What may befall a lidar's bytes between it and the host."""
+"""Faults of a lidar's bytes on the way to the host."""
 
 import math
 import random
@@ -11,7 +11,7 @@ TURN_PACKETS = 38
 
 
 class LidarFault(StrEnum):
-    """What happens to the lidar, for as long as it lasts.
+    """A fault of the lidar, for as long as it is set.
 
     ``silent``: nothing comes. ``garbage``: other bytes, as many. ``cut``: each packet lacks some of its bytes.
     ``doubled``: each packet comes twice. ``frozen``: the last turn comes again and again. ``wrong_baud``: the host
@@ -36,7 +36,7 @@ class LidarLine:
         self.fault: LidarFault | None = None
 
     def carry(self, packets: Sequence[bytes]) -> bytes:
-        """What arrives of the next packets that are sent."""
+        """The bytes of the next packets that arrive."""
         match self.fault:
             case None | LidarFault.STALLED:
                 self._last_turn.extend(packets)
@@ -80,7 +80,7 @@ class LidarLine:
 
 
 def heard_at(data: bytes, share: float) -> bytes:
-    """What a receiver takes these bytes for (8N1, sent without a pause) that listens at a share of the sender's rate."""
+    """The bytes that a receiver reads (8N1, sent without a pause) which listens at a share of the sender's rate."""
     bits = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
     heard, at, width = bytearray(), 0, 1 / share
     while at + BITS_A_BYTE * width <= len(bits):

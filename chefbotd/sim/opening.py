@@ -1,4 +1,4 @@
-"""What a host hears that opens the port while the board is talking: the end of a line first."""
+"""What a host reads first that opens the port while the board is sending: the end of a line."""
 
 from collections.abc import Callable
 

@@ -13,11 +13,11 @@ HOST_POLL_S = 0.02
 
 
 class PtyBoard:
-    """The host's end is ``device``, and ``link_path`` if given: a stable name, like udev's, that follows it.
+    """The host's end is ``device``, and ``link_path`` if given: a stable name, like udev's, that points to it.
 
-    The board has its own power: pulling the cable leaves it running, only unheard. Bytes that the host does
-    not take are lost and counted, as in a UART bridge: a device that nobody has open takes none, and one that
-    is open but not read holds what the kernel's buffer holds (about 16 KiB).
+    The board has its own power, so it runs on while its cable is pulled. Bytes that the host does not take are lost
+    and counted, as in a UART bridge: a device that nobody has open takes none, and one that is open but not read holds
+    as many as the kernel's buffer (about 16 KiB).
     """
 
     def __init__(self, receive: Callable[[bytes], None], link_path: Path | None = None) -> None:

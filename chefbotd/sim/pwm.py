@@ -1,4 +1,4 @@
-"""What the board's PWM makes of the number in a motor command."""
+"""How the board's PWM reads the number in a motor command."""
 
 import math
 from collections.abc import Callable

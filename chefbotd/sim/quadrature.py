@@ -12,7 +12,7 @@ LEVELS = (0b00, 0b10, 0b11, 0b01)
 
 
 class Edge(NamedTuple):
-    """The levels after an edge, and when it was."""
+    """The levels after an edge, and its time."""
 
     at_s: float
     levels: int
@@ -26,9 +26,9 @@ class Taken(NamedTuple):
 
 
 class EdgeRecorder:
-    """Watches wheels turn, a step at a time, and keeps their edges until they are taken.
+    """Finds the edges of turning wheels, a step at a time, and keeps them until they are taken.
 
-    The board has room for ``buffer_edges`` of each wheel; later ones it counts and drops.
+    The board has room for ``buffer_edges`` of each wheel; it counts later ones and drops them.
     """
 
     def __init__(self, counts_per_rad: Sequence[float], buffer_edges: int) -> None:
@@ -49,7 +49,7 @@ class EdgeRecorder:
         self._totals = [0] * len(self._totals)
 
     def take(self, to_s: float) -> list[Taken]:
-        """Each wheel's edges up to this time, and not again."""
+        """Each wheel's edges up to this time, once."""
         return [self._take(wheel, to_s) for wheel in range(len(self._edges))]
 
     def _take(self, wheel: int, to_s: float) -> Taken:

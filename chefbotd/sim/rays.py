@@ -1,7 +1,7 @@
-"""Beams against walls and discs, many at once and each from its own place.
+"""Beams against walls and discs: many at once, each with its own origin.
 
-Of a building's walls few lie in the sector into which a lidar looks within a hundredth of a second. For places near one
-of reference, each wall's span of bearings is worked out once, widened by what the robot may move meanwhile.
+Within a hundredth of a second a lidar looks into a small sector, in which few of a building's walls lie. For origins
+near a place of reference, each wall's span of bearings is computed once, and widened by the robot's possible motion.
 """
 
 import math
@@ -20,9 +20,9 @@ FLIP = np.array([1.0, -1.0])
 
 
 class Hits(NamedTuple):
-    """For each beam how far it runs (inf: it meets nothing), what it meets (``NOTHING``: a disc), and how squarely.
+    """For each beam its length (inf: it meets nothing), what it meets (``NOTHING``: a disc), and at which angle.
 
-    ``square`` is the cosine between the beam and what stands upright on the face: 1 head-on, 0 grazing.
+    ``square`` is the cosine between the beam and the normal of the face: 1 head-on, 0 grazing.
     """
 
     range_m: Vector

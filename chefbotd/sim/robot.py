@@ -1,7 +1,7 @@
-"""The simulated robot: motors, battery and walls put together, stepped on a fixed grid of time.
+"""The simulated robot: motors, battery and walls together, stepped on a fixed grid of time.
 
-State exists at whole steps only; a reading between two of them is interpolated and a command given between
-two of them acts from the second. So when and how often the robot is looked at never changes what it does.
+State exists at whole steps only. A reading between two steps is interpolated; a command between two steps acts from
+the second. So when and how often the robot is advanced never changes what it does.
 """
 
 import math
@@ -31,8 +31,8 @@ TOUCH_M = 1e-6
 class RobotState:
     """Everything about the robot at one step.
 
-    ``free_m`` is how far it can certainly go before it touches a wall; ``skid`` is the share of its motion
-    that a wall takes away.
+    ``free_m`` is how far it can certainly move before it touches a wall; ``skid`` is the share of its motion that a
+    wall takes away.
     """
 
     world_from_base: Pose2D
@@ -102,7 +102,7 @@ class Robot:
         self._watchers.append(watcher)
 
     def advance(self, to_s: float) -> None:
-        """Bring the robot to this time, at which the readings below are taken; never back."""
+        """Advance the robot to this time, at which the readings below are taken; never back."""
         self._read_s = max(to_s, self._read_s)
         while self._steps * self._plant.step_s < self._read_s:
             self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
@@ -129,7 +129,7 @@ class Robot:
 
     @property
     def crowd(self) -> Crowd:
-        """Who and what stands about."""
+        """People and things around the robot."""
         return self._crowd
 
     @property

@@ -1,4 +1,4 @@
-"""Where the walls come from: a furnished room, a building of `worlds`, or a map in map_server's format."""
+"""Sources of walls: a furnished room, a building of `worlds`, or a map in the format of map_server."""
 
 import math
 from collections.abc import Collection

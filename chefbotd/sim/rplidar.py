@@ -1,8 +1,9 @@
-"""A simulated RPLIDAR A1 or A2: it answers requests, and sends the nodes of a standard scan while one is asked for.
+"""A simulated RPLIDAR A1 or A2: it answers requests, and sends the nodes of a standard scan once one is requested.
 
-It tells a firmware before 1.17, which offers no express scan. An A1's motor is switched by DTR, which nobody sees over a
-pseudo-terminal: it turns always. An A2's turns when it is told to. Points and turns a second are those of Slamtec's
-data sheets for the standard scan (A1M8: 2000 and 5.5; A2M8 at 115200 baud: 2000 and 10); so many nodes fit the wire.
+It reports a firmware before 1.17, which offers no express scan. The motor of an A1 is switched by DTR, which does not
+pass a pseudo-terminal: it always turns. That of an A2 turns on request. Points and turns a second are those of
+Slamtec's data sheets for the standard scan (A1M8: 2000 and 5.5; A2M8 at 115200 baud: 2000 and 10); the line carries
+that many nodes.
 """
 
 from functools import reduce

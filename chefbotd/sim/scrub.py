@@ -1,4 +1,4 @@
-"""What dragging wheels sideways costs a robot that turns by skidding."""
+"""What a robot pays for dragging wheels sideways when it turns by skidding."""
 
 import math
 from collections import Counter
@@ -11,10 +11,10 @@ from chefbotd.sim.chassis import Chassis
 
 
 class Scrub:
-    """The torque that each axle gives away so that the robot may turn.
+    """The torque that each axle loses so that the robot may turn.
 
-    A wheel resists with ``grip_n`` at its distance from the middle, as far as its way over the ground is sideways; all
-    wheels together overcome that, each with the same force at the rim, at a lever of half a track.
+    A wheel resists with ``grip_n`` at its distance from the middle, in the share of its way over the ground that is
+    sideways. All wheels together overcome that, each with the same force at the rim, at a lever of half a track.
     """
 
     def __init__(self, chassis: Chassis, wheelbase_m: float, radii_m: Vector, grip_n: float) -> None:

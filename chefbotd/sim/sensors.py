@@ -1,4 +1,4 @@
-"""What the robot's ultrasonic sensor and IMU make of the truth; chance comes as a seeded generator."""
+"""The readings of the robot's ultrasonic sensor and IMU; chance comes from a seeded generator."""
 
 import math
 from dataclasses import dataclass, field
@@ -58,7 +58,7 @@ class Ultrasonic:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What an IMU feels: heading (world frame), turning, and acceleration in the base frame."""
+    """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame."""
 
     heading_rad: float
     angular_rad_s: float

@@ -1,4 +1,4 @@
-"""What a level beam at one height meets, and what the surface makes of it."""
+"""What a level beam at one height meets, and how the surface returns it."""
 
 from typing import NamedTuple
 

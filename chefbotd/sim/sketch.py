@@ -1,12 +1,13 @@
-"""The sketch that runs on the simulated board, written as the program it stands for.
+"""The sketch that runs on the simulated board, written in the order of the real program.
 
-It prints, waits and loops: a generator that yields the time at which it goes on. So whatever blocks it (the ultrasonic
-sensor, the motion processor, a full UART) delays all that follows, as on the board, and waiting costs nothing. A motor
-command is put into force only after all bytes that wait have been read, and after the echo was waited for: ``s 0 0`` and
-``r`` that come together leave the motors running for the second that ``r`` takes. There is no watchdog.
+It prints, waits and loops: a generator that yields the time at which it goes on. So everything that blocks it (the
+ultrasonic sensor, the motion processor, a full UART) delays all that follows, as on the board, and waiting costs
+nothing. A motor command takes effect only after all waiting bytes have been read, and after the wait for the
+ultrasonic echo: ``s 0 0`` and ``r`` that come together leave the motors running for the second that ``r`` takes. There
+is no watchdog.
 
-One program stands for every sketch (``sketches.py``). What is not wired to the board is not reported, and a board that
-decodes no encoders sends their edges before each ``t``.
+One program serves for every sketch (``sketches.py``). A sensor that is not wired to the board is not reported. A board
+that decodes no encoders sends their edges before each ``t``.
 """
 
 import math
@@ -151,7 +152,7 @@ class Sketch:
             yield from self._print(EncoderCounts(self._counts()))
 
     def _report_ultrasonic(self) -> Iterator[float]:
-        """The sketch stands still until the echo is back, or until it gives up."""
+        """The sketch blocks until the echo is back, or until it gives up."""
         if self._wiring.ultrasonic is None:
             return
         distance_m = self._wiring.ultrasonic.distance_m(self._robot.state.world_from_base, self._chance)
@@ -220,7 +221,7 @@ class Sketch:
         self._robot.drive([sign * pwm_share(law, full_scale, each) for each, sign in wheels])
 
     def _micros(self, at_s: float) -> int:
-        """Microseconds since the board started, as its 32-bit counter shows them."""
+        """Microseconds since the board started, in its 32-bit counter."""
         return (self._micros_at_start + int((at_s - self._started_s) * 1e6)) % UINT32_SPAN
 
     def _counted(self) -> tuple[int, ...]:

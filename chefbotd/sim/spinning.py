@@ -69,11 +69,11 @@ class SpinningLidar(ABC):
         return b""
 
     def stall(self, at_s: float) -> None:
-        """Something holds the motor from now on."""
+        """Hold the motor from now on."""
         self._stalled_at_s = min(at_s, self._stalled_at_s)
 
     def release(self, at_s: float) -> None:
-        """The motor turns again."""
+        """Let the motor turn again."""
         self._stalled_s += max(at_s - self._stalled_at_s, 0.0)
         self._stalled_at_s = math.inf
 
@@ -132,7 +132,7 @@ class SpinningLidar(ABC):
         """Points as packets: when, after how many turns, how far (0: no reading) and how bright."""
 
     def _pass_over(self, points: int) -> None:
-        """Spend the chance of points that nobody sees, so that later ones are the same."""
+        """Draw the random numbers of points that nobody reads, so that later points stay the same."""
         if points:
             self._noise.standard_normal(points)
             self._luck.random(points)

@@ -1,4 +1,4 @@
-"""Where the simulated robot is, for other processes: a small shared file, written often and never waited for."""
+"""The true pose of the simulated robot for other processes: a small shared file, written often, read without waiting."""
 
 import mmap
 import struct
@@ -17,7 +17,7 @@ MOST_DISCS = 128
 
 
 class Truth(NamedTuple):
-    """When, from where, and among which discs (D x 3: x, y, radius)."""
+    """A time, a pose, and the discs around the robot (D x 3: x, y, radius)."""
 
     stamp_s: float
     world_from_base: Pose2D

@@ -5,7 +5,7 @@ from collections import deque
 
 
 class Uart:
-    """Lines drain at the line rate; what has left waits to be taken, what has arrived waits to be read.
+    """Sends lines at the line rate, and keeps received bytes until they are read.
 
     A USB converter that hands over every ``handover_s`` keeps a line until then (an FTDI's latency timer).
     """

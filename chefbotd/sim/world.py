@@ -1,4 +1,4 @@
-"""Walls and discs in the plane: what a round robot bumps into, and what a beam hits."""
+"""Walls and discs in the plane, which a round robot bumps into and a beam hits."""
 
 import math
 from collections.abc import Iterable
@@ -54,9 +54,9 @@ class World:
         return float(distances[nearest]), spots[nearest]
 
     def settle(self, before: Point, wanted: Point, radius_m: float) -> Point:
-        """Where a disc that stood at ``before`` and moves to ``wanted`` comes to lie: it slides along walls.
+        """The place of a disc that moves from ``before`` to ``wanted``: it slides along walls.
 
-        The move must be short against the radius. In a corner too tight to slide out of, it stays put.
+        The move must be short compared with the radius. In a corner too tight to slide out of, it stays.
         """
         place = np.asarray(wanted, dtype=np.float64)
         for _ in range(PUSHES):
@@ -69,9 +69,9 @@ class World:
         return before
 
     def keep_off(self, before: Point, wanted: Point, radius_m: float) -> tuple[Point, bool]:
-        """The same among discs: where it comes to lie beside them, and whether it touches one.
+        """The same among discs: its place beside them, and whether it touches one.
 
-        A disc that has moved into it pushes it nowhere. It may leave a disc, and comes no closer to it.
+        A disc that has moved into it does not push it. It may leave a disc, and comes no closer to it.
         """
         place = wanted
         gaps = self._gaps_m(place, radius_m)

@@ -1,4 +1,4 @@
-"""Who walks about in the simulated rooms, and what was put in the way."""
+"""People who walk around in the simulated rooms, and things in the way."""
 
 from typing import Self
 
@@ -8,10 +8,10 @@ from chefbotd.core.parameters import Parameters
 
 
 class PersonParameters(Parameters):
-    """Somebody who walks along a path of points (x, y), to and fro or round and round, with a pause at each end.
+    """A person who walks along a path of points (x, y), back and forth or in circles, with a pause at each end.
 
-    ``waits``: stops rather than come closer to the robot than ``keeps_m``; otherwise walks on as if it were not there.
-    Speeds and pauses differ by a tenth each time, as the seed has it.
+    ``waits``: the person stops rather than come closer to the robot than ``keeps_m``; otherwise it ignores the robot.
+    Speeds and pauses vary by a tenth (a standard deviation), drawn from the seed.
     """
 
     path_m: tuple[tuple[float, float], ...] = Field(min_length=1)

@@ -6,13 +6,13 @@ from chefbotd.core.parameters import Parameters
 
 
 class LidarFlaws(Parameters):
-    """An LD19: 4500 points/s at about ten turns a second, of a centimetre's noise (LDROBOT's data sheet).
+    """An LD19: 4500 points/s at about ten turns a second, with a noise of a centimetre (LDROBOT's data sheet).
 
-    The motor's rate is off by ``rate_error_share`` (a standard deviation, drawn once) and wobbles by
+    The motor's rate is off by ``rate_error_share`` (a standard deviation, drawn once) and varies by
     ``rate_wobble_share`` within ``wobble_s``; a share of the beams is lost. Glass returns a beam whose cosine to the
-    pane's normal is above ``glass_square``, and lets others through; a black surface is seen from ``black_range_m`` at
+    pane's normal is above ``glass_square``, and lets others through. A black surface is seen from ``black_range_m`` at
     most. The USB converter hands over what has come every ``handover_s``. The shares, glass and black are assumed.
-    ``height_m`` is where a lidar looks without a ``mount_z_m`` of its own.
+    ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own.
     """
 
     turns_per_s: float = Field(10.0, ge=2, le=20)

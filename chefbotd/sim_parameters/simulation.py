@@ -14,11 +14,11 @@ from chefbotd.sim_parameters.sketches import BoardParameters
 
 
 class WorldParameters(Parameters):
-    """Between which walls the robot is, and where it starts (``world_from_base``).
+    """The walls around the robot, and its start pose (``world_from_base``).
 
-    ``map_path`` is a map's YAML file, or the name of a building that comes with chefbotd: ``flat`` or ``office``. No map
-    is the small furnished room. A start that is left out is the building's own, and (0, 0, 0) otherwise. The doors of a
-    building are open, but for those that are named in ``closed_doors``.
+    ``map_path`` is a map's YAML file, or the name of a building that comes with chefbotd: ``flat`` or ``office``.
+    Without a map it is the small furnished room. The default start is that of the building, or (0, 0, 0). The doors of
+    a building are open, except those named in ``closed_doors``.
     """
 
     map_path: Path | None = None
@@ -29,7 +29,7 @@ class WorldParameters(Parameters):
 
 
 class SimulationParameters(Parameters):
-    """What only a simulation needs to be told of a robot; the defaults are the published one in a furnished room.
+    """Parameters of a robot that only a simulation needs; the defaults are the published robot in a furnished room.
 
     In a configuration ``world`` may be its ``map_path`` alone: ``world = "flat"``.
     """

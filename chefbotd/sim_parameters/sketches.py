@@ -1,7 +1,7 @@
-"""What tells one board's sketch from another's: a row of parameters each, for the one program in ``sim/sketch.py``.
+"""Parameters that tell one board's sketch from another's: a row each, for the one program in ``sim/sketch.py``.
 
-The four published ones were measured as they are, built for a computer and driven through a pty. What is not known of
-them is marked "assumed". No sketch of KHAN's is published: all of its row is assumed.
+The four published sketches were measured unchanged, built for a computer and driven through a pty. What is not known
+of them is marked "assumed". No sketch of KHAN's is published: all of its row is assumed.
 """
 
 from collections.abc import Mapping
@@ -34,13 +34,12 @@ PUBLISHED_SKETCHES = tuple(name for name in SketchName if name is not SketchName
 class SketchParameters(Parameters):
     """A sketch, and the serial port below it.
 
-    ``lines`` are the kinds of a cycle in their order, as far as what they tell of is wired. A cycle takes at least
-    ``cycle_s``. A sketch that ``waits_for_imu`` waits for a sample of the motion processor, which has one every
-    ``cycle_s``; those that it is late for back up, and it reads the oldest.
-
-    ``missing_imu_share`` of the cycles find no sample. ``resets``: ``r`` restarts the board, instead of only saying so.
-    The USB converter hands over at once what came within ``handover_s``. ``cuts_first_line``: whoever opens the port
-    hears the end of a line first.
+    ``lines`` are the kinds of lines of a cycle in their order; a line about something that is not wired is left out. A
+    cycle takes at least ``cycle_s``. A sketch that ``waits_for_imu`` waits for a sample of the motion processor, which
+    takes one every ``cycle_s``; if the sketch is late, samples queue, and it reads the oldest. ``missing_imu_share``
+    of the cycles find no sample. ``resets``: ``r`` restarts the board, and is not only answered. The USB converter
+    hands over at once what came within ``handover_s``. ``cuts_first_line``: a host that opens the port first reads the
+    end of a line.
     """
 
     lines: str = Field("teusib", pattern=f"^[{LINE_KINDS}]+$")
