@@ -21,6 +21,9 @@ SIDE: Final = 80
 MOST_PATCHES: Final = 8
 """So many are shown at a time; what has changed besides waits for the next time."""
 
+IN_TURN: Final = 4
+"""So many come again for whoever looks later: a flat with cells of 2 cm, 35 patches, within five seconds."""
+
 MOST_POINTS: Final = 1000
 
 
@@ -55,7 +58,7 @@ class ShownCosts:
         self._of = None
 
     def changes(self, known: Awareness, now_s: float) -> list[CostPatch]:
-        """The patches that are different now; where few are, one more that is not, in turn."""
+        """The patches that are different now; where few are, some more that are not, in turn."""
         if known is not self._of:
             self._of, self._shown, self._again = known, {}, 0
             self.revision += 1
@@ -65,7 +68,7 @@ class ShownCosts:
         shown = self._shown
         is_new = [at not in shown or not np.array_equal(now[at], shown[at]) for at in corners]
         chosen = [at for at, new in zip(corners, is_new, strict=True) if new][:MOST_PATCHES]
-        if len(chosen) < MOST_PATCHES:
+        for _ in range(min(IN_TURN, MOST_PATCHES - len(chosen), len(corners))):
             again = corners[self._again % len(corners)]
             self._again += 1
             chosen += [again] if again not in chosen else []

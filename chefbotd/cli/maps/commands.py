@@ -117,9 +117,8 @@ def _draw(image: "MapImage", marks: "list[Mark]") -> None:
 
     console = Printer(highlight=False, soft_wrap=True)
     rows = max(1, console.height - LEGEND_ROWS)
-    color = console.is_terminal and console.color_system is not None
     with writing():
-        console.print(draw_map(image.grid(), console.width, rows, marks, color=color))
+        console.print(draw_map(image.grid(), console.width, rows, marks, color=console.draws_color))
         console.print(_legend(image))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rich import box
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -29,7 +29,7 @@ class DemoView:
     """A picture that is drawn again on a terminal; lines in a file; nothing for a script."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._console: Console = Printer(quiet=quiet, highlight=False)
+        self._console = Printer(quiet=quiet, highlight=False)
         self._told = ""
 
     def say(self, text: str) -> None:
@@ -40,7 +40,7 @@ class DemoView:
     @contextmanager
     def showing(self) -> Iterator[Show]:
         """Yield what shows each change."""
-        if not self._console.is_terminal:
+        if not self._console.redraws:
             yield self._say_what_is_new
             return
         with Live(console=self._console, auto_refresh=False, transient=True) as live:
@@ -61,8 +61,8 @@ class DemoView:
     def drawn(self, grid: OccupancyGrid, pose: Pose2D | None) -> Text:
         """The map with the robot in it, as large as the terminal is."""
         marks = [] if pose is None else [Mark(pose.x_m, pose.y_m, pose.heading_rad, style=ROBOT)]
-        color = self._console.is_terminal and self._console.color_system is not None
-        rows = max(1, self._console.height - STATUS_ROWS) if self._console.is_terminal else ROWS_IN_A_FILE
+        color = self._console.draws_color
+        rows = max(1, self._console.height - STATUS_ROWS) if self._console.redraws else ROWS_IN_A_FILE
         return draw_map(grid, self._console.width, rows, marks, color=color)
 
     def show(self, result: DemoResult, errors: WallErrors, files: list[Path]) -> None:

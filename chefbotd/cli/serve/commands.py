@@ -68,7 +68,11 @@ def _goal(target: tuple[str, ...]) -> dict[str, Any]:
         numbers = [float(word) for word in target]
     if len(numbers) in (2, 3) and all(map(math.isfinite, numbers)):
         goal: dict[str, Any] = {"x_m": numbers[0], "y_m": numbers[1]}
-        return goal if len(numbers) == 2 else {**goal, "heading_rad": math.radians(numbers[2])}
+        return (
+            goal
+            if len(numbers) == 2
+            else {**goal, "heading_rad": math.radians(math.remainder(numbers[2], 360))}
+        )
     return {"place": " ".join(target)}
 
 

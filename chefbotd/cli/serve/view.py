@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from rich import box
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -33,13 +33,13 @@ class NavigationView:
     """A picture on a terminal; lines in a file; nothing for a script."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._console: Console = Printer(quiet=quiet, highlight=False)
+        self._console = Printer(quiet=quiet, highlight=False)
         self._told, self._draw_again_s = "", 0.0
 
     @contextmanager
     def showing(self) -> Iterator[Show]:
         """Yield what shows each change."""
-        if not self._console.is_terminal:
+        if not self._console.redraws:
             yield self._say_what_is_new
             return
         with Live(console=self._console, auto_refresh=False, transient=True) as live:
@@ -71,9 +71,8 @@ class NavigationView:
         """The map with all that is on it, as large as the terminal is."""
         if scene.grid is None:
             return Text()
-        color = self._console.is_terminal and self._console.color_system is not None
-        rows = max(1, self._console.height - STATUS_ROWS) if self._console.is_terminal else ROWS_IN_A_FILE
-        return draw_map(scene.grid, self._console.width, rows, scene.marks(), color=color)
+        rows = max(1, self._console.height - STATUS_ROWS) if self._console.redraws else ROWS_IN_A_FILE
+        return draw_map(scene.grid, self._console.width, rows, scene.marks(), color=self._console.draws_color)
 
     def show(self, served: Served) -> None:
         """What came of it."""

@@ -69,6 +69,7 @@ def chefbotctl(*arguments: str) -> Result:
         (["table", "3"], {"place": "table 3"}),
         (["1.2", "-3.4"], {"x_m": 1.2, "y_m": -3.4}),
         (["1.2", "3.4", "90"], {"x_m": 1.2, "y_m": 3.4, "heading_rad": math.pi / 2}),
+        (["1.2", "3.4", "1000"], {"x_m": 1.2, "y_m": 3.4, "heading_rad": math.radians(-80)}),
         (["7"], {"place": "7"}),
         (["--tolerance", "0.5", "kitchen"], {"place": "kitchen", "tolerance_m": 0.5}),
     ],
