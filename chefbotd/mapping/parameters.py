@@ -89,7 +89,7 @@ class MappingParameters(Parameters):
     lidar: str | None = Field(default=None, min_length=1)
     """Its name; the first one that is configured, if none is named."""
     resolution_m: float = Field(default=0.05, gt=0, le=1)
-    told_every_s: float = Field(default=1.0, gt=0, le=60)
+    publish_period_s: float = Field(default=1.0, gt=0, le=60)
     """How often changes of the map are told, at most."""
     autosave_s: float = Field(default=10.0, gt=0, le=3600)
     """How often a map that is being made is saved, at most; a large one less often."""

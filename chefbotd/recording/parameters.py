@@ -34,7 +34,7 @@ class RecordingParameters(Parameters):
     ring_s: float = Field(120.0, ge=0.0, le=3600.0, description="the last seconds, kept in memory; 0: none")
     ring_mb: float = Field(16.0, ge=0.1, le=4096.0, description="compressed, and no more than this")
     after_fault_s: float = Field(3.0, ge=0.0, le=60.0, description="what follows a fault belongs to its file")
-    without: frozenset[str] = Field(frozenset(), description="classes of events that are left out")
+    exclude: frozenset[str] = Field(frozenset(), description="classes of events that are left out")
     compression: Literal["zstd", "lz4"] = "zstd"
     chunk_s: float = Field(
         1.0, ge=0.05, le=60.0, description="a kill or a power cut loses this much at most,"

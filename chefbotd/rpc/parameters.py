@@ -27,7 +27,7 @@ class ApiParameters(Parameters):
 
     max_clients: int = Field(128, ge=1, le=4096)
     max_clients_per_address: int = Field(112, ge=1, le=4096, description="so that one leaves room for others")
-    stop_places: int = Field(
+    reserved_stop_connections: int = Field(
         8, ge=0, le=16, description="kept for stop and estop where there is no room otherwise"
     )
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")

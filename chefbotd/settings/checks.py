@@ -269,8 +269,8 @@ def _page(settings: Settings) -> Iterator[str]:
 
 
 def _recording(settings: Settings) -> Iterator[str]:
-    if settings.recording.without:
+    if settings.recording.exclude:
         from chefbotd.recording.classes import event_names  # every class of events
 
-        for name in sorted(settings.recording.without - event_names()):
-            yield f"recording.without: there is no class of events {name!r}; they are in {EVENTS}"
+        for name in sorted(settings.recording.exclude - event_names()):
+            yield f"recording.exclude: there is no class of events {name!r}; they are in {EVENTS}"

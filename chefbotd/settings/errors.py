@@ -44,6 +44,17 @@ def explain(
     return "\n".join(lines)
 
 
+RENAMED: Mapping[Keys, str] = {
+    ("api", "stop_places"): "reserved_stop_connections",
+    ("mapping", "told_every_s"): "publish_period_s",
+    ("recording", "without"): "exclude",
+    ("worker", "most_memory_mb"): "max_memory_mb",
+    ("worker", "restart_after_s"): "restart_delay_s",
+    ("worker", "restart_at_most_s"): "max_restart_delay_s",
+}
+"""Keys of earlier versions, and their names today."""
+
+
 def dotted(values: object, loc: Keys) -> str:
     """A key as it is spelt everywhere: an entry of a list goes by its name, or by its number if it has none."""
     words, inner = [], values
@@ -68,9 +79,11 @@ def _expectation(kind: str, message: str) -> str:
 
 
 def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
-    """The key that was meant, if a mistyped one comes near it."""
+    """The key that was meant: the new name of a renamed one, or one that a mistyped key comes near."""
     if kind != "extra_forbidden":
         return ""
+    if renamed := RENAMED.get(loc):
+        return f", it is called {renamed} now"
     section, known = _model_at(model, loc[:-1]), []
     if section is not None:
         known = [field.alias or name for name, field in section.model_fields.items()]

@@ -24,9 +24,9 @@ class CannotListen(OSError):
 class DescriptorLimit:
     """How many file descriptors are left for clients, by the number of a new one: it is the lowest that is free."""
 
-    def __init__(self, stop_places: int) -> None:
+    def __init__(self, reserved_stop_connections: int) -> None:
         self._low = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
-        self._none = self._low + stop_places + CLOSING_DESCRIPTORS
+        self._none = self._low + reserved_stop_connections + CLOSING_DESCRIPTORS
 
     def headroom(self, descriptor: int) -> Headroom:
         """What a client with this descriptor finds."""

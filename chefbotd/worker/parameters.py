@@ -22,11 +22,11 @@ class WorkerParameters(Parameters):
     """It says twice a second that it lives."""
     step_s: float = Field(default=20.0, gt=0, le=600)
     """For what it does without having been asked, such as a scan."""
-    most_memory_mb: float = Field(default=800.0, ge=100, le=65536)
+    max_memory_mb: float = Field(default=800.0, ge=100, le=65536)
     """Resident memory. SLAM in a flat takes 120 MB; compiling, once, 300 MB."""
-    restart_after_s: float = Field(default=0.5, gt=0, le=60)
+    restart_delay_s: float = Field(default=0.5, gt=0, le=60)
     """Doubled with each failure in a row, up to:"""
-    restart_at_most_s: float = Field(default=30.0, gt=0, le=600)
+    max_restart_delay_s: float = Field(default=30.0, gt=0, le=600)
     queue_kb: int = Field(default=64, ge=8, le=16384)
     """So much of scans (4 kB each) and odometry waits for it to read; then the oldest give way."""
     cache_folder: Path | None = None

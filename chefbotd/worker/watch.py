@@ -95,8 +95,8 @@ def why_to_kill(
 ) -> str | None:
     """Which bound the worker breaks, in words, or None; ``allowed_s`` is what its present work may take."""
     starting = state in (WorkerState.STARTING, WorkerState.WARMING)
-    if rss_mb is not None and rss_mb > parameters.most_memory_mb:
-        return f"it took {rss_mb:.0f} MB of memory; worker.most_memory_mb is {parameters.most_memory_mb:g}"
+    if rss_mb is not None and rss_mb > parameters.max_memory_mb:
+        return f"it took {rss_mb:.0f} MB of memory; worker.max_memory_mb is {parameters.max_memory_mb:g}"
     if starting and now_s - vitals.spawned_s > parameters.start_s:
         return f"it was not ready within {parameters.start_s:g} s (worker.start_s)"
     silent_s, most_s = now_s - vitals.heard_s, parameters.silent_s
@@ -112,4 +112,6 @@ def why_to_kill(
 
 def backoff_s(parameters: WorkerParameters, failures: int) -> float:
     """How long to wait after so many failures in a row (1: the first)."""
-    return float(min(parameters.restart_after_s * 2 ** (min(failures, 32) - 1), parameters.restart_at_most_s))
+    return float(
+        min(parameters.restart_delay_s * 2 ** (min(failures, 32) - 1), parameters.max_restart_delay_s)
+    )

@@ -112,7 +112,7 @@ class RecordingService:
     def _listen(self) -> None:
         """Take everything off the bus, and have what comes into the process published there."""
         if self._inbox is None:
-            excluded = REPEATED_ELSEWHERE | self._parameters.without
+            excluded = REPEATED_ELSEWHERE | self._parameters.exclude
             self._inbox, self._lost = self._bus.subscribe_all(INBOX_EVENTS, excluded), 0
             self._end_inputs = self._entries.begin_recording()
             self._listening.set()

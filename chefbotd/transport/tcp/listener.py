@@ -54,7 +54,7 @@ class Listener:
         self, connections: ConnectionManager, unread: UnreadSockets, tls: ssl.SSLContext | None
     ) -> None:
         self._manager, self._unread, self._tls = connections, unread, tls
-        self._descriptors = DescriptorLimit(connections.parameters.stop_places)
+        self._descriptors = DescriptorLimit(connections.parameters.reserved_stop_connections)
         self._listeners: list[socket.socket] = []
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 

@@ -87,7 +87,7 @@ class PageServer:
         self.unread = UnreadSockets()
         rpc.arrivals.add_transport(self.unread.mark)
         self._files = page_files()
-        self._descriptors = DescriptorLimit(rpc.connections.parameters.stop_places)
+        self._descriptors = DescriptorLimit(rpc.connections.parameters.reserved_stop_connections)
         self._sockets: dict[asyncio.Protocol, socket.socket] = {}
         self._upgraded: set[asyncio.Protocol] = set()
         self._handshakes = 0

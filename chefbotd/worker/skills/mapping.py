@@ -132,7 +132,7 @@ class MappingSkill:
             yield part
         yield self._status()
         took_s = self._clock.now_s() - now_s
-        self._tell_at_s = now_s + max(self._parameters.mapping.told_every_s, took_s / BUSY_SHARE)
+        self._tell_at_s = now_s + max(self._parameters.mapping.publish_period_s, took_s / BUSY_SHARE)
 
     def _autosaved(self, now_s: float) -> Iterator[Struct]:
         try:

@@ -367,7 +367,7 @@ def test_a_full_daemon_says_why() -> None:
             async with Client.connect(served.host, served.port):
                 raise AssertionError("connected")
 
-    with_robot(scenario, max_clients=1, stop_places=0)
+    with_robot(scenario, max_clients=1, reserved_stop_connections=0)
 
 
 def test_no_greeting_in_time() -> None:

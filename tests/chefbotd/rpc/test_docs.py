@@ -67,7 +67,7 @@ def test_notifications_and_limits_are_those_in_force() -> None:
     assert f"{limits.requests_per_turn} (`requests_per_turn`)" in text
     assert f"(`write_buffer_bytes`, {limits.write_buffer_bytes // 1024} KiB)" in text
     assert f"{limits.max_clients} clients (`max_clients`)" in text
-    assert f"{limits.stop_places} more places (`stop_places`)" in text
+    assert f"{limits.reserved_stop_connections} more places (`reserved_stop_connections`)" in text
     assert f"{limits.host}:{limits.port}" in text
     assert f"nesting ends at {jsonrpc.MAX_DEPTH}" in text
 

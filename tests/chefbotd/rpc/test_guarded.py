@@ -348,7 +348,7 @@ def test_a_tls_handshake_that_never_comes_is_cut_off_and_counts_meanwhile() -> N
     """A silent connection on a TLS port has five seconds, takes one client's room, and then gives it back."""
 
     async def main() -> None:
-        async with serving(guard=tls_guard(), max_clients=1, stop_places=0) as served:
+        async with serving(guard=tls_guard(), max_clients=1, reserved_stop_connections=0) as served:
             with socket.create_connection((served.host, served.port)) as silent:
                 await asyncio.sleep(0.1)
                 assert served.clients == 1
@@ -368,7 +368,7 @@ def test_silent_tls_handshakes_keep_nobody_from_stopping(run: Run) -> None:
     """Ten connections that say nothing fill the room and the places kept for stops: the oldest there give way."""
 
     async def main() -> None:
-        async with serving(guard=tls_guard(), max_clients=1, stop_places=4) as served:
+        async with serving(guard=tls_guard(), max_clients=1, reserved_stop_connections=4) as served:
             with contextlib.ExitStack() as stack:
                 silent = [
                     stack.enter_context(socket.create_connection((served.host, served.port), timeout=1.0))

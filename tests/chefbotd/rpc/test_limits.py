@@ -183,7 +183,7 @@ def test_one_address_cannot_take_all_the_room() -> None:
     """The third client from one address is refused though there is room; another address gets it."""
 
     async def main() -> None:
-        async with serving(max_clients_per_address=2, stop_places=0) as served:
+        async with serving(max_clients_per_address=2, reserved_stop_connections=0) as served:
             async with line_client(served), line_client(served) as second:
                 async with line_client(served, greeted=False) as third:
                     error = (await third.read())["error"]
@@ -221,7 +221,7 @@ def test_an_estop_finds_a_place_where_everything_is_taken(limits: dict[str, int]
                 assert "result" in await stayed.ask("ping")
             assert "result" in await everyone[3].ask("stop")
 
-    assert with_client(scenario, stop_places=2, **limits) == ["too_many_clients"]
+    assert with_client(scenario, reserved_stop_connections=2, **limits) == ["too_many_clients"]
 
 
 def test_a_place_kept_for_stops_is_for_nothing_else() -> None:

@@ -172,7 +172,7 @@ def test_one_client_too_many_is_told_so() -> None:
     """Beyond the limit a connection gets an error and is closed; a leaving client makes room."""
 
     async def main() -> None:
-        async with serving(max_clients=1, stop_places=0) as served:
+        async with serving(max_clients=1, reserved_stop_connections=0) as served:
             async with line_client(served), line_client(served, greeted=False) as second:
                 assert (await second.read())["error"]["data"]["kind"] == "too_many_clients"
                 with pytest.raises(EOFError):

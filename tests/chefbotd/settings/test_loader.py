@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings.errors import RENAMED
 from firmware_protocol.codec import VARIANTS, Variant
 from firmware_protocol.messages import Orientation, RawImu, UltrasonicDistance
 
@@ -433,6 +434,16 @@ def test_a_section_that_is_mistyped_is_told_with_the_one_that_was_meant(chefbot:
         load(spoil(chefbot, "[ultrasonic]", "[ultrasonics]"))
     with pytest.raises(SettingsError, match=r"zebra: there is no such key \(got"):
         load(spoil(chefbot, "[imu]", "[zebra]"))
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED.items(), ids=[".".join(keys) for keys in RENAMED])
+def test_a_renamed_key_is_refused_with_its_new_name(chefbot: Path, old: tuple[str, str], new: str):
+    """A configuration of an earlier version is told what each key is called now, which is a key that there is."""
+    with pytest.raises(
+        SettingsError, match=rf"{'.'.join(old)}: there is no such key, it is called {new} now"
+    ):
+        load(chefbot, overrides={".".join(old): 12})
+    assert new in type(getattr(load(chefbot), old[0])).model_fields
 
 
 def test_a_near_miss_in_a_list_and_in_a_named_section(chefbot: Path):

@@ -121,14 +121,14 @@ def test_stopped_it_is_taken_for_hung() -> None:
 
 def test_a_bound_of_memory_is_held() -> None:
     """What takes more than it may is ended, with both figures."""
-    tight = WorkerParameters().model_copy(update={"most_memory_mb": 10.0})
+    tight = WorkerParameters().model_copy(update={"max_memory_mb": 10.0})
 
     async def scene() -> None:
         statuses: list[WorkerStatus] = []
         worker = Worker(tight, SystemClock(), {}, statuses.append)
         task = asyncio.create_task(worker.run())
         await until(lambda: worker.status.state is WorkerState.RESTARTING)
-        assert "MB of memory; worker.most_memory_mb is 10" in worker.status.reason
+        assert "MB of memory; worker.max_memory_mb is 10" in worker.status.reason
         task.cancel()
         await asyncio.wait({task})
 

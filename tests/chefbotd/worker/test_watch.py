@@ -18,7 +18,7 @@ from chefbotd.worker.watch import (
 )
 
 S, H = WorkerState, Happened
-PARAMETERS = WorkerParameters(start_s=60, silent_s=3, step_s=20, most_memory_mb=400)
+PARAMETERS = WorkerParameters(start_s=60, silent_s=3, step_s=20, max_memory_mb=400)
 GOOD = Vitals(spawned_s=90.0, heard_s=99.7, checked_s=99.9)
 
 
@@ -85,7 +85,7 @@ def test_work_has_a_deadline() -> None:
 def test_memory_is_bounded() -> None:
     """Too much resident memory is a reason in every state, with both figures."""
     for state in (S.STARTING, S.WARMING, S.READY):
-        assert why(state, rss_mb=401.0) == "it took 401 MB of memory; worker.most_memory_mb is 400"
+        assert why(state, rss_mb=401.0) == "it took 401 MB of memory; worker.max_memory_mb is 400"
     assert why(rss_mb=399.0) == ""
 
 
@@ -107,5 +107,5 @@ def test_what_the_daemon_slept_through_is_no_silence() -> None:
 
 def test_the_wait_doubles_up_to_its_bound() -> None:
     """0.5 s after a first failure, then 1, 2, 4 and at most 30."""
-    parameters = WorkerParameters(restart_after_s=0.5, restart_at_most_s=30)
+    parameters = WorkerParameters(restart_delay_s=0.5, max_restart_delay_s=30)
     assert [backoff_s(parameters, n) for n in (1, 2, 3, 4, 7, 100)] == [0.5, 1, 2, 4, 30, 30]

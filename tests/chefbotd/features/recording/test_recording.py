@@ -192,7 +192,7 @@ def test_classes_that_are_left_out_are_not_recorded(tmp_path: Path) -> None:
     """What the configuration names is not in the file, and nothing else is missing."""
 
     async def main() -> None:
-        made = settings(tmp_path, without=frozenset({"WheelsDriven", "LinkBytesRead"}))
+        made = settings(tmp_path, exclude=frozenset({"WheelsDriven", "LinkBytesRead"}))
         async with simulated_robot(made, start_writer=write_inline) as robot:
             await robot.client.wait_until_armed()
             ended_names = names(read((await robot.client.save_ring()).file))
@@ -270,9 +270,9 @@ def test_where_recordings_are_when_nothing_says_so(
 
 
 def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
-    """A misspelt name in ``without`` would record what somebody wanted left out."""
+    """A misspelt name in ``exclude`` would record what somebody wanted left out."""
     path = tmp_path / "robot.toml"
-    path.write_text(packaged().read_text() + '\n[recording]\nwithout = ["ScanMeasured", "ScansMeasured"]\n')
+    path.write_text(packaged().read_text() + '\n[recording]\nexclude = ["ScanMeasured", "ScansMeasured"]\n')
     with pytest.raises(SettingsError, match="there is no class of events 'ScansMeasured'"):
         load(path)
 

@@ -50,10 +50,10 @@ class Bench:
             folder=folder,
             versions_kept=3,
             session="one",
-            mapping=MappingParameters(autosave_s=autosave_s, told_every_s=0.2),
+            mapping=MappingParameters(autosave_s=autosave_s, publish_period_s=0.2),
         )
         skills = {SKILL: parameters.model_dump_json().encode()}
-        bounds = WorkerParameters(restart_after_s=0.05, most_memory_mb=2000)
+        bounds = WorkerParameters(restart_delay_s=0.05, max_memory_mb=2000)
         self.worker = Worker(bounds, SystemClock(), skills, lambda status: None)
         self.worker.add_listener(SKILL, self._take)
         self.poses: list[PoseFound] = []
