@@ -64,6 +64,9 @@ class RecordingReader:
         with self.path.open("rb") as file:
             for record in self._records(file):
                 if isinstance(record, McapMessage):
+                    if record.channel_id not in self._topics:
+                        self.problem = f"it is damaged: a message is of channel {record.channel_id}, which is not in it"
+                        return
                     topic, schema = self._topics[record.channel_id]
                     yield Message(topic, schema, record.log_time, record.sequence, record.data)
 

@@ -27,7 +27,7 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
         for message in reader.messages():
             row = columns.setdefault(message.topic, dict.fromkeys(OWN_COLUMNS))
             if not topics or message.topic in topics:
-                row.update(dict.fromkeys(name for name, _ in _cells(json.loads(message.data))))
+                row.update(dict.fromkeys(name for name, _ in _cells(_decoded(path, message))))
     if not columns:
         raise ProgramError(Exit.FAILED, f"{path} has no message that can be read")
     if unknown := sorted(set(topics) - columns.keys()):
@@ -56,15 +56,26 @@ def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None
         with opened(path) as reader:
             for message in reader.messages():
                 if message.topic in writers:
-                    writers[message.topic].writerow(_row(message))
+                    writers[message.topic].writerow(_row(path, message))
     finally:
         for stream in streams.values():
             stream.close()
 
 
-def _row(message: Message) -> dict[str, Any]:
+def _row(path: Path, message: Message) -> dict[str, Any]:
     own = {"log_time_s": f"{message.log_ns / 1e9:.9f}", "sequence": message.sequence}
-    return {**own, **dict(_cells(json.loads(message.data)))}
+    return {**own, **dict(_cells(_decoded(path, message)))}
+
+
+def _decoded(path: Path, message: Message) -> Any:
+    try:
+        return json.loads(message.data)
+    except ValueError:
+        raise ProgramError(
+            Exit.FAILED,
+            f"{path}: the messages on {message.topic} ({message.schema or 'without a schema'}) are not JSON, as those of "
+            "chefbotd's recordings are; name the topics that are by --topic",
+        ) from None
 
 
 def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -14,6 +14,9 @@ from chefbotd.cli.record.opening import opened
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.reader import RecordingReader
 
+OWN_METADATA = "chefbotd"
+"""What a recording of the daemon has at its beginning."""
+
 
 @dataclass(slots=True)
 class _Topic:
@@ -42,7 +45,7 @@ def _read(reader: RecordingReader) -> dict[str, Any]:
     first_ns, last_ns, dropped = None, 0, 0
     for message in reader.messages():
         row = topics.setdefault(message.topic, _Topic(message.schema))
-        if message.sequence == REPEATED:
+        if message.sequence == REPEATED and OWN_METADATA in reader.metadata:  # others number nothing
             row.repeated += 1
             continue
         row.count += 1

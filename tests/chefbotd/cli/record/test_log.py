@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from mcap.writer import Writer
 from PIL import Image
 
 from chefbotd.cli.common.exits import Exit
@@ -100,6 +101,35 @@ def test_what_is_no_recording_is_an_error(
     assert str(path) in result.output
     assert told in result.output
     assert [each.name for each in tmp_path.iterdir()] == ([] if content is None else ["odd.mcap"])
+
+
+def foreign(path: Path) -> Path:
+    """A recording of another program: 20 messages a tenth of a second apart, half of them JSON, none of them numbered."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        text = writer.register_channel("/chatter", "ros1", writer.register_schema("std_msgs/String", "ros1msg", b""))
+        json_schema = writer.register_schema("Volts", "jsonschema", b"{}")
+        volts = writer.register_channel("/volts", "json", json_schema)
+        for k in range(10):
+            writer.add_message(text, k * 200_000_000, b"\x05\0\0\0hello", k * 200_000_000)
+            writer.add_message(volts, k * 200_000_000, b'{"volts": 12.5}', k * 200_000_000)
+        writer.finish()
+    return path
+
+
+def test_a_recording_of_another_program_is_told_and_its_json_exported(tmp_path: Path) -> None:
+    """All its messages count; what is not JSON is refused by its topic, and the rest can be had without it."""
+    path, tables = foreign(tmp_path / "ros.mcap"), tmp_path / "tables"
+    told = json.loads(run("info", path, "--json").output)
+    assert {topic: row["messages"] for topic, row in told["topics"].items()} == {"/chatter": 10, "/volts": 10}
+    assert told["seconds"] == pytest.approx(1.8)
+    refused = run("export", path, "--csv", tables)
+    assert refused.exit_code == Exit.FAILED
+    assert "/chatter (std_msgs/String) are not JSON" in refused.output
+    assert not tables.exists()
+    assert run("export", path, "--csv", tables, "--topic", "/volts").exit_code == 0
+    assert (tables / "volts.csv").read_text().count("12.5") == 10
 
 
 def test_tables_have_a_row_for_each_message(recorded: Path) -> None:
