@@ -38,6 +38,8 @@ HAND_OVER_S = 0.008
 
 INBOX_EVENTS = 8192
 TELL_S = 1.0
+HANGS_AFTER_S = 3.0
+"""The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
 LAST_WORDS_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 
@@ -64,7 +66,7 @@ class RecordingService:
         if self._keeps_ring or parameters.auto_start:
             self._listen()
         self._lost = self._done = 0
-        self._stuck = False
+        self._stuck, self._waited_s = False, 0.0
         self.faults_saved = 0
 
     @property
@@ -158,9 +160,11 @@ class RecordingService:
             await asyncio.sleep(TELL_S)
 
     def _look_at_thread(self) -> None:
-        """Whether the thread goes on, or waits for the disk."""
+        """Whether the thread goes on, or waits for the disk: a chunk that has only just been left there says nothing."""
         done, self._done = self._done, self._writer.done
-        self._stuck = done == self._done and self._writer.waiting > 0
+        waits = done == self._done and self._writer.waiting > 0
+        self._waited_s = self._waited_s + TELL_S if waits else 0.0
+        self._stuck = self._waited_s > HANGS_AFTER_S
 
     def _publish(self) -> None:
         self._entries.observe(self._bus, self._changed())

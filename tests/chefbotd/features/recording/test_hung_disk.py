@@ -5,12 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.recording.intake import Intake
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.writer import WriterThread
+from chefbotd.recording.writer import InlineWriter, WriterThread
 from chefbotd.testing.daemon import simulated_robot
 from tests.chefbotd.features.recording.test_recording import drive, settings
 from tests.chefbotd.recording.disks import FailingDisk
@@ -53,3 +54,37 @@ def test_a_robot_whose_disk_hangs_drives_on(tmp_path: Path) -> None:
 
     run_virtual(main())
     disk.goes_on.set()
+
+
+class HeldUpWriter(InlineWriter):
+    """On a busy computer: it comes to what was left there only each 2.5 s, and then to all of it."""
+
+    def __init__(self, intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> None:
+        super().__init__(intake, make, most_bytes)
+        self._left: list[Callable[[Recorder], object]] = []
+        asyncio.get_running_loop().call_later(2.5, self._come)
+
+    def _put(self, work: Callable[[Recorder], object]) -> None:
+        self._left.append(work)
+
+    def _come(self) -> None:
+        left, self._left = self._left, []
+        for work in left:
+            work(self.recorder)
+        asyncio.get_running_loop().call_later(2.5, self._come)
+
+
+def test_a_thread_that_is_held_up_is_no_disk_that_hangs(tmp_path: Path) -> None:
+    """In ten seconds, in each of which something waits for it, nothing is said of the disk."""
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=HeldUpWriter) as robot:
+            await robot.client.wait_until_armed()
+            for _ in range(20):
+                await drive(robot, 0.5)
+                told = (await robot.client.call("get_state"))["topics"]["recording"]["data"]
+                assert told["reason"] == ""
+
+    with capture_logs() as logs:
+        run_virtual(main())
+    assert not [each for each in logs if each["event"] == "recording has a problem"]
