@@ -46,6 +46,9 @@ class RecordingFile:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
+
+    def begin(self) -> None:
+        """Write what stands before everything else."""
         self._put(MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:

@@ -25,7 +25,7 @@ from chefbotd.storage import explain
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""
 
-CUT = "it ends in the middle of a chunk: its writer was killed, or the file was cut"
+CUT = "it has no end: its writer was killed, its disk was full, or the file was cut"
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 
@@ -65,7 +65,9 @@ class RecordingReader:
             for record in self._records(file):
                 if isinstance(record, McapMessage):
                     if record.channel_id not in self._topics:
-                        self.problem = f"it is damaged: a message is of channel {record.channel_id}, which is not in it"
+                        self.problem = (
+                            f"it is damaged: a message is of channel {record.channel_id}, which is not in it"
+                        )
                         return
                     topic, schema = self._topics[record.channel_id]
                     yield Message(topic, schema, record.log_time, record.sequence, record.data)

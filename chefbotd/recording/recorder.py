@@ -4,6 +4,7 @@ It waits for the disk, so it runs in a thread of its own (``writer``). Whatever 
 raise a ``RecordingError``, and ``status`` says how things stand.
 """
 
+import contextlib
 import time
 import unicodedata
 from collections.abc import Callable
@@ -190,7 +191,7 @@ class Recorder:
                     file.add_chunk(chunk)
                 file.finish()
             except OSError:
-                file.abandon()
+                self._give_up(file)
                 raise
             self._disk.sync_folder(self.folder)
             self._remove_old()
@@ -241,6 +242,7 @@ class Recorder:
     def _create(self, path: Path, reason: str) -> RecordingFile:
         file = RecordingFile(self._disk, path, self._channels)
         try:
+            file.begin()
             about = self._about()
             told = {"reason": reason, "part": str(self._part), "clock_offset_ns": str(self._offset_ns)}
             file.add_metadata("recording", told)
@@ -250,7 +252,7 @@ class Recorder:
                 stamp_ns = round(self._wall_s() * 1e9)
                 file.add_attachment("robot.urdf", "application/xml", about.urdf.encode(), stamp_ns)
         except OSError:
-            file.abandon()
+            self._give_up(file)
             raise
         return file
 
@@ -273,6 +275,13 @@ class Recorder:
                 file.abandon()
             except OSError:
                 return
+
+    def _give_up(self, file: RecordingFile) -> None:
+        """Nothing of it is left, as far as the disk lets it be removed."""
+        with contextlib.suppress(OSError):
+            file.abandon()
+        with contextlib.suppress(OSError):
+            self._disk.remove(file.path)
 
     def _require_room(self) -> None:
         try:

@@ -8,14 +8,47 @@ from pathlib import Path
 import pytest
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.recording.disk import Disk
 from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
 from chefbotd.recording.writer import MOST_ASKED, WriterThread
-from tests.chefbotd.recording.disks import FailingDisk
+from tests.chefbotd.recording.disks import FailingDisk, FailingFile
 from tests.chefbotd.recording.events import START_S, cycle, fault, parts, recorder
 
 MEGABYTE = 1_000_000
+
+
+def test_a_ring_that_the_disk_does_not_take_leaves_no_part_of_itself(tmp_path: Path) -> None:
+    """It is refused with the reason, the folder is as before, and it can be written once there is room again."""
+    disk = FailingDisk()
+    made = recorder(tmp_path, disk, chunk_s=0.5)
+    for k in range(200):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+
+    closed: list[FailingFile] = []
+
+    class Full(FailingFile):
+        """On a disk that is full."""
+
+        def write(self, data: bytes) -> None:
+            """Nothing fits."""
+            raise OSError(errno.ENOSPC, "told to fail")
+
+        def close(self) -> None:
+            """And it is counted, for whoever does not close it loses a descriptor each time."""
+            closed.append(self)
+            super().close()
+
+    create = disk.create
+    disk.create = lambda path: Full(disk, Disk.create(disk, path))  # type: ignore[method-assign]
+    with pytest.raises(RecordingError, match="the disk is full"):
+        made.save_ring("stalled", START_S + 2.0, fault=True)
+    assert list(tmp_path.iterdir()) == []
+    assert len(closed) == 1
+    disk.create = create  # type: ignore[method-assign]
+    saved = made.save_ring("stalled", START_S + 2.0, fault=True).saved
+    assert [str(path) for path in tmp_path.iterdir()] == [saved]
 
 
 @pytest.mark.parametrize(
@@ -42,6 +75,7 @@ def test_a_disk_that_fails_ends_the_recording_with_whole_chunks(
     stamps = [event.stamp_s for event in reader.events() if type(event).__name__ == "WheelsDriven"]
     assert len(stamps) >= 150
     assert stamps == [START_S + k / 100 for k in range(len(stamps))]
+    assert "its disk was full" in str(reader.problem)
     made.start("again", START_S + 5.0)
     assert made.status.state == "recording"
     assert made.stop(START_S + 6.0).state == "idle"
