@@ -73,8 +73,8 @@ def _decoded(path: Path, message: Message) -> Any:
     except ValueError:
         raise ProgramError(
             Exit.FAILED,
-            f"{path}: the messages on {message.topic} ({message.schema or 'without a schema'}) are not JSON, as those of "
-            "chefbotd's recordings are; name the topics that are by --topic",
+            f"{path}: the messages on {message.topic} ({message.schema or 'without a schema'}) are not JSON, as those "
+            "of chefbotd's recordings are; name the topics that are by --topic",
         ) from None
 
 

@@ -104,11 +104,13 @@ def test_what_is_no_recording_is_an_error(
 
 
 def foreign(path: Path) -> Path:
-    """A recording of another program: 20 messages a tenth of a second apart, half of them JSON, none of them numbered."""
+    """A recording of another program: 20 messages in 1.8 s, half of them JSON, none of them numbered."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        text = writer.register_channel("/chatter", "ros1", writer.register_schema("std_msgs/String", "ros1msg", b""))
+        text = writer.register_channel(
+            "/chatter", "ros1", writer.register_schema("std_msgs/String", "ros1msg", b"")
+        )
         json_schema = writer.register_schema("Volts", "jsonschema", b"{}")
         volts = writer.register_channel("/volts", "json", json_schema)
         for k in range(10):
