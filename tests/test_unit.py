@@ -31,6 +31,17 @@ def test_the_unit_is_sandboxed_to_an_exposure_of_two():
     assert float(exposure) <= MOST_EXPOSED
 
 
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_finds_nothing_wrong_with_the_unit(tmp_path: Path):
+    """No key and no value that it does not know, but for the two that are newer than Debian 12's systemd."""
+    unit = tmp_path / "chefbotd.service"
+    unit.write_text(re.sub(r"(?m)^ExecStart=\S+", "ExecStart=/bin/true", UNIT.read_text(encoding="utf-8")))
+    verified = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
+    newer = re.compile(r"Unknown key( name)? '(RestartSteps|RestartMaxDelaySec)'")
+    found = [line for line in verified.stderr.splitlines() if unit.name in line and not newer.search(line)]
+    assert found == []
+
+
 def test_the_unit_never_gives_up_for_good_and_waits_longer_each_time():
     """Whatever ended the daemon, it is started again, without a limit; from 1 s to 30 s where systemd can."""
     assert said("Restart") == ["always"]
