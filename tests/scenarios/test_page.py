@@ -40,7 +40,7 @@ MOST_BYTES = 300_000
 class RunningRobot:
     """``chefbotd run --sim --page`` on ports of its own, which stay the same after a restart."""
 
-    def __init__(self, folder: Path, *, token: str | None = None) -> None:
+    def __init__(self, folder: Path, *, token: str | None = None, role: str = "admin") -> None:
         self.api_port, self.page_port, self.token = free_port(), free_port(), token
         text = packaged("chefbot").read_text()
         for old, new in (("port = 7333", self.api_port), ("port = 7380", self.page_port)):
@@ -48,7 +48,7 @@ class RunningRobot:
             text = text.replace(old, f"port = {new}")
         if token is not None:
             tokens = folder / "tokens"
-            tokens.write_text(f"admin {token}\n")
+            tokens.write_text(f"{role} {token}\n")
             tokens.chmod(0o600)
             text = text.replace("[api]\n", f'[api]\ntoken_file = "{tokens}"\n')
         self._configuration, self._log_path = folder / "robot.toml", folder / "log"
@@ -64,12 +64,16 @@ class RunningRobot:
                 stdout=log,
                 stderr=log,
             )
-        with self.client() as robot:
-            robot.wait_until_armed(20.0)
+        try:
+            with self.client() as robot:
+                robot.wait_until_armed(PATIENCE_MS / 1000)
+        except BaseException:
+            self.end(signal.SIGKILL)
+            raise
 
     def client(self) -> SyncClient:
         """A client of the command socket; the program has a while to begin listening."""
-        for _ in range(200):
+        for _ in range(600):
             try:
                 return SyncClient.connect("127.0.0.1", self.api_port, token=self.token)
             except OSError:
@@ -104,6 +108,14 @@ def browser() -> Iterator[Any]:
 def robot(tmp_path: Path) -> Iterator[RunningRobot]:
     """A robot without tokens."""
     running = RunningRobot(tmp_path)
+    yield running
+    running.end()
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningRobot]:
+    """A robot whose page is opened before a ``FakeDaemon``: one for all such tests."""
+    running = RunningRobot(tmp_path_factory.mktemp("served"))
     yield running
     running.end()
 
@@ -273,8 +285,10 @@ def test_a_stalled_daemon_is_told_and_gets_no_old_commands(page: Any, robot: Run
     sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
     robot.process.send_signal(signal.SIGSTOP)
     sync_api.expect(page.locator("#connection")).to_have_text("no answer", timeout=5000)
+    mode_is(page, "The robot does not answer")
     robot.process.send_signal(signal.SIGCONT)
     sync_api.expect(page.locator("#connection")).to_have_text("connected")
+    mode_is(page, "Ready to drive")
     with robot.client() as client:
         assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
         time.sleep(0.5)
@@ -289,6 +303,8 @@ def test_a_token_lets_in(page: Any, tmp_path: Path) -> None:
         addresses: list[str] = []
         page.on("request", lambda request: addresses.append(request.url))
         page.goto(robot.url)
+        for _ in range(3):  # the dialog comes back: without a token there is nothing else to do
+            page.keyboard.press("Escape")
         page.locator("#token").fill(wrong)
         page.keyboard.press("Enter")
         sync_api.expect(page.locator("#login-told")).to_have_text("This token opens nothing here.")
@@ -300,6 +316,29 @@ def test_a_token_lets_in(page: Any, tmp_path: Path) -> None:
         assert page.context.cookies() == []
         assert not any("0123456789" in address for address in addresses)
         assert "0123456789" not in robot.log
+    finally:
+        robot.end()
+
+
+def test_a_token_that_only_observes_offers_nothing_else(page: Any, tmp_path: Path) -> None:
+    """No joystick, no gains to set, no arm; a key drives nothing and logs nothing; the emergency stop works."""
+    robot = RunningRobot(tmp_path, token="browser-token-0123456789", role="observe")
+    try:
+        page.goto(robot.url)
+        page.locator("#token").fill("browser-token-0123456789")
+        page.keyboard.press("Enter")
+        mode_is(page, "Ready to drive")
+        sync_api.expect(page.locator("#role")).to_have_text("watch and stop")
+        for part in ("#driving", "#gains", "#arm"):
+            sync_api.expect(page.locator(part)).to_be_hidden()
+        page.keyboard.down("KeyW")
+        time.sleep(0.5)
+        page.keyboard.up("KeyW")
+        sync_api.expect(page.locator("#alert")).to_be_empty()
+        assert "role_required" not in robot.log
+        page.locator("#estop").click()
+        mode_is(page, "Emergency stop")
+        sync_api.expect(page.locator("#mode-reason")).to_contain_text("Somebody who may drive")
     finally:
         robot.end()
 
@@ -354,7 +393,7 @@ class FakeDaemon:
 
     METHODS = (
         *("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation"),
-        *("list_places", "save_place", "delete_place"),
+        *("list_places", "save_place", "delete_place", "list_maps", "start_mapping", "localize"),
     )
     TOPICS = (
         "odometry",
@@ -368,7 +407,13 @@ class FakeDaemon:
         "costmap",
     )
     RESULTS: ClassVar[dict[str, Any]] = {
-        "list_places": {"map": "flat", "places": [{"name": "kitchen"}, {"name": "table 3"}]},
+        "list_places": {
+            "map": "flat",
+            "places": [
+                {"name": "kitchen", "x_m": 1.5, "y_m": -0.25, "heading_rad": 2.0},
+                {"name": "table 3", "x_m": 3.0, "y_m": 4.0, "heading_rad": 0.5},
+            ],
+        },
         "list_maps": {"in_use": None, "maps": []},
     }
 
@@ -395,7 +440,8 @@ class FakeDaemon:
         self._socket.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))
 
     def say(self, topic: str, **data: Any) -> None:
-        """Send an event."""
+        """Send an event, of which there are none before the page has asked for them."""
+        assert until(lambda: self.was_asked("subscribe"))
         self._send("event", {"topic": topic, "seq": 1, "stamp_s": 1.0, "age_s": 0.0, "data": data})
 
     def was_asked(self, method: str) -> bool:
@@ -417,10 +463,10 @@ def pixel(page: Any, x: float, y: float) -> list[int]:
     return colour
 
 
-def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, robot: RunningRobot) -> None:
+def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, served: RunningRobot) -> None:
     """At 90 pixels a metre around the robot at (2, -1): 45 right and 90 down are (2.5, -2); a drag up is 90 degrees."""
     daemon = FakeDaemon(page)
-    page.goto(robot.url)
+    page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     page.emulate_media(color_scheme="light")
     sync_api.expect(page.locator("#goal")).to_have_text("No goal. Click in the view to send the robot there.")
@@ -450,10 +496,10 @@ def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, r
     assert until(lambda: daemon.was_asked("cancel_navigation"))
 
 
-def test_the_map_is_drawn_where_it_is(page: Any, robot: RunningRobot) -> None:
+def test_the_map_is_drawn_where_it_is(page: Any, served: RunningRobot) -> None:
     """Of 3 by 2 cells of 0.5 m from (1, 2) the upper right one is a wall, drawn up and to the right; then it goes."""
     daemon = FakeDaemon(page)
-    page.goto(robot.url)
+    page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     page.emulate_media(color_scheme="light")
     daemon.say("odometry", x_m=9.0, y_m=9.0, heading_rad=0.0, linear_m_s=0.0, angular_rad_s=0.0)
@@ -478,10 +524,10 @@ def test_the_map_is_drawn_where_it_is(page: Any, robot: RunningRobot) -> None:
     assert until(lambda: pixel(page, *wall) == [255, 255, 255])
 
 
-def test_costs_are_asked_for_while_they_are_shown(page: Any, robot: RunningRobot) -> None:
+def test_costs_are_asked_for_while_they_are_shown(page: Any, served: RunningRobot) -> None:
     """One cell of 1 m that is blocked, under the robot at its middle, is tinted until the box is unticked."""
     daemon = FakeDaemon(page)
-    page.goto(robot.url)
+    page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     page.emulate_media(color_scheme="light")
     daemon.say("map_pose", x_m=0.25, y_m=0.75, heading_rad=0.0, state="localized")
@@ -503,24 +549,27 @@ def test_costs_are_asked_for_while_they_are_shown(page: Any, robot: RunningRobot
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1200, 390])
-def test_it_has_no_barrier_that_axe_can_find(page: Any, robot: RunningRobot, scheme: str, width: int) -> None:
+def test_it_has_no_barrier_that_axe_can_find(
+    page: Any, served: RunningRobot, scheme: str, width: int
+) -> None:
     """Names, roles, contrast and order, with every part shown, on a screen and on a phone, by day and by night."""
     page.set_viewport_size({"width": width, "height": 800})
     page.emulate_media(color_scheme=scheme)
     daemon = FakeDaemon(page)
-    page.goto(robot.url)
+    page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    daemon.say("safety", mode="estopped", reason="by Ann", armed=False, source=None, control={})
     sync_api.expect(page.locator("#place-form")).to_be_visible()
     found = axe.Axe().run(page).response["violations"]
     assert [(each["id"], each["nodes"][0]["html"]) for each in found] == []
 
 
-def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, robot: RunningRobot) -> None:
+def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, served: RunningRobot) -> None:
     """The list offers the places of the map in use; without a name nothing is asked."""
     daemon = FakeDaemon(page)
-    page.goto(robot.url)
+    page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
     sync_api.expect(page.locator("#place-form")).to_be_hidden()  # no map is in use
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
@@ -536,6 +585,93 @@ def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, robot: Runn
     page.get_by_role("button", name="Delete").click()
     assert until(lambda: daemon.was_asked("delete_place"))
     assert daemon.last("delete_place") == {"name": "table 3"}
+
+
+def test_poses_are_typed_where_nobody_can_click(page: Any, served: RunningRobot) -> None:
+    """By the keyboard alone: to x, y and a heading in degrees; and the robot stands at a place, or at coordinates."""
+    daemon = FakeDaemon(page)
+    page.goto(served.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    sync_api.expect(page.locator("#places option")).to_have_count(2)
+    page.locator("#place").fill("1.25 -3 -90")
+    page.keyboard.press("Enter")
+    assert until(lambda: daemon.was_asked("navigate_to"))
+    assert daemon.last("navigate_to") == {"x_m": 1.25, "y_m": -3, "heading_rad": pytest.approx(-1.570796)}
+    stands_here = page.get_by_role("button", name="It stands here")
+    page.locator("#place").fill("kitchen")
+    stands_here.press("Enter")
+    assert until(lambda: daemon.was_asked("set_pose"))
+    assert daemon.last("set_pose") == {"x_m": 1.5, "y_m": -0.25, "heading_rad": 2.0}
+    page.locator("#place").fill("0.5, 2")
+    stands_here.press("Enter")
+    assert daemon.last("set_pose") == {"x_m": 0.5, "y_m": 2}
+    page.locator("#place").fill("cellar")
+    stands_here.press("Enter")
+    sync_api.expect(page.locator("#alert")).to_have_text("There is no place cellar on this map.")
+
+
+def test_without_a_map_the_page_says_what_to_do_first(page: Any, served: RunningRobot) -> None:
+    """No map in use: not that a click sends the robot somewhere, and nothing that needs a map; with one, both."""
+    daemon = FakeDaemon(page)
+    page.goto(served.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    daemon.say("localization", state="unknown", map=None, fit=0.0, reason="")
+    sync_api.expect(page.locator("#goal")).to_contain_text("No map is in use")
+    sync_api.expect(page.locator("#map-told")).to_contain_text("Start one and drive")
+    sync_api.expect(page.locator("#map-start")).to_be_visible()
+    sync_api.expect(page.locator("#map-localize")).to_be_hidden()
+    daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    sync_api.expect(page.locator("#goal")).to_contain_text("Click in the view")
+    sync_api.expect(page.locator("#map-localize")).to_be_visible()
+
+
+@pytest.mark.parametrize("event", ["contextmenu", "dragstart", "keydown Control"])
+def test_what_may_hide_the_end_of_a_key_ends_the_driving(page: Any, served: RunningRobot, event: str) -> None:
+    """With a menu open, in a drag and after a shortcut, a browser may not tell that a key is let go."""
+    daemon = FakeDaemon(page)
+    page.goto(served.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    page.locator("h1").click()
+
+    def pressed() -> bool:
+        page.keyboard.up("KeyS")
+        page.keyboard.down("KeyS")
+        return daemon.was_asked("drive") and daemon.last("drive") == {"linear_m_s": -0.2, "angular_rad_s": 0}
+
+    assert until(pressed)
+    before = len(daemon.asked)
+    if event.startswith("keydown"):
+        page.keyboard.down(event.partition(" ")[2])
+    else:
+        page.evaluate("name => { document.body.dispatchEvent(new Event(name, { bubbles: true })) }", event)
+    page.wait_for_timeout(1500)
+    asked = [(name, params) for name, params in daemon.asked[before:] if name in ("drive", "release_control")]
+    assert asked[-2:] == [("drive", {"linear_m_s": 0, "angular_rad_s": 0}), ("release_control", {})]
+
+
+def test_a_screen_reader_is_told_faults_at_once_and_goals_without_the_metres(
+    page: Any, served: RunningRobot
+) -> None:
+    """A fault interrupts; what is left to drive changes all the time and is not read out, how the goal ends is."""
+    daemon = FakeDaemon(page)
+    page.goto(served.url)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    ready = {"mode": "armed", "reason": "armed", "armed": True, "source": None, "control": {}}
+    daemon.say("safety", **ready)
+    told = page.locator("#mode-told")
+    sync_api.expect(told).to_have_text("Ready to drive")
+    assert told.get_attribute("aria-live") == "polite"
+    sync_api.expect(page.locator("#arm")).to_be_disabled()
+    stalled = {"mode": "disarmed", "reason": "left_wheel does not turn: check its plug", "armed": False}
+    daemon.say("safety", **{**ready, **stalled})
+    sync_api.expect(told).to_contain_text("check its plug. When it is safe, press Arm.")
+    assert told.get_attribute("aria-live") == "assertive"
+    daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    sync_api.expect(page.locator("#goal-told")).to_have_text("driving")
+    daemon.say("navigation", state="blocked", goal=1, reason="a chair", distance_m=1.0, time_s=9.0)
+    sync_api.expect(page.locator("#goal-told")).to_have_text("blocked: a chair")
+    assert page.locator("#goal").get_attribute("role") is None
 
 
 def test_a_gain_is_set_for_a_wheel_and_taken_back(page: Any, robot: RunningRobot) -> None:

@@ -18,10 +18,13 @@ export class Driver extends EventTarget {
     super();
     this.connection = connection;
     this.speeds = speeds;
+    this.allowed = true;
     addEventListener("keydown", (event) => this.#down(event));
     addEventListener("keyup", (event) => { this.#held.delete(event.code); this.#tick(); });
     addEventListener("blur", () => this.dead());
     addEventListener("pagehide", () => this.dead());
+    // After these the browser may keep what is let go to itself.
+    for (const name of ["contextmenu", "dragstart"]) addEventListener(name, () => this.dead());
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.dead(); });
     connection.addEventListener("closed", () => this.dead());
     connection.addEventListener("stalled", (event) => { if (event.detail) this.dead(); });
@@ -51,11 +54,13 @@ export class Driver extends EventTarget {
   #down(event) {
     const typing = event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog");
     if (event.code === "Escape" && !event.target.closest?.("dialog")) return event.preventDefault(), this.#ask("estop");
-    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (typing) return undefined;
+    if (event.ctrlKey || event.metaKey || event.altKey) return this.dead(); // a shortcut, which may keep the key's end to itself
     if (event.code === "Space" && !event.target.closest?.("button, [type=checkbox]")) return event.preventDefault(), this.#ask("stop");
-    if (!AHEAD.has(event.code) || (event.target.type === "range" && event.code.startsWith("Arrow"))) return;
+    if (!AHEAD.has(event.code) || (event.target.type === "range" && event.code.startsWith("Arrow"))) return undefined;
     event.preventDefault();
     if (!event.repeat) this.#held.add(event.code), this.#tick();
+    return undefined;
   }
 
   #ask(name) {
@@ -64,6 +69,7 @@ export class Driver extends EventTarget {
   }
 
   #wanted() {
+    if (!this.allowed) return null;
     if (this.#stick) return this.#stick;
     if (this.#pad) return this.#pad;
     if (!this.#held.size) return null;

@@ -4,21 +4,18 @@ import { Connection } from "./connection.js";
 import { Driver, joystick } from "./drive.js";
 import { Costs } from "./costs.js";
 import { Gains } from "./gains.js";
+import { Goal } from "./goal.js";
 import { Maps } from "./maps.js";
 import { Places } from "./places.js";
 import { Plot } from "./plot.js";
+import { permitted } from "./roles.js";
+import { SafetyCard } from "./safety.js";
 import { View, scanPoints } from "./view.js";
 
 const RATE_HZ = 10;
 const FAST = ["odometry", "wheels", "ranges", "scan", "map_pose"];
 const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map", "navigation", "path"];
 const COUNTED = ["stats"];
-const MODES = {
-  armed: ["good", "Ready to drive"],
-  disarmed: ["bad", "Stopped by a fault"],
-  estopped: ["bad", "Emergency stop"],
-  no_board: ["warn", "Waiting for the board"],
-};
 const TOKEN_KEY = "chefbotd-token";
 
 const $ = (id) => document.getElementById(id);
@@ -33,8 +30,10 @@ const ask = (method, params) => connection.request(method, params).then((answer)
 const maps = new Maps(connection, view, say);
 const costs = new Costs(connection, ask, view);
 const gains = new Gains(ask, row);
-const places = new Places(ask);
+const places = new Places(ask, say);
 const me = `page ${Math.random().toString(36).slice(2, 6)}`;
+const safety = new SafetyCard(connection, me);
+new Goal(connection, ask, view);
 const sensors = new Map();
 let can = new Set();
 let token = sessionStorage.getItem(TOKEN_KEY);
@@ -49,9 +48,12 @@ connection.addEventListener("hello", async ({ detail: hello }) => {
   can = new Set(hello.capabilities);
   text("robot", hello.robot);
   document.title = hello.robot;
-  if (hello.auth === "token" && !(await logIn())) return;
+  if (hello.auth === "token" && token === null) return askForToken("");
+  const role = await logIn();
+  if (role === null) return undefined;
   connection.settled();
   text("connection", "connected");
+  can = await permitted(connection, can, role);
   show();
   await connection.request("set_client_name", { client: me }).catch(() => {});
   for (const [topics, rate] of [[FAST, { max_rate_hz: RATE_HZ }], [SLOW, {}], [COUNTED, { max_rate_hz: 1 }]]) {
@@ -63,28 +65,32 @@ connection.addEventListener("hello", async ({ detail: hello }) => {
   costs.begin(can);
   if (can.has("method.get_description")) connection.request("get_description").then(readDescription, () => {});
   maps.begin(can);
+  return undefined;
 });
 
+// The role that the daemon gives, with or without a token; null where it lets nobody in.
 async function logIn() {
-  if (token === null) {
-    connection.disconnect();
-    $("login").showModal();
-    return false;
-  }
   try {
-    await connection.request("authenticate", { token });
-    sessionStorage.setItem(TOKEN_KEY, token);
-    return true;
+    const { role } = await connection.request("authenticate", { token: token ?? "" });
+    if (token !== null) sessionStorage.setItem(TOKEN_KEY, token);
+    return role;
   } catch (error) {
-    if (error.kind !== "wrong_token") return false;
+    if (error.kind !== "wrong_token") return null;
     token = null;
     sessionStorage.removeItem(TOKEN_KEY);
-    connection.disconnect();
-    text("login-told", "This token opens nothing here.");
-    if (!$("login").open) $("login").showModal();
-    return false;
+    askForToken("This token opens nothing here.");
+    return null;
   }
 }
+
+function askForToken(told) {
+  connection.disconnect();
+  text("login-told", told);
+  if (!$("login").open) $("login").showModal();
+}
+
+// Without a token there is nothing else to do here: the dialog comes back.
+$("login").addEventListener("close", () => { if (token === null) $("login").showModal(); });
 
 $("login-form").addEventListener("submit", () => {
   token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
@@ -93,10 +99,7 @@ $("login-form").addEventListener("submit", () => {
   connection.connect();
 });
 
-connection.addEventListener("closed", () => {
-  text("connection", "not connected");
-  setMode("warn", "Not connected", "the robot brakes by itself when nobody drives it");
-});
+connection.addEventListener("closed", () => text("connection", "not connected"));
 connection.addEventListener("ended", ({ detail: error }) => { if (error.kind !== "wrong_token") say(error.message); });
 connection.addEventListener("stalled", ({ detail: stalled }) => text("connection", stalled ? "no answer" : "connected"));
 connection.addEventListener("latency", ({ detail }) => text("latency", `${detail.toFixed(0)} ms`));
@@ -104,7 +107,8 @@ connection.addEventListener("latency", ({ detail }) => text("latency", `${detail
 function show() {
   $("wheels-part").hidden = !can.has("topic.wheels");
   $("sensors-part").hidden = !["ranges", "lidars", "depth_cameras"].some((name) => can.has(`topic.${name}`));
-  $("driving").hidden = !can.has("method.drive");
+  $("driving").hidden = !(driver.allowed = can.has("method.drive"));
+  $("arm").hidden = !(safety.mayArm = can.has("method.arm"));
   $("goal-part").hidden = !can.has("method.navigate_to");
   const gestures = [["navigate_to", "sends the robot there"], ["set_pose", "says where the robot is"]];
   const there = gestures.filter(([method]) => can.has(`method.${method}`));
@@ -113,24 +117,10 @@ function show() {
   view.gesture = $("gesture").value = can.has("method.navigate_to") ? "navigate_to" : "pan";
 }
 
-// Safety
+// How it is, and stopping it
 
 const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data, detail));
 
-function setMode(kind, word, reason) {
-  $("mode").className = `mode ${kind}`;
-  text("mode-word", word);
-  text("mode-reason", reason ? `– ${reason}` : "");
-}
-
-on("safety", (safety) => {
-  const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
-  const limited = safety.armed && safety.limited_by ? `held back by ${safety.limited_by}` : "";
-  setMode(kind, word, safety.armed ? limited : `${safety.reason}. ${safety.mode === "no_board" ? "" : "When it is safe, arm."}`);
-  const drivers = Object.entries(safety.control).map(([source, client]) => `${client.startsWith(me) ? "this page" : client} (${source})`);
-  text("drivers", drivers.join(", ") || (safety.source ?? "nobody"));
-  $("arm").disabled = safety.armed;
-});
 on("link", (link) => text("link", link.state === "up" ? (link.healthy === false ? link.condition : "connected") : `not connected ${link.reason}`));
 on("stats", (stats) => text("clients", String(stats.clients)));
 on("localization", ({ map }) => places.show(map));
@@ -143,7 +133,6 @@ const estop = () => ask("estop", { reason: `by ${me}` });
 const stop = () => ask("stop");
 $("estop").addEventListener("click", () => { estop(); driver.dead(); });
 $("stop").addEventListener("click", () => { stop(); driver.dead(); });
-$("goal-cancel").addEventListener("click", () => ask("cancel_navigation"));
 $("arm").addEventListener("click", () => ask("arm"));
 driver.addEventListener("estop", estop);
 driver.addEventListener("stop", stop);
@@ -180,17 +169,15 @@ on("odometry", (pose) => {
   text("pose", `x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, `
     + `${pose.linear_m_s.toFixed(2)} m/s, ${pose.angular_rad_s.toFixed(2)} rad/s`);
 });
-on("path", ({ x_m, y_m }) => { view.path = x_m.map((x, index) => [x, y_m[index]]); view.draw(); });
-on("navigation", ({ state, reason, distance_m }) => {
-  const going = ["planning", "driving", "recovering", "paused"].includes(state);
-  const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
-  text("goal", state === "idle" ? "No goal. Click in the view to send the robot there." : `${state}${left}${reason ? `: ${reason}` : ""}`);
-  $("goal-cancel").hidden = !going;
-});
 on("map_pose", (pose) => view.setPose(pose, true));
-on("scan", (scan) => { view.scans.set(scan.lidar, scanPoints(scan)); view.draw(); });
+on("scan", (scan) => {
+  view.scans.set(scan.lidar, scanPoints(scan));
+  $("legend-scan").hidden = false;
+  view.draw();
+});
 on("ranges", ({ ranges }) => {
   view.ranges = ranges;
+  $("legend-range").hidden = ranges.length === 0;
   for (const { sensor, status, range_m } of ranges) sensors.set(sensor, range_m === null ? status.replace("_", " ") : `${range_m.toFixed(2)} m`);
   showSensors();
   view.draw();

@@ -3,6 +3,7 @@
 import { Grid, inflate } from "./grid.js";
 
 const $ = (id) => document.getElementById(id);
+const NO_MAP = "No map is in use. Start one and drive through the rooms, then finish it; or choose one that is stored.";
 const LOCATED = {
   unknown: "It is not known where the robot is.",
   searching: "Looking for where the robot is; drive a bit.",
@@ -34,7 +35,8 @@ export class Maps {
     const has = (method) => can.has(`method.${method}`);
     $("map-part").hidden = !has("list_maps");
     $("map-start").hidden = !has("start_mapping");
-    $("map-localize").hidden = !has("localize");
+    $("map-localize").hidden = true; // until a map is in use
+    $("maps").disabled = !has("load_map");
     if (has("list_maps")) this.#list();
   }
 
@@ -75,6 +77,7 @@ export class Maps {
     grid.put(await inflate(texts.join("")), 0, 0, map.rows, map.columns, this.view.rgb);
     grid.revision = name ? 0 : map.version;
     this.view.grid = grid;
+    $("legend-map").hidden = false;
     this.view.draw();
   }
 
@@ -84,6 +87,7 @@ export class Maps {
     if (part.whole) {
       this.view.grid = new Grid(part);
       this.#shown = null;
+      $("legend-map").hidden = false;
     }
     else if (!grid || this.#shown !== null || part.revision > grid.revision + 1) await this.#fetch(); // parts were missed
     ({ grid } = this.view);
@@ -98,7 +102,8 @@ export class Maps {
     this.#mapping = mapping.state;
     const making = mapping.state === "mapping" || mapping.state === "paused";
     $("map-start").hidden = mapping.state === "mapping" || mapping.state === "finishing" || !this.can.has("method.start_mapping");
-    $("map-finish").hidden = $("map-name-label").hidden = !making;
+    $("map-finish").hidden = $("map-name-label").hidden = !making || !this.can.has("method.finish_mapping");
+    $("maps").disabled = making || !this.can.has("method.load_map");
     if (mapping.name && !$("map-name").value) $("map-name").value = mapping.name;
     if (mapping.state !== "idle") $("map-told").textContent = `${mapping.state}: ${mapping.path_m.toFixed(1)} m driven, ${mapping.loops} loops ${mapping.reason ?? ""}`;
     else if (was !== "idle") this.#list();
@@ -116,8 +121,9 @@ export class Maps {
   }
 
   #located(found) {
+    $("map-localize").hidden = !found.map || !this.can.has("method.localize");
     if (this.#mapping !== "idle") return;
-    $("map-told").textContent = found.map ? `${LOCATED[found.state] ?? found.state} Fit ${((found.fit ?? 0) * 100).toFixed(0)} %. ${found.reason ?? ""}` : "No map is in use.";
+    $("map-told").textContent = found.map ? `${LOCATED[found.state] ?? found.state} Fit ${((found.fit ?? 0) * 100).toFixed(0)} %. ${found.reason ?? ""}` : NO_MAP;
     if (found.map && found.map !== this.#shown) this.#list();
   }
 }

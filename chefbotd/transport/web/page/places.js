@@ -1,22 +1,27 @@
-// Named places of the map in use: go there, save where the robot stands, delete.
+// Named places of the map in use, or coordinates instead: go there, say that the robot stands there, save, delete.
 
 const $ = (id) => document.getElementById(id);
 
 export class Places {
   #map = null;
+  #poses = new Map();
 
-  constructor(ask) {
-    this.ask = ask;
+  constructor(ask, say) {
+    Object.assign(this, { ask, say });
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#with("navigate_to", "place");
+      this.#named((name) => this.ask("navigate_to", coordinates(name) ?? { place: name }));
     });
-    $("place-save").addEventListener("click", () => this.#with("save_place", "name"));
-    $("place-delete").addEventListener("click", () => this.#with("delete_place", "name"));
+    $("place-here").addEventListener("click", () => this.#named((name) => this.#standsAt(name)));
+    $("place-save").addEventListener("click", () => this.#change("save_place"));
+    $("place-delete").addEventListener("click", () => this.#change("delete_place"));
   }
 
   begin(can) {
     this.there = can.has("method.list_places") && can.has("method.navigate_to");
+    for (const [id, method] of [["here", "set_pose"], ["save", "save_place"], ["delete", "delete_place"]]) {
+      $(`place-${id}`).hidden = !can.has(`method.${method}`);
+    }
     this.#map = null;
   }
 
@@ -28,15 +33,34 @@ export class Places {
     if (map) this.#list();
   }
 
-  async #with(method, key) {
+  #named(act) {
     const name = $("place").value.trim();
-    if (!name) return $("place").focus();
-    if (await this.ask(method, { [key]: name }) && method !== "navigate_to") this.#list();
-    return undefined;
+    if (name) act(name);
+    else $("place").focus();
+  }
+
+  #standsAt(name) {
+    const pose = coordinates(name) ?? this.#poses.get(name);
+    if (pose) this.ask("set_pose", pose);
+    else this.say(`There is no place ${name} on this map.`);
+  }
+
+  #change(method) {
+    this.#named(async (name) => { if (await this.ask(method, { name })) this.#list(); });
   }
 
   async #list() {
     const answer = this.there && await this.ask("list_places");
-    if (answer) $("places").replaceChildren(...answer.places.map(({ name }) => new Option(name)));
+    if (!answer) return;
+    this.#poses = new Map(answer.places.map(({ name, x_m, y_m, heading_rad }) => [name, { x_m, y_m, heading_rad }]));
+    $("places").replaceChildren(...answer.places.map(({ name }) => new Option(name)));
   }
+}
+
+// "1.2 3.4 90": metres of the map, and if given the heading in degrees.
+function coordinates(words) {
+  const numbers = words.split(/[\s,]+/).map(Number);
+  if (![2, 3].includes(numbers.length) || !numbers.every(Number.isFinite)) return null;
+  const [x_m, y_m, degrees] = numbers;
+  return { x_m, y_m, ...(degrees === undefined ? {} : { heading_rad: (degrees * Math.PI) / 180 }) };
 }

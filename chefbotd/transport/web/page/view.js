@@ -198,6 +198,8 @@ export class View {
     const { context: c } = this;
     const metres = [0.1, 0.5, 1, 5, 10].find((each) => each * this.scale > 40) ?? 20;
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.fillStyle = this.colours.paper; // the bar may lie on a wall
+    c.fillRect(4, height - 32, Math.max(metres * this.scale, 30) + 12, 27);
     c.fillStyle = this.colours.soft;
     c.fillRect(10, height - 12, metres * this.scale, 3);
     c.font = "12px system-ui, sans-serif";

@@ -1,0 +1,40 @@
+// Where the robot is going, how far that is, and how it ended.
+
+const $ = (id) => document.getElementById(id);
+const GOING = ["planning", "driving", "recovering", "paused"];
+const NO_GOAL = "No goal. Click in the view to send the robot there.";
+const NO_MAP = "No map is in use: start one or choose one first. Then a click in the view sends the robot there.";
+
+export class Goal {
+  #map; // undefined until it is told
+  #last = { state: "idle", reason: "" };
+
+  constructor(connection, ask, view) {
+    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
+    on("navigation", (told) => { this.#last = told; this.#show(); });
+    on("localization", ({ map }) => { this.#map = map; this.#show(); });
+    on("path", ({ x_m, y_m }) => {
+      view.path = x_m.map((x, index) => [x, y_m[index]]);
+      $("legend-path").hidden = x_m.length === 0;
+      view.draw();
+    });
+    $("goal-cancel").addEventListener("click", () => ask("cancel_navigation"));
+    this.#show();
+  }
+
+  // What a screen reader says has no distance in it, which changes all the time.
+  #show() {
+    const { state, reason, distance_m } = this.#last;
+    const going = GOING.includes(state);
+    const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
+    const why = reason ? `: ${reason}` : "";
+    const idle = this.#map === null ? NO_MAP : NO_GOAL;
+    text("goal", state === "idle" ? idle : `${state}${left}${why}`);
+    text("goal-told", state === "idle" ? "" : `${state}${why}`);
+    $("goal-cancel").hidden = !going;
+  }
+}
+
+function text(id, words) {
+  if ($(id).textContent !== words) $(id).textContent = words;
+}
