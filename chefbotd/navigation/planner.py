@@ -96,7 +96,12 @@ def plan(
         told = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
     else:
         told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
-    nearest = nearest_free(outline, costs, here, there)
+    nearest = nearest_free(params, outline, costs, here, there)
+    if nearest is None and not _reached(params, costs, here).any():
+        at = f"({start.x_m:.2f}, {start.y_m:.2f})"
+        return NoPath(
+            f"{told}: the robot itself stands in an obstacle or a zone to be kept out of, at {at}, and cannot leave it"
+        )
     if nearest is None:
         return NoPath(f"{told}, and there is no free place near it that can be reached")
     away_m = math.hypot(nearest.x_m - there.x_m, nearest.y_m - there.y_m)
@@ -138,13 +143,11 @@ def _touches(outline: OutlineParameters, costs: Costmap, pose: Pose2D) -> bool:
     return touches(pose.x_m, pose.y_m, pose.heading_rad, hull, pad_m, outer_m, costs.distance_m, cell_m)
 
 
-def nearest_free(outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D) -> Pose2D | None:
+def nearest_free(
+    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D
+) -> Pose2D | None:
     """The pose nearest to ``there``, with its heading, that the robot can be at and get to; in the grid's frame."""
-    begin = costs.frame.cell(here.x_m, here.y_m)
-    free = np.isfinite(costs.costs)
-    if begin is None or not free.any():
-        return None
-    rows, columns = np.nonzero(_joined(free, begin))
+    rows, columns = np.nonzero(_reached(params, costs, here))
     cell_m = costs.frame.resolution_m
     away = np.hypot((columns + 0.5) * cell_m - there.x_m, (rows + 0.5) * cell_m - there.y_m)
     for k in np.argsort(away, kind="stable")[:5000]:
@@ -155,14 +158,14 @@ def nearest_free(outline: OutlineParameters, costs: Costmap, here: Pose2D, there
     return None
 
 
-def _joined(free: Flags, begin: tuple[int, int]) -> Flags:
-    """Which free cells can be reached from the one nearest to ``begin``."""
-    parts, _ = ndimage.label(free)
-    if parts[begin] == 0:
-        rows, columns = np.nonzero(free)
-        k = int(np.argmin((rows - begin[0]) ** 2 + (columns - begin[1]) ** 2))
-        begin = int(rows[k]), int(columns[k])
-    return np.asarray(parts == parts[begin])
+def _reached(params: PlannerParameters, costs: Costmap, here: Pose2D) -> Flags:
+    """Which free cells the robot can get to from where it stands, were it a point with its inner radius."""
+    free = np.isfinite(costs.costs)
+    begin = costs.frame.cell(here.x_m, here.y_m)
+    if begin is None:
+        return np.zeros_like(free)
+    parts, _ = ndimage.label(np.isfinite(_with_escape(params, costs, begin)))
+    return np.asarray((parts == parts[begin]) & free)
 
 
 def _between(

@@ -294,3 +294,68 @@ def test_a_board_that_is_silent_for_a_second_loses_nobody(tmp_path: Path) -> Non
         assert not any("does not know where it is" in event.reason for event in drive.told)
 
     in_flat(tmp_path, scenario)
+
+
+def test_a_pose_that_is_set_into_a_wall_does_not_end_the_goal(tmp_path: Path) -> None:
+    """It is doubtful, and from there is no way: the robot stands, scans put the pose right, and the goal is reached."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        assert (await drive.client.set_pose(3.2, 3.35)).state == "doubtful"
+        assert "reached" in await leg
+        assert drive.off()[0] < 0.04
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_lidar_that_is_off_for_a_while_makes_it_wait(tmp_path: Path) -> None:
+    """Four seconds: it stands, and then the goal is reached; meanwhile nobody is told that it is localized."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        runner = drive.robot.lidars["lidar"].runner
+        runner.fault = LidarFault.SILENT
+        await asyncio.sleep(4.0)
+        assert drive.speed_m_s < 0.005
+        known = (await drive.client.get_state()).topics["localization"].data
+        assert (known.state, known.reason) == ("doubtful", "no scan of the lidar 'lidar' for 4 s")
+        runner.fault = None
+        assert "reached" in await leg
+
+    in_flat(tmp_path, scenario)
+
+
+def test_the_map_in_use_is_deleted_in_mid_drive(tmp_path: Path) -> None:
+    """At rest, and the goal ends with a sentence; so does the next one, before anything moves."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        await drive.client.delete_map("flat")
+        with pytest.raises(GoalFault, match="no map in use"):
+            await leg
+        await asyncio.sleep(1.0)
+        assert drive.speed_m_s < 0.005
+        with pytest.raises(CallError, match="no map is in use"):
+            await drive.begin()
+
+    in_flat(tmp_path, scenario)
+
+
+def test_a_goal_that_is_sent_while_a_person_drives_begins_when_he_has_let_go(tmp_path: Path) -> None:
+    """He turns the robot for 8 s, longer than it may fail to come on: the goal is paused, and then reached."""
+
+    async def scenario(drive: Drive) -> None:
+        await drive.client.drive(0.0, 0.3, "teleop")
+        leg = drive.begin()
+        for _ in range(80):
+            await drive.client.drive(0.0, 0.3, "teleop")
+            await asyncio.sleep(0.1)
+        assert drive.told[-1].state == "paused"
+        assert drive.told[-1].reason == "paused, for teleop took over"
+        assert "reached" in await leg
+        assert not any(event.state == "recovering" for event in drive.told)
+
+    in_flat(tmp_path, scenario)

@@ -7,19 +7,24 @@ from typing import Final
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.entries import Timer, entries_of
 from chefbotd.rpc.jobs import Progress
 
 TOLD_EVERY_S: Final = 0.5
 """How often the distance is told while nothing else changes."""
+
+REPEAT_S: Final = 2.0
+"""How often a request that waits is told that its goal has not ended: a client gives up what is silent for 5 s."""
 
 
 class Reporting:
     """Tells what is new at once, and how far it still is now and then; an end stays until the next goal."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
-        self._bus, self._clock = bus, clock
+        self._bus, self._clock = bus, entries_of(clock)
         self._told: NavigationChanged | None = None
         self._waiting: list[_Waiting] = []
+        self._timer: Timer | None = None
 
     def tell(
         self,
@@ -46,10 +51,25 @@ class Reporting:
         """Report to a request that waits for these goals, while the block runs."""
         waiting = _Waiting(goals, progress)
         self._waiting.append(waiting)
+        self._repeat_later()
         try:
             yield
         finally:
             self._waiting.remove(waiting)
+
+    def _repeat_later(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+        if self._waiting:
+            self._timer = self._clock.call_later(REPEAT_S, self._repeat, "navigation progress")
+
+    def _repeat(self) -> None:
+        """Also where nothing happens: the goal is paused, or there is no worker."""
+        for waiting in self._waiting:
+            if self._told is not None:
+                waiting.report(self._told)
+        self._repeat_later()
 
 
 class _Waiting:

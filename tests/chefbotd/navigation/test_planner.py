@@ -13,6 +13,7 @@ from chefbotd.navigation.costmap import CostParameters, UnknownSpace, costmap
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan
 from chefbotd.navigation.search import search
+from chefbotd.navigation.zones import Zones
 from tests.chefbotd.mapping.slam.flat import box, furnished_flat, wall
 from tests.chefbotd.navigation.grids import dijkstra, drawn, rasterised, segment_distance_m
 
@@ -201,6 +202,34 @@ def test_a_robot_that_stands_too_near_to_a_wall_finds_its_way_out() -> None:
     found = plan(PARAMS, ROUND, FLAT, Pose2D(4.14, 2.6), Goal(2.0, 2.4))
     assert isinstance(found, Path)
     assert found.points_m[4, 0] < 4.0
+
+
+def test_a_robot_in_a_zone_to_be_kept_out_of_is_told_so_and_nothing_is_offered() -> None:
+    """Somebody drew it over the robot: a place that it cannot get to is no offer, and goals by themselves are free."""
+    rug = Zones.model_validate(
+        {"keep_out": [{"corners_m": [[1.4, 1.8], [2.6, 1.8], [2.6, 3.0], [1.4, 3.0]]}]}
+    )
+    costs = costmap(COSTS, ROUND, rasterised(furnished_flat(), 10.4, 8.1), 0.3, rug)
+    for goal in (Goal(9.2, 5.6), Goal(4.3, 0.5)):
+        found = plan(PARAMS, ROUND, costs, KITCHEN, goal)
+        assert isinstance(found, NoPath)
+        assert (
+            "the robot itself stands in an obstacle or a zone to be kept out of, at (2.00, 2.40)"
+            in found.reason
+        )
+        assert found.nearest is None
+
+
+def test_what_is_offered_is_on_the_robots_side_of_a_wall() -> None:
+    """A robot 0.15 m from a wall, whose nearest free cell may be beyond it: the offer has a path."""
+    room = rasterised(np.vstack([box(0, 0, 6, 6), wall((3.0, 0.0), (3.0, 6.0))]), 6, 6)
+    costs = costmap(COSTS, ROUND, room, 0.3)
+    for x_m in (2.9, 3.1):
+        start = Pose2D(x_m, 2.0, 0.4)
+        found = plan(PARAMS, ROUND, costs, start, Goal(3.0, 2.1))
+        assert isinstance(found, NoPath)
+        assert found.nearest is not None
+        assert (found.nearest.x_m > 3.0) is (x_m > 3.0)
 
 
 def test_a_map_whose_origin_is_turned_gives_the_same_path() -> None:

@@ -1,6 +1,7 @@
 """Goals in the daemon, one after the other, with a worker that does as the test says."""
 
 import asyncio
+import itertools
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import Any
@@ -504,7 +505,39 @@ def test_who_waits_is_told_how_far_it_is_of_how_much() -> None:
         for number, left_m in ((1, 7.0), (2, 4.0), (2, 1.5), (2, 5.0), (2, 4.5)):
             await asyncio.sleep(1.0)
             bench.worker.step(number, left_m)
-        assert told == [(0.0, 0.0), (0.0, 4.0), (2.5, 4.0), (0.0, 5.0), (0.5, 5.0)]
+        assert [each for each, _ in itertools.groupby(told)] == [
+            (0.0, 0.0),
+            (0.0, 4.0),
+            (2.5, 4.0),
+            (0.0, 5.0),
+            (0.5, 5.0),
+        ]
         waiting.cancel()
+
+    benched(scenario)
+
+
+def test_who_waits_for_a_paused_goal_hears_that_it_has_not_ended() -> None:
+    """A client gives up what is silent for 5 s, and its goal with it: a pause of a minute is no silence."""
+
+    async def scenario(bench: Bench) -> None:
+        told: list[float] = []
+        progress: Any = SimpleNamespace(
+            report=lambda done, total, text: told.append(asyncio.get_running_loop().time())
+        )
+        goals = await bench.navigate(HERE)
+        waiting = asyncio.create_task(bench.service.wait(goals, progress))
+        await asyncio.sleep(0)
+        bench.worker.step(1, 4.0)
+        bench.service.pause("a key")
+        began_s = asyncio.get_running_loop().time()
+        await asyncio.sleep(40.0)
+        gaps = [b - a for a, b in itertools.pairwise([began_s, *told[1:], began_s + 40.0])]
+        assert max(gaps) < 2.5
+        bench.worker.end(1, "reached")
+        await waiting
+        count = len(told)
+        await asyncio.sleep(10.0)
+        assert len(told) == count
 
     benched(scenario)
