@@ -27,12 +27,14 @@ class NavigationMethods(Caller):
         *,
         place: str | None = None,
         tolerance_m: float | None = None,
+        queue: bool | None = None,
         on_progress: ProgressListener | None = None,
     ) -> str:
         """Drive to a place, or to a pose in the map in use, and wait for the end; the sentence about it.
 
-        Where this is cancelled, so is the goal, and the robot stands. ``on_progress`` is told the metres that are done,
-        all of them, and what the robot does.
+        With ``queue`` it comes after the goals that there are; otherwise they are cancelled. Where this is cancelled,
+        so is the goal, with those that were queued behind it; the robot stands, unless a goal comes before.
+        ``on_progress`` is told the metres that are done, all of them, and what the robot does.
 
         Raises:
             GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
@@ -40,18 +42,20 @@ class NavigationMethods(Caller):
         """
         from chefbotd.client import models
 
-        goal = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m)
+        goal = given(
+            x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m, queue=queue
+        )
         answer = await self._until_end("navigate_to", goal, on_progress)
         return _reached(parse(models.GoalResult, answer))
 
     async def follow_waypoints(
-        self, places: list[str], *, on_progress: ProgressListener | None = None
+        self, places: list[str], *, queue: bool | None = None, on_progress: ProgressListener | None = None
     ) -> str:
-        """Drive to places one after the other, and wait for the end; raises as ``navigate_to`` does."""
+        """Drive to places one after the other, and wait for the end; queued and raises as ``navigate_to``."""
         from chefbotd.client import models
 
-        waypoints = [{"place": place} for place in places]
-        answer = await self._until_end("follow_waypoints", {"waypoints": waypoints}, on_progress)
+        waypoints = given(waypoints=[{"place": place} for place in places], queue=queue)
+        answer = await self._until_end("follow_waypoints", waypoints, on_progress)
         return _reached(parse(models.GoalResult, answer))
 
     async def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
@@ -96,11 +100,12 @@ class NavigationMethods(Caller):
     async def _until_end(
         self, method: str, params: dict[str, Any], on_progress: ProgressListener | None
     ) -> dict[str, Any]:
+        """Cancelled, it has the request cancelled, and its goals with it; others keep theirs."""
         try:
             return await self.call(method, on_progress=on_progress or ignore_progress, wait=True, **params)
         except asyncio.CancelledError:
             with contextlib.suppress(ChefbotError):
-                await self.cancel_navigation()
+                await self.call("ping")  # when this is answered, the daemon has read that
             raise
 
 

@@ -1,0 +1,80 @@
+"""Sending the robot somewhere with the client: what is asked, how it ends, and what giving up does."""
+
+import asyncio
+
+import pytest
+
+from chefbotd.client import CallError, Client, GoalBlocked
+from chefbotd.features.navigation.methods import GoalResult
+from chefbotd.rpc.jobs import Progress
+from tests.fakes.api import serving
+from tests.fakes.robot import FakeNavigation
+
+
+def test_goals_are_queued_as_asked() -> None:
+    """Without a word about it the daemon's own default holds."""
+
+    async def ask() -> None:
+        async with serving() as served, Client.connect(served.host, served.port) as robot:
+            await robot.navigate_to(1.2, 3.4, queue=True)
+            await robot.navigate_to(place="table 3")
+            await robot.follow_waypoints(["hall", "kitchen"], queue=True)
+            assert [call for call in served.robot.calls if call[0] == "navigate_to"] == [
+                ("navigate_to", [{"x_m": 1.2, "y_m": 3.4, "queue": True, "wait": True}], True),
+                ("navigate_to", [{"place": "table 3", "wait": True}], False),
+                ("navigate_to", [{"place": "hall"}, {"place": "kitchen"}], True),
+            ]
+
+    asyncio.run(ask())
+
+
+def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two programs wait; the second is ended by Ctrl-C. ``cancel_navigation`` would end the first one's goal too."""
+    given_up: list[list[int]] = []
+
+    async def waits(self: FakeNavigation, goals: list[int], progress: Progress) -> GoalResult:
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            given_up.append(goals)
+            raise
+        raise AssertionError
+
+    monkeypatch.setattr(FakeNavigation, "wait", waits)
+
+    async def ask() -> None:
+        async with serving() as served, Client.connect(served.host, served.port) as robot:
+            first = asyncio.create_task(robot.navigate_to(place="table 3"))
+            second = asyncio.create_task(robot.navigate_to(place="hall", queue=True))
+            await asyncio.sleep(0.2)
+            second.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await second
+            await asyncio.sleep(0.1)
+            assert given_up == [[2]]
+            assert ("cancel_navigation",) not in served.robot.calls
+            assert not first.done()
+
+    asyncio.run(ask())
+
+
+def test_an_end_is_raised_as_its_own_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the robot's sentence; a refusal is no end, but a ``CallError``."""
+
+    async def is_blocked(self: FakeNavigation, goals: list[int], progress: Progress) -> GoalResult:
+        return GoalResult(goal=goals[-1], end="blocked", reason="blocked for 60 s: something is in the way")
+
+    monkeypatch.setattr(FakeNavigation, "wait", is_blocked)
+
+    async def ask() -> None:
+        async with serving() as served, Client.connect(served.host, served.port) as robot:
+            with pytest.raises(GoalBlocked, match="something is in the way") as ended:
+                await robot.navigate_to(place="table 3")
+            assert (ended.value.end, ended.value.goal) == ("blocked", 1)
+            with pytest.raises(CallError, match="less than or equal to 10000, got 10001") as refused:
+                await robot.navigate_to(10001.0, 2.0)
+            assert refused.value.kind == "invalid_params"
+
+    asyncio.run(ask())
