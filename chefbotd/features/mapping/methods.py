@@ -1,11 +1,11 @@
 """Making a map: the methods that begin and end it, and the topics ``mapping``, ``map`` and ``map_pose``."""
 
-from base64 import b64encode
 from typing import Literal, Protocol
 
 from pydantic import Field, model_validator
 
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
+from chefbotd.features.maps.grid_part import GridPartData, grid_part
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import NoParams, Params, Result, TopicData
@@ -69,25 +69,13 @@ class MappingData(TopicData):
     warning: str | None = Field(default=None, description="what is lost of a map that was never finished")
 
 
-class MapData(TopicData):
+class MapData(GridPartData):
     """Changed cells of the map that is being made, or all of it (``whole``); ``revision`` counts without gaps.
 
     ``cells`` are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on, the lowest y first.
     """
 
-    revision: int
-    resolution_m: float
-    x_m: float = Field(description="of the outer corner of cell (0, 0), in map; as y_m and heading_rad")
-    y_m: float
-    heading_rad: float
-    columns: int
-    rows: int
-    column: int
-    row: int
-    part_columns: int
-    part_rows: int
     whole: bool
-    encoding: Literal["base64 zlib int8"] = "base64 zlib int8"
     cells: str = Field(description="a signed byte each: percent occupied, -1 unknown")
 
 
@@ -156,23 +144,8 @@ class MappingMethods:
 
 
 def map_data(event: MapChanged) -> MapData:
-    """The part of the map as it goes over the socket."""
-    origin = event.map_from_grid
-    return MapData(
-        revision=event.revision,
-        resolution_m=event.resolution_m,
-        x_m=origin.x_m,
-        y_m=origin.y_m,
-        heading_rad=origin.heading_rad,
-        columns=event.columns,
-        rows=event.rows,
-        column=event.column,
-        row=event.row,
-        part_columns=event.part_columns,
-        part_rows=event.part_rows,
-        whole=event.whole,
-        cells=b64encode(event.cells).decode(),
-    )
+    """What the topic ``map`` tells of an event."""
+    return MapData(**grid_part(event), whole=event.whole)
 
 
 def _map_pose(event: MapPoseUpdated) -> MapPoseData:

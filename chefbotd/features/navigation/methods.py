@@ -1,13 +1,13 @@
 """Navigation: the methods that send the robot somewhere, and its topics."""
 
 import math
-from base64 import b64encode
 from collections.abc import Callable
-from typing import Annotated, Final, Literal, Protocol, Self
+from typing import Annotated, Final, Protocol, Self
 
 from pydantic import Field, model_validator
 
 from chefbotd.core.events.navigation import CostmapChanged, NavigationChanged, ObstaclesSeen, PathChanged
+from chefbotd.features.maps.grid_part import GridPartData, grid_part
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
@@ -111,7 +111,7 @@ class PathData(TopicData):
     y_m: tuple[float, ...] = ()
 
 
-class CostmapData(TopicData):
+class CostmapData(GridPartData):
     """A part of what it costs to drive through the cells of the map in use, at most 80 by 80 cells.
 
     ``cells`` are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on, the lowest y first. With another
@@ -119,18 +119,6 @@ class CostmapData(TopicData):
     """
 
     map: str
-    revision: int
-    resolution_m: float
-    x_m: float = Field(description="of the outer corner of cell (0, 0), in map; as y_m and heading_rad")
-    y_m: float
-    heading_rad: float
-    columns: int
-    rows: int
-    column: int
-    row: int
-    part_columns: int
-    part_rows: int
-    encoding: Literal["base64 zlib int8"] = "base64 zlib int8"
     cells: str = Field(description="a byte each: 0 free, 100 blocked, else 20 times the cost beyond 1")
 
 
@@ -259,22 +247,7 @@ def _path(event: PathChanged | None) -> PathData:
 
 
 def _costmap(event: CostmapChanged) -> CostmapData:
-    origin = event.map_from_grid
-    return CostmapData(
-        map=event.map,
-        revision=event.revision,
-        resolution_m=event.resolution_m,
-        x_m=origin.x_m,
-        y_m=origin.y_m,
-        heading_rad=origin.heading_rad,
-        columns=event.columns,
-        rows=event.rows,
-        column=event.column,
-        row=event.row,
-        part_columns=event.part_columns,
-        part_rows=event.part_rows,
-        cells=b64encode(event.cells).decode(),
-    )
+    return CostmapData(**grid_part(event), map=event.map)
 
 
 def _obstacles(event: ObstaclesSeen) -> ObstaclesData:
