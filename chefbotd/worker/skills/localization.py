@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import (
     Localization,
     Odometry,
@@ -32,6 +31,7 @@ from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import localization_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization_messages import LocalizationSkillParameters, Located
+from chefbotd.worker.skills.on_map import require_on_map
 from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
 from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Job, Struct
@@ -178,7 +178,8 @@ class LocalizationSkill:
                 self._rest()
             case messages.SetPose() as request:
                 self._require_map()
-                self._require_on_map(request)
+                if self.grid is not None:
+                    require_on_map(self.grid, request.x_m, request.y_m)
                 pose = np.array([request.x_m, request.y_m, request.heading_rad])
                 self._now, self._mount = set_pose(self._localization, self._now, pose), MountCheck()
             case _:  # Localize
@@ -213,23 +214,6 @@ class LocalizationSkill:
             raise Refused(
                 RefusalKind.NO_MAP_LOADED, "no map is in use, or one is being made: load one, or finish it"
             )
-
-    def _require_on_map(self, given: messages.SetPose) -> None:
-        """A pose that no scan could confirm or deny is a mistake."""
-        grid = self.grid
-        if grid is None:
-            return
-        rows, columns = grid.percent.shape
-        long_m, high_m = columns * grid.resolution_m, rows * grid.resolution_m
-        at = grid.map_from_grid.inverse().compose(Pose2D(given.x_m, given.y_m))
-        if not (0.0 <= at.x_m <= long_m and 0.0 <= at.y_m <= high_m):
-            corners = [grid.map_from_grid.compose(Pose2D(x, y)) for x in (0.0, long_m) for y in (0.0, high_m)]
-            x_m, y_m = [each.x_m for each in corners], [each.y_m for each in corners]
-            told = (
-                f"({given.x_m:.2f}, {given.y_m:.2f}) is not on the map, "
-                f"which reaches from ({min(x_m):.2f}, {min(y_m):.2f}) to ({max(x_m):.2f}, {max(y_m):.2f})"
-            )
-            raise Refused(RefusalKind.OUT_OF_RANGE, told)
 
     # what is told
 
