@@ -62,6 +62,16 @@ class Person:
         self.along_m = there
 
 
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Where the robot was, and how far its outline was from walls and furniture, and from people."""
+
+    x_m: float
+    y_m: float
+    walls_m: float
+    people_m: float
+
+
 @dataclass
 class Drive:
     """A robot somewhere, and what happened to it: the least clearance, its way, how its goals ended."""
@@ -84,13 +94,14 @@ class Drive:
         self.queue: list[tuple[float, Twist2D]] = []
         self.asked = Twist2D()
         self.way_m, self.least_m = 0.0, math.inf
+        self.passed: list[Clearance] = []
         self.ended: list[Ended] = []
         self.said: list[str] = []
         self.twists: list[Twist2D] = []
         self.last: Step | None = None
 
-    def clearance_m(self) -> float:
-        """From the outline to the nearest wall, piece of furniture or person; negative is a touch."""
+    def walls_m(self) -> float:
+        """From the outline to the nearest wall or piece of furniture; negative is a touch."""
         hull, pad_m = self.params.outline.hull, self.params.outline.pad_m
         cos, sin = math.cos(self.pose.heading_rad), math.sin(self.pose.heading_rad)
         nearest = math.inf
@@ -111,6 +122,13 @@ class Drive:
                 close = np.hypot(dx, dy) < 1.0
                 for x, y in zip(dx[close], dy[close], strict=True):
                     nearest = min(nearest, clearance_m(hull, pad_m, cos * x + sin * y, cos * y - sin * x))
+        return nearest
+
+    def people_m(self) -> float:
+        """From the outline to the nearest person; negative is a touch."""
+        hull, pad_m = self.params.outline.hull, self.params.outline.pad_m
+        cos, sin = math.cos(self.pose.heading_rad), math.sin(self.pose.heading_rad)
+        nearest = math.inf
         for person in self.people:
             x, y = person.at(person.along_m)
             dx, dy = x - self.pose.x_m, y - self.pose.y_m
@@ -137,7 +155,9 @@ class Drive:
         self.ticks += 1
         self.now_s = self.ticks * STEP_S
         if self.ticks % 2 == 0:
-            self.least_m = min(self.least_m, self.clearance_m())
+            clearance = Clearance(self.pose.x_m, self.pose.y_m, self.walls_m(), self.people_m())
+            self.passed.append(clearance)
+            self.least_m = min(self.least_m, clearance.walls_m, clearance.people_m)
 
     def run(self, until_s: float) -> None:
         """Until all goals have ended, or so much later."""
