@@ -74,6 +74,13 @@ def _navigation(**options: Any) -> Outcome:
     return navigation.run(**options)
 
 
+def _serving(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import serving
+
+    return serving.run(**options)
+
+
 def _localization(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``navigation``."""
     from benchmarks import localization
@@ -106,6 +113,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "localization": _localization,
     "planner": _planner,
     "navigation": _navigation,
+    "serving": _serving,
     "calls": calls.run,
     "page": _page,
     "recording": _recording,

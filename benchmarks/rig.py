@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.rpc import Caller
+from benchmarks.rpc import Caller, CallFailed
 from chefbotd.settings import packaged
 
 CHEFBOTD = (str(Path(sys.executable).with_name("chefbotd")),)
@@ -81,12 +81,12 @@ def running(command: Sequence[str], port: int, page_port: int = 0) -> Iterator[D
             _end(process)
 
 
-def connect(running: Daemon) -> Caller:
+def connect(running: Daemon, within_s: float = READY_WITHIN_S) -> Caller:
     """A caller of a daemon whose link is up and whose gate is armed."""
-    until(lambda: _listens(running), "the daemon does not listen")
+    until(lambda: _listens(running), "the daemon does not listen", within_s)
     caller = Caller(running.port)
-    until(lambda: caller.call("get_state")["link"]["state"] == "up", "the link does not come up")
-    caller.call("arm")
+    until(lambda: caller.call("get_state")["link"]["state"] == "up", "the link does not come up", within_s)
+    until(lambda: sent(caller, "arm"), "it cannot be armed", within_s)
     return caller
 
 
@@ -123,6 +123,17 @@ def _changed(changes: Changes) -> dict[str, Any]:
     for section, keys in changes.items():
         values[section] = keys if isinstance(keys, list) else {**values.get(section, {}), **keys}
     return values
+
+
+def sent(caller: Caller, method: str, **params: object) -> bool:
+    """Whether a request was taken; on a busy machine it may be too old before it is read."""
+    try:
+        caller.call(method, **params)
+    except CallFailed as error:
+        if "send it again" not in str(error):
+            raise
+        return False
+    return True
 
 
 def _listens(running: Daemon) -> bool:
