@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.arcs import Surroundings
-from chefbotd.navigation.costmap import Costmap, between_cells, costmap, with_obstacles
+from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.live import (
     LiveObstacles,
@@ -60,7 +60,7 @@ class Awareness:
         pose = self.frame.pose_to_grid(seen.map_from_base)
         points, sensor = placed(pose, seen.points_m), placed(pose, seen.sensor_m[None])[0]
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
-        away_m = between_cells_all(self.ground.fixed_m, self.frame.resolution_m, points)
+        away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
         self._is_unmapped = away_m > self._params.live.explained_m
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
@@ -200,8 +200,3 @@ def placed(pose: Pose2D, points_m: Floats) -> Floats:
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     turned: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + [pose.x_m, pose.y_m]
     return turned
-
-
-def between_cells_all(values: NDArray[np.float32], cell_m: float, points_m: Floats) -> Floats:
-    """``between_cells`` at each point."""
-    return np.array([between_cells(values, cell_m, float(x), float(y)) for x, y in points_m])

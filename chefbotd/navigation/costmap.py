@@ -192,3 +192,12 @@ def between_cells(values: Singles, resolution_m: float, x_m: float, y_m: float) 
     lower = (1 - u) * values[row, column] + u * values[row, column + 1]
     upper = (1 - u) * values[row + 1, column] + u * values[row + 1, column + 1]
     return float((1 - v) * lower + v * upper)
+
+
+@kernel
+def between_cells_at(values: Singles, resolution_m: float, points_m: Floats) -> Floats:
+    """The same at each of the points (n, 2)."""
+    found = np.empty(points_m.shape[0])
+    for i in range(points_m.shape[0]):
+        found[i] = between_cells(values, resolution_m, points_m[i, 0], points_m[i, 1])
+    return found
