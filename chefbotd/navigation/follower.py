@@ -31,6 +31,9 @@ from chefbotd.navigation.outline import OutlineParameters
 TURN_BRAKING = 0.85
 """A turn is slowed down by this share of what the robot can."""
 
+BRAKING, CLOSE_M = 1.5, 0.006
+"""Speed falls by this share of the deceleration that is planned with; a goal so near ahead is not driven to any more."""
+
 
 class FollowerParameters(Parameters):
     """The robot's limits while it follows a path, and when it is there."""
@@ -124,7 +127,7 @@ def follow(
     state = replace(state, index=index)
     if state.phase is Phase.DONE:
         return Followed(state, slewed(params, last, STANDING, dt_s))
-    if state.phase is not Phase.FINAL_TURN and to_end_m < params.position_m:
+    if state.phase is not Phase.FINAL_TURN and _is_there(params, pose, end, to_end_m, last):
         state = replace(state, phase=Phase.FINAL_TURN)
     if state.phase is Phase.FINAL_TURN and to_end_m > params.approach_m:  # it made way for somebody
         state = replace(state, phase=Phase.TRACKING)
@@ -134,6 +137,17 @@ def follow(
         state = replace(state, phase=Phase.APPROACHING)
         return _approach(params, outline, state, end, near, last, dt_s)
     return _pursue(params, outline, state, track, near, last, dt_s)
+
+
+def _is_there(params: FollowerParameters, pose: Pose2D, end: Floats, to_end_m: float, last: Twist2D) -> bool:
+    """Whether it is near enough; while it drives, only where braking takes it no nearer."""
+    if to_end_m >= params.position_m:
+        return False
+    ahead_m = (
+        math.copysign(1.0, last.linear_m_s) * pose.inverse().compose(Pose2D(float(end[0]), float(end[1]))).x_m
+    )
+    braking_m = last.linear_m_s**2 / (2 * BRAKING * params.deceleration_m_s2)
+    return abs(last.linear_m_s) < 1e-3 or ahead_m < braking_m + CLOSE_M
 
 
 def _nearest(points: Floats, index: int, pose: Pose2D) -> int:
@@ -286,7 +300,7 @@ def _final_turn(
         return _turn_by(params, outline, state, error_rad, near, last, dt_s)
     if abs(last.angular_rad_s) > 1e-3:
         return Followed(state, STANDING)
-    if to_end_m > 1.3 * params.position_m:
+    if to_end_m > 1.1 * params.position_m:
         return Followed(replace(state, phase=Phase.APPROACHING), standing)
     return Followed(replace(state, phase=Phase.DONE), STANDING)
 
@@ -329,7 +343,7 @@ def _on_arc(
 def slewed(params: FollowerParameters, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:
     """As much of a change as the accelerations allow."""
     braking = abs(wish.linear_m_s) < abs(last.linear_m_s)
-    rate = params.deceleration_m_s2 * 1.5 if braking else params.acceleration_m_s2
+    rate = params.deceleration_m_s2 * BRAKING if braking else params.acceleration_m_s2
     linear = last.linear_m_s + min(max(wish.linear_m_s - last.linear_m_s, -rate * dt_s), rate * dt_s)
     change = params.turn_acceleration_rad_s2 * dt_s
     angular = last.angular_rad_s + min(max(wish.angular_rad_s - last.angular_rad_s, -change), change)

@@ -94,8 +94,8 @@ def test_who_walks_across_is_met_where_he_will_be() -> None:
 
 
 def test_the_speed_falls_with_the_room() -> None:
-    """Half of the full room beside, 0.125 m: half way between creeping and full speed, 0.08 and 0.3 m/s."""
-    near = about([(0.1 * k, 0.18 + 0.125) for k in range(20)])
+    """Half of the full room beside, 0.1 m: half way between creeping and full speed, 0.08 and 0.3 m/s."""
+    near = about([(0.1 * k, 0.18 + 0.1) for k in range(20)])
     assert way(ARCS, ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
     assert way(ARCS, ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
 
@@ -169,6 +169,22 @@ def test_from_anywhere_the_pose_is_reached(
     assert abs(wrap_angle(pose.heading_rad - end)) < math.radians(3)
     signs = [math.copysign(1, t.linear_m_s) for t in said if abs(t.linear_m_s) > 0.005]
     assert sum(a != b for a, b in itertools.pairwise(signs)) <= 2
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        (Pose2D(5.0, 5.0, 0.7), (6.7, 5.9)),
+        (Pose2D(5.0, 5.0, -2.4), (4.1, 3.7)),
+        (Pose2D(5.0, 5.0, 3.0), (5.3, 4.2)),
+    ],
+)
+def test_it_stops_at_the_goal_and_not_where_it_is_near_enough(
+    start: Pose2D, goal: tuple[float, float]
+) -> None:
+    """0.02 m would do, and it drives on: a centimetre of the 0.03 m is left to the noise of the pose."""
+    pose, _ = driven(start, [(5.0, 5.0), goal], 1.1)
+    assert math.hypot(pose.x_m - goal[0], pose.y_m - goal[1]) < 0.012
 
 
 def test_curvature_and_speed_keep_to_the_limits() -> None:
