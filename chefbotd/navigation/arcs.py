@@ -37,7 +37,7 @@ class ArcParameters(Parameters):
     and its pose are not exact."""
     creep_m_s: float = Field(default=0.08, gt=0, le=10)
     """The speed with no room at all beside the robot."""
-    full_speed_room_m: float = Field(default=0.25, gt=0, le=10)
+    full_speed_room_m: float = Field(default=0.20, gt=0, le=10)
     """With so much room it goes as fast as it may."""
     moving_margin_m: float = Field(default=0.08, ge=0, le=1)
     """More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""

@@ -21,7 +21,7 @@ class PlannerParameters(Parameters):
     """How paths are made; times are estimated with the follower's speeds."""
 
     spacing_m: float = Field(default=0.05, gt=0, le=1)
-    wide_m: float = Field(default=0.25, ge=0, le=5)
+    wide_m: float = Field(default=0.18, ge=0, le=5)
     """Beside the outline: where there is less room, smoothing keeps to the middle."""
     escape_m: float = Field(default=0.4, ge=0, le=2)
     """A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
