@@ -1,7 +1,8 @@
 """Where a robot came near to something though there was room, and where it had to.
 
 There was room where a way that keeps ``ROOM_M`` from everything leads from the last place before to the first one after,
-and is at most ``LONGER_M`` longer. What begins or ends a drive is not judged: there the goal is near to something.
+and is at most ``LONGER_M`` longer; everything is walls, furniture, and people where they were meanwhile. What begins
+or ends a drive is not judged: there the goal is near to something.
 """
 
 import math
@@ -13,9 +14,9 @@ import numpy as np
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
-from tests.chefbotd.navigation.drives import Clearance
+from tests.chefbotd.navigation.drives import Clearance, Person
 
-ROOM_M, LONGER_M = 0.10, 0.3
+ROOM_M, LONGER_M, PERSON_M = 0.10, 0.3, Person.radius_m
 
 
 def least_with_room_m(passed: Sequence[Clearance], room_m: Singles, cell_m: float, radius_m: float) -> float:
@@ -26,7 +27,7 @@ def least_with_room_m(passed: Sequence[Clearance], room_m: Singles, cell_m: floa
     free = np.where(room_m > radius_m + ROOM_M, 1, np.inf).astype(np.float32)
     least_m = min((each.walls_m for each in passed if each.walls_m >= ROOM_M), default=math.inf)
     for near in _near(passed):
-        if _has_room(near, free, cell_m):
+        if _has_room(near, _without_people(free, near, cell_m, radius_m + ROOM_M), cell_m):
             least_m = min(least_m, *(each.walls_m for each in near[1:-1]))
     return least_m
 
@@ -40,6 +41,16 @@ def _near(passed: Sequence[Clearance]) -> Iterator[Sequence[Clearance]]:
         if k > begin + 1:
             yield passed[begin : k + 1]
         begin = k
+
+
+def _without_people(free: Singles, near: Sequence[Clearance], cell_m: float, apart_m: float) -> Singles:
+    """The same, blocked where a robot would have been too near to somebody."""
+    rows, columns = np.indices(free.shape)
+    left = free.copy()
+    for x_m, y_m in {place for each in near for place in each.people}:
+        away_m = np.hypot((columns + 0.5) * cell_m - x_m, (rows + 0.5) * cell_m - y_m)
+        left[away_m < apart_m + PERSON_M] = np.inf
+    return left
 
 
 def _has_room(near: Sequence[Clearance], free: Singles, cell_m: float) -> bool:

@@ -64,12 +64,13 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """Where the robot was, and how far its outline was from walls and furniture, and from people."""
+    """Where the robot was, how far its outline was from walls and furniture, and from people, and where these were."""
 
     x_m: float
     y_m: float
     walls_m: float
     people_m: float
+    people: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass
@@ -155,7 +156,9 @@ class Drive:
         self.ticks += 1
         self.now_s = self.ticks * STEP_S
         if self.ticks % 2 == 0:
-            clearance = Clearance(self.pose.x_m, self.pose.y_m, self.walls_m(), self.people_m())
+            people = tuple(person.at(person.along_m) for person in self.people)
+            here = self.pose.x_m, self.pose.y_m
+            clearance = Clearance(*here, self.walls_m(), self.people_m(), people)
             self.passed.append(clearance)
             self.least_m = min(self.least_m, clearance.walls_m, clearance.people_m)
 
