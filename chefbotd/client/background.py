@@ -21,13 +21,15 @@ class BackgroundLoop:
 
     def __init__(self) -> None:
         self._loop = asyncio.new_event_loop()
+        self._closing = False
+        self._handing_over = threading.Lock()  # whatever is handed over before the end is begun before it
         self._thread = threading.Thread(target=self._loop.run_forever, name="chefbotd-client", daemon=True)
         self._thread.start()
 
     @property
     def closed(self) -> bool:
-        """Whether nothing runs here any more."""
-        return self._loop.is_closed()
+        """Whether nothing more is begun here."""
+        return self._closing
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
         """The coroutine's result. When the waiting is interrupted (Ctrl-C), the work is cancelled, and its end awaited.
@@ -35,9 +37,6 @@ class BackgroundLoop:
         Raises:
             ConnectionLost: the loop is closed.
         """
-        if self.closed:
-            work.close()
-            raise ConnectionLost(CLOSED)
         done: concurrent.futures.Future[T] = concurrent.futures.Future()
         tasks: list[asyncio.Task[T]] = []
 
@@ -45,26 +44,35 @@ class BackgroundLoop:
             tasks.append(self._loop.create_task(work))
             tasks[0].add_done_callback(lambda task: _settle(done, task))
 
-        self._loop.call_soon_threadsafe(begin)
+        with self._handing_over:
+            if self._closing:
+                work.close()
+                raise ConnectionLost(CLOSED)
+            self._loop.call_soon_threadsafe(begin)
         try:
             return done.result()
         except asyncio.CancelledError:
             raise ConnectionLost(CLOSED) from None
         except BaseException:
             if not done.done():
-                self._loop.call_soon_threadsafe(lambda: tasks[0].cancel())
+                with contextlib.suppress(RuntimeError):  # the loop is closed: the work was cancelled
+                    self._loop.call_soon_threadsafe(lambda: tasks[0].cancel())
                 concurrent.futures.wait([done], timeout=LAST_WORDS_S)
             raise
 
     def close(self) -> None:
         """Cancel what still runs, and end the thread; doing it twice is harmless."""
-        if self.closed:
-            return
-        with contextlib.suppress(ConnectionLost):
-            self.run(_cancel_others())
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        with self._handing_over:
+            if self._closing:
+                return
+            self._closing = True
+            self._loop.call_soon_threadsafe(self._end)
         self._thread.join()
         self._loop.close()
+
+    def _end(self) -> None:
+        ending = self._loop.create_task(_cancel_others())
+        ending.add_done_callback(lambda _: self._loop.stop())
 
 
 async def _cancel_others() -> None:

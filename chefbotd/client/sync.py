@@ -20,6 +20,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar, Unpack
 
 from chefbotd.client.background import BackgroundLoop
 from chefbotd.client.client import Client
+from chefbotd.client.errors import ConnectionLost
 from chefbotd.client.handshake import Hello
 from chefbotd.client.subscription import SubscribeOptions, Subscription
 from chefbotd.client.sync_subscription import SyncSubscription
@@ -91,6 +92,9 @@ class SyncClient(SyncTopics):
         if not self._loop.closed:
             try:
                 self._loop.run(self._stack.aclose())
+            except ConnectionLost:
+                if not self._loop.closed:  # else another thread was first
+                    raise
             finally:
                 self._loop.close()
 
