@@ -13,6 +13,7 @@ FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 JOBS_OF_FAULTS ?= 2
 CLOCK ?= both
+TIER ?= full
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
 # Tests that need the real clock share a worker, which mostly waits: so one more than there are cores. JOBS=0: one process.
@@ -80,17 +81,18 @@ deb: $(VENV)/ready  ## Build the Debian package into dist (DEB_EXTRAS=page,teleo
 	$(BIN)/python -m build --wheel --outdir build/deb-wheel
 	packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
 
-# The tests, run against the installed wheel in an environment of its own, away from the sources.
-wheel-test: wheel  ## Run the tests against the installed wheel
+# The tests, run against the installed wheel in an environment of its own, away from the sources. TIER=rest leaves out
+# those that `make test` runs in the same way and that no wheel makes a difference to (tests/budget.py says which).
+wheel-test: wheel  ## Run the tests against the installed wheel (TIER=rest: those that `make test` leaves)
 	rm -rf build/wheel-test $(WHEEL_VENV)
 	$(PYTHON) -m venv $(WHEEL_VENV)
 	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[$(EXTRAS),testing]" axe-playwright-python hypothesis jsonschema playwright psutil pytest-timeout pytest-xdist trustme
 	mkdir -p build/wheel-test
 	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
-	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
+	cd build/wheel-test && TEST_TIER=$(TIER) ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
 
 wheel-test-again:  ## Run what failed in the last wheel-test once more, one test at a time
-	cd build/wheel-test && TEST_TIER=full ../wheel-venv/bin/python -P -m pytest -q --last-failed --last-failed-no-failures none
+	cd build/wheel-test && TEST_TIER=$(TIER) ../wheel-venv/bin/python -P -m pytest -q --last-failed --last-failed-no-failures none
 
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)

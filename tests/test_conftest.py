@@ -1,13 +1,14 @@
 """What a run of the tests promises: one that carried out no test has not passed."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.budget import FAST_EXAMPLES, examples, sample
+from tests.budget import FAST_EXAMPLES, HERE, PACKAGED, examples, is_left, sample, tier_of
 from tests.groups import group_of
 
 ROOT = Path(__file__).parents[1]
@@ -56,6 +57,46 @@ def test_the_fast_tier_has_the_first_cases() -> None:
     first, second, third = sample([1, (2, 3), 4], fast=2)
     assert [case.values for case in (first, second, third)] == [(1,), (2, 3), (4,)]
     assert [[mark.name for mark in case.marks] for case in (first, second, third)] == [[], [], ["slow"]]
+
+
+TWO_TIERS = """
+import pytest
+from hypothesis import given, strategies
+@pytest.mark.slow
+def test_slow(): pass
+@given(strategies.none())
+def test_examples(_): pass
+def test_fast(): pass
+"""
+
+
+def test_the_rest_is_what_the_fast_tier_leaves(tmp_path: Path) -> None:
+    """The rest has the slow ones, and those of Hypothesis once more, with all their examples."""
+    (tmp_path / "test_it.py").write_text(TWO_TIERS, encoding="utf-8")
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n slow:\n", encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-v", "-p", "tests.conftest", str(tmp_path)]
+    inherited = {name: text for name, text in os.environ.items() if not name.startswith("PYTEST_")}
+    done = subprocess.run(
+        [*command, "-c", str(tmp_path / "pytest.ini")],
+        cwd=ROOT,
+        env={**inherited, "TEST_TIER": "rest"},
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    assert set(re.findall(r"::(\w+) PASSED", done.stdout)) == {"test_slow", "test_examples"}
+
+
+def test_what_a_wheel_can_lack_is_left_to_the_wheel(request: pytest.FixtureRequest) -> None:
+    """Each room of such tests is there; this test is of none of them, and has no examples."""
+    assert all((HERE / name).exists() for name in PACKAGED)
+    assert not is_left(request.node)
+
+
+def test_a_tier_that_is_none_is_refused() -> None:
+    """The error names it, and what there is."""
+    with pytest.raises(ValueError, match="one of fast, full, rest, got 'all'"):
+        tier_of("all")
 
 
 def test_tests_of_the_real_clock_share_a_process_and_so_do_those_that_compile() -> None:
