@@ -48,6 +48,28 @@ def test_every_fault_has_a_test_that_there_is() -> None:
             assert name in names_in(ROOT / path), (path, name)
 
 
+@cache
+def fast_names_in(path: Path) -> set[str]:
+    """The names of those that `make test` runs: neither they nor their file are marked slow."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    file_marks = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Assign)]
+    if any(mark.startswith("pytestmark = ") and "mark.slow" in mark for mark in file_marks):
+        return set()
+    tests = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    return {
+        test.name
+        for test in tests
+        if not any(ast.unparse(each) == "pytest.mark.slow" for each in test.decorator_list)
+    }
+
+
+def test_every_promise_has_a_test_that_belongs_to_every_change() -> None:
+    """Of each row at least one test is not slow, so no change can break what the row says unseen until CI."""
+    for row in rows():
+        named = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", row[-1])
+        assert any(name in fast_names_in(ROOT / path) for path, name in named), row[0]
+
+
 def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
     """Every fault and every limit is in a row, as a client sees it; every mode is explained."""
     seen = " ".join(row[3] for row in rows())

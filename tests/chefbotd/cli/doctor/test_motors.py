@@ -10,8 +10,6 @@ from chefbotd.doctor.finding import Finding, Verdict
 from chefbotd.settings import Settings
 from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, diagnosis_of, found, straight
 
-pytestmark = pytest.mark.slow
-
 BLOCKS = "Put the robot on blocks"
 SEEN = "What did you see"
 WRONG_SCALE_UP = {
@@ -47,6 +45,7 @@ def examined(
     return run_virtual(scenario())
 
 
+@pytest.mark.slow
 def test_a_robot_in_order():
     """Both wheels turn forward, and 255 is found to be full on, as it is configured."""
     findings = examined(on_blocks())
@@ -57,6 +56,7 @@ def test_a_robot_in_order():
     assert findings["command_latency"].verdict is Verdict.OK
 
 
+@pytest.mark.slow
 def test_a_board_of_255_that_is_believed_to_be_of_1023():
     """The wheel is much faster than asked: full on is said to be about 255, and what to set."""
     finding = examined(on_blocks(**WRONG_SCALE_UP), on_blocks())["duty_scale"]
@@ -66,6 +66,7 @@ def test_a_board_of_255_that_is_believed_to_be_of_1023():
     assert "0.249" in finding.advice  # 255 / 1023
 
 
+@pytest.mark.slow
 def test_a_board_of_1023_that_is_believed_to_be_of_255():
     """The wheel hardly turns: full on is said to be about 1023."""
     finding = examined(on_blocks(), on_blocks(sim__board__pwm_full_scale=1023))["duty_scale"]
@@ -74,6 +75,7 @@ def test_a_board_of_1023_that_is_believed_to_be_of_255():
     assert "max_duty = 1023" in finding.advice
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seen", "advice"), [("yes", "encoder_sign = 1"), ("", "motor_sign = -1"), ("", "encoder_sign = 1")]
 )
@@ -85,6 +87,7 @@ def test_a_swapped_encoder_sign(seen: str, advice: str):
     assert advice in finding.advice
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_wired_backwards():
     """It was seen to turn backward, and its encoder says so too: the motor's sign is wrong."""
     wrong = {"chassis__wheels__right_wheel__motor_sign": -1}
@@ -102,6 +105,7 @@ def swapped(data: bytes) -> bytes:
     )
 
 
+@pytest.mark.slow
 def test_motors_whose_plugs_are_exchanged():
     """The other wheel's encoder counts: the motors are said to be exchanged, with and without an eye on them."""
     for seen in ("other", ""):
@@ -111,6 +115,7 @@ def test_motors_whose_plugs_are_exchanged():
         assert "exchange the motors' plugs of left_wheel and right_wheel" in finding.advice
 
 
+@pytest.mark.slow
 def test_motors_without_power():
     """No wheel turns at any duty: the bridge's power is asked for, and the scale is not guessed at."""
     findings = examined(on_blocks(), seen="none", outward=lambda data: b"")
@@ -171,6 +176,7 @@ def test_a_cancelled_run_stops_the_motors():
     run_virtual(scenario())
 
 
+@pytest.mark.slow
 def test_a_stop_of_somebody_else_ends_the_run_for_good():
     """An e-stop during the first wheel: the doctor does not arm the robot again, and drives no other wheel."""
 
