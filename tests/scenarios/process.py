@@ -182,10 +182,17 @@ async def _daemon(
         )
     try:
         yield Program(process, board, port, log, environment)
+    except BaseException as error:
+        error.add_note(f"exit code {process.returncode}, and its log:\n{_text_of(log)}")
+        raise
     finally:
         if process.returncode is None:
             process.kill()
             await process.wait()
+
+
+def _text_of(log: Path) -> str:
+    return log.read_text(errors="replace")
 
 
 @asynccontextmanager
