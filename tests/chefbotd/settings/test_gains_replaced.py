@@ -13,6 +13,8 @@ from chefbotd.settings import SettingsError, gains_file, load, packaged
 from chefbotd.settings.gains_file import save
 
 NOBODY = 65534
+PACKAGED = packaged().read_bytes()
+"""ChefBot's configuration; read before anybody gives up the right to look into the folder of the sources."""
 
 TUNED = {wheel: own.model_copy(update={"kp": 450.0}) for wheel, own in load().gains().items()}
 """Other gains for both of ChefBot's wheels."""
@@ -105,10 +107,10 @@ def readable_only() -> Iterator[Path]:
     """ChefBot's configuration, of which file and folder may only be read, also if it is root who runs the tests."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        folder.joinpath(packaged().name).write_bytes(packaged().read_bytes())
-        folder.joinpath(packaged().name).chmod(0o444)
-        folder.chmod(0o555)
         config, was = folder / packaged().name, os.geteuid()
+        config.write_bytes(PACKAGED)
+        config.chmod(0o444)
+        folder.chmod(0o555)
         if was == 0:
             os.seteuid(NOBODY)
         yield config
@@ -120,7 +122,7 @@ def test_a_file_that_may_only_be_read(readable_only: Path) -> None:
     """It is refused with its name, and stays."""
     with pytest.raises(PermissionError, match=rf"Permission denied: '{readable_only}'"):
         save(readable_only, TUNED)
-    assert readable_only.read_bytes() == packaged().read_bytes()
+    assert readable_only.read_bytes() == PACKAGED
 
 
 def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
@@ -133,7 +135,7 @@ def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
         PermissionError, match=rf"no file can be made in its folder: Permission denied: '{readable_only}'"
     ):
         save(readable_only, TUNED)
-    assert readable_only.read_bytes() == packaged().read_bytes()
+    assert readable_only.read_bytes() == PACKAGED
     assert list(readable_only.parent.iterdir()) == [readable_only]
 
 

@@ -31,6 +31,7 @@ from firmware_protocol.lidar.rplidar import (
     motor_request,
     request,
 )
+from tests.budget import sample
 
 PERFECT: dict[str, Any] = {"noise_m": 0, "lost_share": 0, "rate_error_share": 0, "rate_wobble_share": 0}
 ROOM = scene.of_walls(np.array([[2, -3, 2, 3], [2, 3, -4, 3], [-4, 3, -4, -3], [-4, -3, 2, -3]], np.float64))
@@ -144,7 +145,7 @@ def test_near_and_far_there_is_no_reading() -> None:
     assert {node.quality for node in none} == {0}
 
 
-@pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_a2"])
+@pytest.mark.parametrize("model", sample(["rplidar_a1", "rplidar_a2"]))
 def test_the_daemon_sees_by_it_stops_by_it_and_gets_over_its_faults(model: str) -> None:
     """Healthy with whole turns; the guard holds the robot off a bag; silent and unplugged it is told, and comes back."""
     lidar = {"name": "scan", "model": model, "device": "/dev/rp", "mount_x_m": 0.04, "mount_yaw_rad": 0.6}
