@@ -13,13 +13,15 @@ from typing import Any
 
 import pytest
 import structlog
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from tests.budget import FAST_EXAMPLES, IS_FULL, TIER, is_left
 from tests.groups import NEED_NAVIGATION
 
-settings.register_profile("fast", max_examples=FAST_EXAMPLES, deadline=None)
-settings.register_profile("full", deadline=None)
+# How fast examples are made and run says how busy the machine is, and nothing of the code.
+PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("fast", PATIENT, max_examples=FAST_EXAMPLES)
+settings.register_profile("full", PATIENT)
 settings.load_profile("full" if IS_FULL else "fast")
 
 # A traceback that is drawn with colours and local variables takes half a second; nobody reads those of the tests.

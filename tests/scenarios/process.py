@@ -19,7 +19,8 @@ from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import board_sender, build_launchpad
 from tests.scenarios.robots import packaged_name, settings_of
 
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
+"""For a whole scenario; a busy machine may take half of it for the daemon's start."""
 SPEED_M_S = 0.2
 PERIOD_S = 0.02
 PLAIN: Mapping[str, str] = {}
