@@ -39,7 +39,8 @@ def test_no_port_at_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     """Then it is the cable, or the power."""
     plug(monkeypatch)
     told = advice("/dev/ttyACM0", ABSENT, tmp_path / "no-such-folder")
-    assert told == "there is no such device; no serial port is there: is the board plugged in and powered?"
+    assert "no serial port is there" in told
+    assert "plugged in and powered" in told
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,9 @@ def test_a_wheel_that_does_not_turn_is_told(control: Control) -> None:
     assert result.exit_code == Exit.NOT_DONE
     assert "left_wheel +1.00 rad/s, right_wheel -2.00 rad/s" in result.stdout
     assert "Limited" not in result.stdout
-    assert result.stderr == "Error: these wheels were told to turn, but hardly turned: left_wheel\n"
+    assert result.stderr.startswith("Error: ")
+    assert "left_wheel" in result.stderr
+    assert "right_wheel" not in result.stderr
 
 
 def test_wheels_are_judged_by_what_was_allowed(control: Control) -> None:
@@ -109,7 +111,7 @@ def test_a_wheel_goes_by_its_short_name_as_well(control: Control, daemon: FakeDa
     result = control("wheels", "left=1", "right_wheel=-2.5", "--for", "0.1")
     asked = next(given for _, name, given in daemon.calls if name == "set_wheel_velocities")
     assert asked["name"] == ["left_wheel", "right_wheel"]
-    assert result.stdout == "Turned at the end: left_wheel +1.00 rad/s, right_wheel -2.00 rad/s\n"
+    assert "left_wheel +1.00 rad/s, right_wheel -2.00 rad/s" in result.stdout
 
 
 def test_a_wheel_that_is_named_by_both_its_names(control: Control, daemon: FakeDaemon) -> None:

@@ -161,7 +161,9 @@ def test_a_board_that_cannot_be_made(tmp_path: Path) -> None:
     link = tmp_path / "no" / "such" / "folder"
     result = chefbotd("simulate", "--link", link)
     assert result.exit_code == Exit.FAILED
-    assert result.stderr == f"Error: {link}: cannot be made: No such file or directory\n"
+    assert result.stderr.startswith(f"Error: {link}: ")
+    assert "No such file or directory" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:
@@ -318,7 +320,7 @@ def test_a_robot_of_ones_own_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "chefbot.urdf").write_text("mine")
     again = chefbotd("init", tmp_path)
     assert again.exit_code == Exit.FAILED
-    assert again.stderr == f"Error: {tmp_path}/chefbot.urdf: already there, and not overwritten\n"
+    assert again.stderr.startswith(f"Error: {tmp_path}/chefbot.urdf: already there")
     assert [path.name for path in tmp_path.iterdir()] == ["chefbot.urdf"]
 
 

@@ -436,10 +436,9 @@ def test_an_older_state_that_is_gone_on_with_is_said() -> None:
     again = Bench(bench.memory, session="two")
     told = again.ask(Start(unfinished=True))
     assert told.state == "mapping"
-    assert (
-        told.warning
-        == "the newest state of it is damaged (version 8: slam.npz is missing): an older one is used"
-    )
+    assert told.warning is not None
+    assert "version 8: slam.npz is missing" in told.warning
+    assert "an older one is used" in told.warning
 
 
 def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
