@@ -1,33 +1,15 @@
 """Descriptions against configurations."""
 
-import json
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner
 
-from chefbotd.cli.common.exits import Exit
-from chefbotd.cli.programs.chefbotd import main
-from chefbotd.clock import run_virtual
-from chefbotd.motion.kinematics import Side, WheelParameters
-from chefbotd.settings import Settings, SettingsError, load, packaged
+from chefbotd.settings import load, packaged
 from chefbotd.settings.description import Description, DescriptionError
 from chefbotd.settings.description_check import differences
-from chefbotd.settings.urdf import urdf_of, wheel_places_x_m
-from chefbotd.sim.chassis import Chassis, Wheel
-from chefbotd.testing.daemon import running_daemon
-from chefbotd.testing.transport import FakeSerialDevice
+from tests.chefbotd.settings.urdf_files import written
 
 KHAN = load(packaged("khan"))
-
-
-WRITTEN_BY_HAND = Path(__file__).parents[2] / "vectors" / "urdf"
-
-
-def written(robot: str) -> Path:
-    """A description of the robot that was written by hand, from the published numbers."""
-    return WRITTEN_BY_HAND / f"{robot}.urdf"
 
 
 @pytest.fixture
@@ -276,162 +258,6 @@ def test_a_missing_description_is_named(tmp_path: Path) -> None:
     """The path, and why it cannot be read."""
     with pytest.raises(DescriptionError, match=r"absent\.urdf: cannot be read: No such file"):
         Description(tmp_path / "absent.urdf")
-
-
-Command = tuple[str, ...]
-OF_THE_SAME_OPINION: list[Command] = [
-    ("check-config",),
-    ("urdf",),
-    ("simulate", "--config"),
-    ("run", "--config"),
-]
-
-
-def own(folder: Path, urdf: str | None, *, change: tuple[str, str] = ("", "")) -> Path:
-    """A copy of KHAN's configuration that names a description beside it."""
-    path = folder / "robot.toml"
-    text = packaged("khan").read_text().replace('# description = "my.urdf"', 'description = "my.urdf"', 1)
-    assert change[0] in text
-    path.write_text(text.replace(*change, 1))
-    if urdf is not None:
-        (folder / "my.urdf").write_text(urdf)
-    return path
-
-
-@pytest.mark.parametrize("command", OF_THE_SAME_OPINION, ids=lambda command: command[0])
-def test_a_description_of_ones_own_is_held_against_the_configuration(
-    tmp_path: Path, command: Command
-) -> None:
-    """A track that differs is not valid, whatever the command, with both numbers, a line for each of the wheels."""
-    path = own(tmp_path, written("khan").read_text(), change=("track_width_m = 0.189", "track_width_m = 0.2"))
-    result = CliRunner().invoke(main, [*command, str(path)])
-    assert result.exit_code == Exit.BAD_CONFIGURATION
-    first, *lines = result.stderr.splitlines()
-    assert first.endswith("my.urdf does not describe the robot that is configured:")
-    assert lines[:1] == [f"front_left_wheel: y is 0.0945 m, expected 0.1 m (half {TRACK} left)"]
-    assert len(lines) == 4
-
-
-def test_check_config_tells_scripts_each_difference(tmp_path: Path) -> None:
-    """With ``--json`` they are a list."""
-    path = own(tmp_path, written("khan").read_text(), change=("mount_x_m = 0.06", "mount_x_m = 0.05"))
-    result = CliRunner().invoke(main, ["check-config", "--json", str(path)])
-    assert json.loads(result.stderr)["error"]["differences"] == [
-        "infrared_joint: x is 0.06 m, expected 0.05 m (infrared.front.mount_x_m)"
-    ]
-
-
-@pytest.mark.parametrize(
-    ("urdf", "told"), [(None, "my.urdf: cannot be read: No such file"), ("spoilt", "my.urdf: not a URDF")]
-)
-def test_a_description_of_ones_own_must_be_there(tmp_path: Path, urdf: str | None, told: str) -> None:
-    """One that is missing or broken is told with its path."""
-    with pytest.raises(SettingsError, match=told):
-        load(own(tmp_path, urdf))
-
-
-@pytest.mark.parametrize("robot", ["chefbot", "khan"])
-def test_the_description_that_is_made_is_the_one_written_by_hand(robot: str, tmp_path: Path) -> None:
-    """Every joint is where the other has it, masses are equal, and moments of inertia, which it rounds, within 0.5 %."""
-    path = tmp_path / "made.urdf"
-    path.write_text(urdf_of(load(packaged(robot))))
-    made, hand = Description(path), Description(written(robot))
-    assert made.joints() == hand.joints()
-    for name in hand.joints():
-        assert made.place(name) == pytest.approx(hand.place(name), abs=1e-9), name
-    assert [made.radius_m(name) for name in hand.wheel_names()] == [
-        hand.radius_m(name) for name in hand.wheel_names()
-    ]
-    assert made.inertias().keys() == hand.inertias().keys()
-    for link, (mass_kg, inertia_kg_m2) in hand.inertias().items():
-        assert made.inertias()[link][0] == mass_kg
-        assert made.inertias()[link][1] == pytest.approx(inertia_kg_m2, rel=0.005)
-
-
-OBLIQUE = {
-    "chassis.track_width_m": 0.3,
-    "chassis.wheels.0.radius_m": 0.04,
-    "infrared.0.mount_x_m": 0.11,
-    "infrared.0.mount_y_m": -0.07,
-    "infrared.0.mount_z_m": 0.2,
-    "infrared.0.mount_heading_rad": 0.7,
-    "sim.body.wheelbase_m": 0.25,
-}
-
-
-def test_the_description_that_is_made_follows_the_configuration(tmp_path: Path) -> None:
-    """A track of 0.3, one larger wheel, a sensor at an odd angle, a wheelbase of 0.25: by hand, seen from the floor.
-
-    The axle is 0.04 m high, so that the smaller wheels (0.03 m) sit 0.01 m lower and touch the floor as well.
-    """
-    settings = load(packaged("khan"), overrides=OBLIQUE)
-    path = tmp_path / "made.urdf"
-    path.write_text(urdf_of(settings))
-    made = Description(path)
-    assert differences(made, settings) == []
-    assert made.place("front_left_wheel") == pytest.approx((0.125, 0.15, 0.04))
-    assert made.place("rear_right_wheel") == pytest.approx((-0.125, -0.15, 0.03))
-    assert made.place("infrared_joint") == pytest.approx((0.11, -0.07, 0.2))
-    assert made.mount("infrared_joint").heading_rad == pytest.approx(0.7)
-
-
-def test_wheels_are_described_where_they_are_simulated() -> None:
-    """Three wheels on one side and two on the other, in mixed order: as the simulator spreads them over 0.5 m."""
-    sides = "LRLRL"
-    wheels = [
-        WheelParameters(name=str(index), side=Side.LEFT if side == "L" else Side.RIGHT, radius_m=0.03)
-        for index, side in enumerate(sides)
-    ]
-    simulated = Chassis(tuple(Wheel(side == "L", 0.03) for side in sides), 0.2, 900.0)
-    assert wheel_places_x_m(wheels, 0.5) == [0.25, 0.25, 0.0, -0.25, -0.25]
-    assert tuple(wheel_places_x_m(wheels, 0.5)) == simulated.places_x_m(0.5)
-
-
-def test_what_is_not_known_is_not_described() -> None:
-    """Without [body] no link has a mass, and the body no shape; a name is escaped as XML wants it."""
-    settings = load(overrides={"robot.name": "<Ann's & Bob's>"}).model_copy(update={"body": None})
-    robot = ElementTree.fromstring(urdf_of(settings))
-    assert robot.get("name") == "<Ann's & Bob's>"
-    assert robot.findall(".//mass") == []
-    assert robot.findall("link[@name='base_link']/visual") == []
-    assert len(robot.findall(".//visual")) == 2
-
-
-def test_a_wheel_named_like_a_joint_of_the_description() -> None:
-    """Two joints of one name are no URDF: the configuration is refused."""
-    with pytest.raises(SettingsError, match=r"joints of their own .* repeated: imu_joint"):
-        load(overrides={"chassis.wheels.0.name": "imu_joint"})
-
-
-def served(settings: Settings) -> str | None:
-    """What a daemon with this configuration answers to ``get_description``."""
-
-    async def scenario() -> str | None:
-        async with running_daemon(FakeSerialDevice(), settings) as client:
-            urdf: str | None = (await client.call("get_description"))["urdf"]
-            return urdf
-
-    return run_virtual(scenario())
-
-
-def test_the_daemon_serves_the_description_that_is_made() -> None:
-    """With the radius that is configured."""
-    settings = load(overrides={"chassis.wheels.0.radius_m": 0.047})
-    assert served(settings) == urdf_of(settings)
-    assert 'cylinder radius="0.047"' in urdf_of(settings)
-
-
-def test_the_daemon_serves_a_description_of_ones_own_as_it_stands(tmp_path: Path) -> None:
-    """Byte for byte."""
-    text = written("khan").read_text()
-    assert served(load(own(tmp_path, text))) == text
-
-
-def test_a_description_that_is_gone_keeps_nobody_from_driving(tmp_path: Path) -> None:
-    """It was there when the configuration was read: null."""
-    settings = load(own(tmp_path, written("khan").read_text()))
-    (tmp_path / "my.urdf").unlink()
-    assert served(settings) is None
 
 
 @pytest.mark.parametrize(
