@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from chefbotd.features.driving.methods import EstopParams, StopParams
 from chefbotd.rpc.lenient import read_leniently
 from tests.budget import examples
-from tests.chefbotd.rpc.test_methods import Desk
+from tests.chefbotd.rpc.desk import Desk
 
 REASONS: list[tuple[Any, str]] = [
     ("smoke", "smoke"),
