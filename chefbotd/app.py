@@ -18,7 +18,7 @@ from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.entries import entries_of
 from chefbotd.features.board.feature import board
-from chefbotd.features.feature import Service, methods_and_topics
+from chefbotd.features.feature import Service, Waiting, methods_and_topics
 from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
@@ -32,6 +32,7 @@ from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
+from chefbotd.snapshot.state import DaemonState
 from chefbotd.transport.tcp.server import TcpServer
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class Daemon:
         let_go_s = settings.safety.held_until_silent_s
         self.leases = ControlLeases(settings.api.lease_s, let_go_s, driving.release, self.bus.publish)
         self.metrics = Metrics()
-        recorders = [*recording(context), *foxglove(context)]
+        recorders = [*recording(context, lambda: self.state), *foxglove(context)]
         further = [build(self.bus, clock) for build in features]
         scanners = lidars(context)
         on_maps, self.worker = map_features(context, driving, self.leases)
@@ -126,6 +127,7 @@ class Daemon:
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
         self.page = page_server(settings, self.rpc, guard, self.metrics)
         self.features += discovery(settings, self.server, self.page)
+        self.state = self._state()
         self._add_metrics()
 
     def _rpc_server(self, settings: Settings, session: str, guard: Guard) -> RpcServer:
@@ -146,6 +148,26 @@ class Daemon:
             link_is_up=lambda: self.session.is_open,
             keyring=guard.keyring,
         )
+
+    def _state(self) -> DaemonState:
+        """What a recording needs that begins while the robot drives."""
+        parts: dict[str, object] = {f"link {name}": session for name, session in self.entries.links.items()}
+        parts |= {
+            f"{feature.name} {number}": part
+            for feature in self.features
+            for number, part in enumerate(feature.parts, 1)
+        }
+        harmless = {
+            method.name
+            for feature in self.features
+            if not any(service.in_steps for service in feature.services)
+            for method in feature.methods
+        }
+        return DaemonState(self.entries, {**parts, "leases": self.leases}, self.waiting, harmless)
+
+    def waiting(self) -> Waiting:
+        """The requests that wait for something, and what each goes on with."""
+        return {task: run for feature in self.features for task, run in feature.waiting().items()}
 
     def _add_metrics(self) -> None:
         """Add what the process itself counts, and have every part add its own."""

@@ -8,7 +8,8 @@ computed again from a recording.
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Coroutine, Generator, Iterator
-from typing import Any, Protocol, TypeVar
+from types import CoroutineType
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
@@ -25,10 +26,27 @@ class Timer(Protocol):
         ...
 
 
+class EntryTimer:
+    """A timer that runs: what it is called, when it fires, and what it then calls."""
+
+    __slots__ = ("callback", "due_s", "handle", "name", "waits")
+
+    def __init__(self, name: str, due_s: float, callback: Callable[[], None]) -> None:
+        self.name, self.due_s, self.callback, self.waits = name, due_s, callback, True
+        self.handle: asyncio.TimerHandle | None = None
+
+    def cancel(self) -> None:
+        """Do not fire."""
+        self.waits = False
+        if self.handle is not None:
+            self.handle.cancel()
+
+
 class Entries:
     """A clock that stands still while an entry is handled.
 
     ``links`` are the sessions of the ports by the names of their links, as each of them has entered itself.
+    ``running`` are the coroutines that go on in steps, by name, and ``task`` is the one whose step is handled.
     ``recording`` says whether the records in ``core.events.inputs`` are to be published; read it before you make one.
     """
 
@@ -39,6 +57,8 @@ class Entries:
         self._latched_s: float | None = None
         self._recorders = 0
         self.links: dict[str, Any] = {}
+        self.running: dict[str, Steps] = {}
+        self.task = ""
         self.recording = False
 
     def now_s(self) -> float:
@@ -76,11 +96,14 @@ class Entries:
 
     def call_later(self, delay_s: float, callback: Callable[[], None], name: str) -> Timer:
         """As the event loop's; the call is an entry. Of one name, one timer at most runs at a time."""
-        return asyncio.get_running_loop().call_later(delay_s, self._fire, callback, name)
+        timer = EntryTimer(name, self.now_s() + delay_s, callback)
+        timer.handle = asyncio.get_running_loop().call_later(delay_s, self._fire, timer)
+        return timer
 
-    def _fire(self, callback: Callable[[], None], name: str) -> None:
-        with self.entry(TimerFired, name):
-            callback()
+    def _fire(self, timer: EntryTimer) -> None:
+        timer.waits = False
+        with self.entry(TimerFired, timer.name):
+            timer.callback()
 
     def observe(self, bus: Bus, event: object) -> None:
         """Publish what came from outside: from the disk, from another process, from the computer itself."""
@@ -93,9 +116,9 @@ class Entries:
             if outermost:
                 self.end()
 
-    async def in_steps(self, name: str, run: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """Run a coroutine; each time that it goes on is an entry."""
-        result: T = await _Steps(self, name, run())
+    async def in_steps(self, name: str, run: Callable[[], Coroutine[Any, Any, T]], what: str = "") -> T:
+        """Run a coroutine; each time that it goes on is an entry. ``what`` is the method of a request."""
+        result: T = await Steps(self, name, run(), what)
         return result
 
     async def outside(self, ask: Callable[[], Awaitable[T]]) -> T:
@@ -110,7 +133,10 @@ class Entries:
         return answer
 
     def begin_recording(self) -> Callable[[], None]:
-        """Publish the records from now on; returns what ends that. A replay needs them from the daemon's start."""
+        """Publish the records from now on; returns what ends that.
+
+        A replay needs them from the daemon's start, or from a recorded state.
+        """
         self._recorders += 1
         self.recording, ended = True, False
 
@@ -123,20 +149,53 @@ class Entries:
         return end
 
 
-class _Steps:
-    """A coroutine whose steps are entries; an asyncio task sees no difference."""
+Place: TypeAlias = tuple[tuple[str, int], ...]
+"""Where a coroutine waits: the functions that it is in, and the instruction in each."""
 
-    def __init__(self, entries: Entries, name: str, task: Coroutine[Any, Any, Any]) -> None:
-        self._entries, self._name, self._task = entries, name, task
+
+def place_of(task: Coroutine[Any, Any, Any]) -> Place:
+    """Where a coroutine waits; empty where it has ended."""
+    place: list[tuple[str, int]] = []
+    each: object = task
+    while isinstance(each, CoroutineType) and each.cr_frame is not None:
+        place.append((each.cr_code.co_qualname, each.cr_frame.f_lasti))
+        each = each.cr_await
+    return tuple(place)
+
+
+class Steps:
+    """A coroutine whose steps are entries; an asyncio task sees no difference. ``what`` is the method of a request."""
+
+    def __init__(self, entries: Entries, name: str, task: Coroutine[Any, Any, Any], what: str = "") -> None:
+        self._entries, self._name, self._task, self.what = entries, name, task, what
+        self._home: Place | None = None
+
+    @property
+    def is_at_home(self) -> bool:
+        """Whether it waits where it waited first: it is in the middle of nothing."""
+        return self._home == place_of(self._task)
 
     def __await__(self) -> Generator[Any, None, Any]:
+        self._entries.running[self._name] = self
+        try:
+            return (yield from self._steps())
+        finally:
+            if self._entries.running.get(self._name) is self:
+                del self._entries.running[self._name]
+
+    def _steps(self) -> Generator[Any, None, Any]:
         error: BaseException | None = None
         while True:
             with self._entries.entry(TaskStepped, self._name, error is not None):
+                self._entries.task = self._name
                 try:
                     awaited = self._task.send(None) if error is None else self._task.throw(error)
                 except StopIteration as end:
                     return end.value
+                finally:
+                    self._entries.task = ""
+            if self._home is None:
+                self._home = place_of(self._task)
             error = None
             try:
                 yield awaited

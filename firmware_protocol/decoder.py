@@ -16,6 +16,9 @@ class Decoder:
     ``max_line`` bytes, and skipped up to its end. No more than a line is ever kept.
     """
 
+    UNRECORDED = frozenset({"_codec"})
+    """Tables."""
+
     def __init__(self, codec: LineCodec, max_line: int | None = None) -> None:
         self._codec = codec
         self._max_line = codec.framing.max_line if max_line is None else max_line

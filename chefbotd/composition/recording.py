@@ -1,15 +1,17 @@
 """What sees every event: recording to disk, and Foxglove."""
 
 import os
+from collections.abc import Callable
 
 from chefbotd.composition.context import Context
 from chefbotd.composition.robot import robot_description
 from chefbotd.composition.scanners import first_scanner
 from chefbotd.features.feature import Feature
+from chefbotd.snapshot.state import DaemonState
 
 
-def recording(context: Context) -> list[Feature]:
-    """The libraries that write files are loaded in the thread that writes."""
+def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
+    """``state`` gives what the daemon remembers. The libraries that write files are loaded in the thread that writes."""
     settings = context.settings
     if context.start_writer is None or not settings.recording.enabled:
         return []
@@ -30,7 +32,8 @@ def recording(context: Context) -> list[Feature]:
     intake = intake_of(parameters, made, context.clock.now_s())
     make = recorder_maker(parameters, folder, made, intake)
     writer = context.start_writer(intake, make, round(parameters.queue_mb * 1e6))
-    return [recording(RecordingService(context.bus, context.clock, parameters, folder, writer))]
+    service = RecordingService(context.bus, context.clock, parameters, folder, writer, state)
+    return [recording(service)]
 
 
 def foxglove(context: Context) -> list[Feature]:

@@ -1,6 +1,6 @@
 """What a feature of the daemon is: services to run, methods and topics of the socket, and figures that it counts."""
 
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from msgspec import Struct
@@ -10,6 +10,8 @@ from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
 
 Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
+Waiting: TypeAlias = Mapping[str, Callable[[Any], Coroutine[Any, Any, Any]]]
+"""Made with what a request tells its progress to."""
 
 
 class Service(Struct, frozen=True):
@@ -25,18 +27,29 @@ class Service(Struct, frozen=True):
     in_steps: bool = False
 
 
+def _none_waits() -> Waiting:
+    """No request waits."""
+    return {}
+
+
 def _no_metrics(metrics: Metrics) -> None:
     """Add nothing."""
 
 
 class Feature(Struct, frozen=True):
-    """One capability of the robot. ``add_metrics`` adds its figures to the registry."""
+    """One capability of the robot. ``add_metrics`` adds its figures to the registry.
+
+    ``parts`` are the objects that remember something from one entry to the next: a recording has their state.
+    ``waiting`` are the requests that wait in them, by the names of their tasks: what each of them goes on with.
+    """
 
     name: str
     services: tuple[Service, ...] = ()
     methods: tuple[Method, ...] = ()
     topics: tuple[Topic, ...] = ()
     add_metrics: Callable[[Metrics], None] = _no_metrics
+    parts: tuple[object, ...] = ()
+    waiting: Callable[[], Waiting] = _none_waits
 
 
 def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], dict[str, Topic]]:

@@ -50,6 +50,8 @@ class Port(Protocol):
 class BoardWriter:
     """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
 
+    UNRECORDED = frozenset({"_lines", "_port"})
+
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
         self._bus, self._clock, self._lines, self._stop = bus, entries_of(clock), lines, stop
         self._port: Port | None = None
@@ -61,6 +63,11 @@ class BoardWriter:
     def queries(self) -> int:
         """How often ``has_drained`` was asked."""
         return self._queries
+
+    @property
+    def had_drained(self) -> bool:
+        """What the answer was then."""
+        return self._drained
 
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""

@@ -43,6 +43,9 @@ class BoardSession(asyncio.Protocol):
     on counting while its cable was out is told from one that restarted.
     """
 
+    UNRECORDED = frozenset({"lines", "_encoder"})
+    """Lines that were kept for the log, and tables."""
+
     def __init__(
         self,
         bus: Bus,
@@ -239,6 +242,11 @@ class BoardSession(asyncio.Protocol):
     def board_restarts(self) -> int:
         """How often the board restarted."""
         return self._restarts.count
+
+    @property
+    def had_drained(self) -> bool:
+        """Whether the port had sent everything when it was asked last."""
+        return self._writer.had_drained
 
     @property
     def drain_queries(self) -> int:

@@ -98,8 +98,8 @@ class Comparison:
         """Whether events of this class are compared."""
         return kind not in self._left_out
 
-    def add(self, entry: Any, recorded: list[Recorded], replayed: list[Told]) -> None:
-        """What followed an entry, then and now."""
+    def add(self, entry: Any, recorded: list[Recorded], replayed: list[Told]) -> bool:
+        """What followed an entry, then and now; whether it is the same."""
         left_out, rows = self._left_out, self.rows
         was = [(each.kind, each.payload) for each in recorded if each.kind not in left_out]
         if was == replayed:
@@ -107,12 +107,13 @@ class Comparison:
                 row = rows.get(kind) or self._row(kind)
                 row.recorded += 1
                 row.replayed += 1
-            return
+            return True
         if self.first is None:
             self.first = _first_difference(entry.stamp_s, described(entry), was, replayed)
         self.different += 1
         for kind in dict.fromkeys(kind for kind, _ in (*was, *replayed)):
             self._row(kind).add(_of_kind(kind, was), _of_kind(kind, replayed))
+        return False
 
     def _row(self, kind: str) -> Row:
         row = self.rows.get(kind)

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -16,13 +16,17 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import Group, decoded
-from chefbotd.replay.stand_ins import ReplayedCaller, ReplayedPort, ReplayedSession, ReplayedWorker
+from chefbotd.replay.stand_ins import Nobody, ReplayedCaller, ReplayedPort, ReplayedSession, ReplayedWorker
 from chefbotd.replay.tasks import Tasks
 from chefbotd.rpc.connection_manager import LEASES_TIMER
 from chefbotd.rpc.dispatch import job_name
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
 from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.snapshot.restore import Restore
+
+if TYPE_CHECKING:
+    from chefbotd.worker.process import WorkerStatus
 
 NOT_HANDLED = frozenset(
     {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel", "get_stats"}
@@ -40,11 +44,12 @@ class Pipeline:
         self._callers: dict[int, ReplayedCaller] = {}
         services = [each for feature in daemon.features for each in feature.services if each.in_steps]
         self._services = {each.name: each.run for each in services}
-        self._tasks = Tasks(self._services)
+        self._tasks = Tasks(self._services, entries)
         self._regular = {health_timer(name): each.judge_health for name, each in entries.links.items()}
         self._regular[LEASES_TIMER] = lambda: daemon.leases.expire(entries.now_s())
         self._handlers: dict[type[Any], Callable[[Any], None]] = {
             inputs.DaemonStarted: lambda entry: None,
+            inputs.StateRecorded: lambda entry: None,
             inputs.PortOpened: lambda entry: self._open(entry.link),
             inputs.PortLost: self._lose,
             inputs.PortNotOpened: lambda entry: self._session(entry.link).report_not_opened(entry.reason),
@@ -76,12 +81,33 @@ class Pipeline:
             return str(problem)
         return ""
 
-    async def begin_late(self) -> None:
-        """The recording began while the daemon ran: services wait, and ports are open."""
-        for name in self._services:
-            await self._tasks.step(name, cancelled=False)
-        for link in self._entries.links:
+    async def begin_late(self, state: inputs.StateRecorded | None, *, keeps_parameters: bool) -> list[str]:
+        """The recording began while the daemon ran: services wait, ports are open, and the parts are in this state.
+
+        Without a state every port is open. Returns what cannot be put back.
+        """
+        await self._tasks.begin_anew()
+        self._ports.clear()
+        self._callers.clear()
+        for link in self._entries.links if state is None else state.open_links:
             self._open(link)
+        return [] if state is None else await self._restore(state, keeps_parameters=keeps_parameters)
+
+    async def _restore(self, state: inputs.StateRecorded, *, keeps_parameters: bool) -> list[str]:
+        daemon = self._daemon
+        self._entries.timers.clear()
+        restore = Restore(self._entries, keeps_parameters=keeps_parameters)
+        restore.put(state.parts, daemon.state.parts)
+        if BOARD_LINK in self._ports and daemon.session.drain_queries:
+            self._ports[BOARD_LINK].set_drained(daemon.session.had_drained)
+        for session in daemon.leases.sessions():
+            self._callers[session.number] = ReplayedCaller(session)
+        if daemon.worker is not None:
+            self._follow(daemon.worker.status)
+        for task, run in list(daemon.waiting().items()):
+            self._tasks.add_request(task, partial(run, Nobody()))
+            await self._tasks.step(task, cancelled=False)
+        return restore.problems
 
     def close(self) -> None:
         """The replay is over."""
@@ -150,15 +176,20 @@ class Pipeline:
         return ""
 
     def _follow_worker(self, event: WorkerReported) -> None:
-        worker = self._daemon.worker
-        if worker is None:
+        if self._daemon.worker is None:
             return
         from chefbotd.worker.process import WorkerStatus
-        from chefbotd.worker.watch import LIVING, WorkerState
+        from chefbotd.worker.watch import WorkerState
 
         state = WorkerState(event.state)
-        status = WorkerStatus(state, event.pid, event.restarts, event.rss_mb, event.cpu, event.reason)
-        worker.follow(status, ReplayedWorker() if state in LIVING else None)  # type: ignore[arg-type]
+        self._follow(WorkerStatus(state, event.pid, event.restarts, event.rss_mb, event.cpu, event.reason))
+
+    def _follow(self, status: "WorkerStatus") -> None:
+        from chefbotd.worker.watch import LIVING
+
+        if self._daemon.worker is not None:
+            channel = ReplayedWorker() if status.state in LIVING else None
+            self._daemon.worker.follow(status, channel)  # type: ignore[arg-type]
 
     def _forget_worker(self) -> None:
         if self._daemon.worker is not None:
@@ -194,11 +225,12 @@ class Pipeline:
         role = None if entry.role is None else Role(entry.role)
         caller = self._callers.get(entry.client)
         if caller is None:
-            session = ReplayedSession(ApiParameters(), "", 0, role, entry.stamp_s)
-            caller = self._callers[entry.client] = ReplayedCaller(session)
+            newcomer = ReplayedSession(ApiParameters(), "", 0, role, entry.stamp_s)
+            caller = self._callers[entry.client] = ReplayedCaller(newcomer)
         session = caller.session
         session.number, session.client, session.role = entry.client, entry.name, role
-        session.address = entry.where
+        if isinstance(session, ReplayedSession):
+            session.address = entry.where
         return caller
 
     def _leave(self, entry: inputs.ClientLeft) -> None:

@@ -1,11 +1,12 @@
 """What is in a recording, as values: entries, and after each of them what followed."""
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import msgspec
 
-from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStopping
+from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStarted, DaemonStopping, StateRecorded
 from chefbotd.core.record import Record
 from chefbotd.recording.classes import class_of, decode
 
@@ -82,3 +83,17 @@ def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:
             group, lost = Group(decoded(each), lost), 0
         elif group is not None:
             group.followers.append(each)
+
+
+def from_beginning(groups: Iterable[Group]) -> tuple[list[Group], Iterator[Group]]:
+    """What comes before the first moment from which a recording can be replayed, and what comes from there on.
+
+    That is the daemon's start, or a recorded state. A recording without one is replayed from its first entry.
+    """
+    before: list[Group] = []
+    rest = iter(groups)
+    for group in rest:
+        if isinstance(group.entry, DaemonStarted | StateRecorded):
+            return before, chain((group,), rest)
+        before.append(group)
+    return [], iter(before)

@@ -8,7 +8,7 @@ import msgspec
 
 from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
-from chefbotd.core.events.inputs import DaemonStarted, TimerFired
+from chefbotd.core.events.inputs import DaemonStarted, StateRecorded, TimerFired
 from chefbotd.recording.classes import encode
 from chefbotd.replay.comparison import Comparison, Difference, Told
 from chefbotd.replay.entries import ReplayEntries
@@ -28,14 +28,21 @@ EARLY_S = 0.002
 
 
 class Outcome:
-    """What a replay has found. ``exact`` says that every event is the same, bit for bit."""
+    """What a replay has found. ``exact`` says that every event is the same, bit for bit.
+
+    ``skipped_s`` is how much of the recording comes before the first state. ``left_out`` says what that state has not;
+    ``same_since_s`` is the stamp from which on every event is the same.
+    """
 
     def __init__(self, comparison: Comparison) -> None:
         self.comparison = comparison
         self.entries = self.lost = 0
         self.began_s: float | None = None
         self.ended_s = 0.0
-        self.from_start = False
+        self.from_start = self.from_state = False
+        self.skipped_s = 0.0
+        self.left_out: tuple[str, ...] = ()
+        self.same_since_s: float | None = None
         self.problems: list[str] = []
         self.problem_count = 0
         self.recorded_error, self.replayed_error = SpeedError(), SpeedError()
@@ -75,7 +82,7 @@ class Replay:
     ) -> None:
         self._pipeline = Pipeline(daemon, entries, drains=not own_timers)
         self._entries = entries
-        self._own_timers = own_timers
+        self._own_timers, self._is_astray = own_timers, False
         self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS, NOT_COMPARED)
         self.outcome = Outcome(Comparison(left_out))
 
@@ -98,6 +105,9 @@ class Replay:
         stamp_s = entry.stamp_s
         if outcome.began_s is None:
             outcome.began_s, outcome.from_start = stamp_s, isinstance(entry, DaemonStarted)
+        is_anew = outcome.entries == 0 and not outcome.from_start
+        is_anew |= isinstance(entry, StateRecorded) and self._is_astray and not entry.left_out
+        self._is_astray |= group.lost > 0
         outcome.ended_s = stamp_s
         outcome.entries += 1
         outcome.lost += group.lost
@@ -106,17 +116,28 @@ class Replay:
             self._fire_due(stamp_s)
             replayed = self._told()
         self._entries.set_time(stamp_s)
-        if outcome.entries == 1 and not outcome.from_start:
-            await self._pipeline.begin_late()
-            self._told()
+        if is_anew:
+            await self._begin_anew(entry if isinstance(entry, StateRecorded) else None)
         if not (self._own_timers and self._is_of_the_other(entry)):
             problem = await self._pipeline.handle(group)
             if problem and not self._own_timers:
                 outcome.note(f"at {stamp_s:.6f} s: {problem}")
         replayed += self._told()
-        outcome.comparison.add(entry, group.followers, replayed)
+        if not outcome.comparison.add(entry, group.followers, replayed):
+            outcome.same_since_s = None
+        elif outcome.same_since_s is None:
+            outcome.same_since_s = stamp_s
         if self._own_timers:
             self._add_errors(group, replayed)
+
+    async def _begin_anew(self, state: StateRecorded | None) -> None:
+        """From a state: at the beginning, and where one has everything after one that had not, or after a gap."""
+        outcome = self.outcome
+        problems = await self._pipeline.begin_late(state, keeps_parameters=self._own_timers)
+        self._told()
+        if not outcome.from_state and state is not None:
+            outcome.from_state, outcome.left_out = True, (*state.left_out, *problems)
+        self._is_astray = state is None or bool(state.left_out)
 
     def _add_errors(self, group: Group, replayed: list[Told]) -> None:
         for each in group.followers:

@@ -13,7 +13,7 @@ from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.reading import RecordingFiles
-from chefbotd.replay.recorded import Group, NotReplayable, groups_of
+from chefbotd.replay.recorded import Group, NotReplayable, from_beginning, groups_of
 from chefbotd.replay.replay import Outcome, Pace, Replay
 from chefbotd.replay.serving import Serving
 from chefbotd.sensing.lidar import LidarParameters
@@ -53,7 +53,7 @@ def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
         files.require_version()
     recorded = settings_of(configuration)
     settings = recorded if wishes.other is None else other_settings(recorded, wishes.other)
-    groups = groups_of(files.messages())
+    before, groups = from_beginning(groups_of(files.messages()))
     first = next(groups, None)
     if first is None:
         raise NotReplayable(
@@ -62,6 +62,7 @@ def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
         )
     began_s = time.monotonic()
     outcome = asyncio.run(replay_groups(settings, first, groups, wishes))
+    outcome.skipped_s = first.entry.stamp_s - before[0].entry.stamp_s if before else 0.0
     return Replayed(settings.robot.name, outcome, time.monotonic() - began_s, files.problem)
 
 

@@ -20,7 +20,7 @@ class ReplayedSession(Session):
 class ReplayedCaller:
     """Who asked, and hears nothing."""
 
-    def __init__(self, session: ReplayedSession) -> None:
+    def __init__(self, session: Session) -> None:
         self.session = session
 
     def reply(self, message: bytes, *, keep: bool = False) -> None:
@@ -47,6 +47,10 @@ class ReplayedPort(asyncio.Transport):
         self._queries = queries
         self._changes: dict[int, bool] = {}
         self._drained = True
+
+    def set_drained(self, drained: bool) -> None:
+        """The answer to come, until the recording has another."""
+        self._drained = drained
 
     def expect(self, changes: Mapping[int, bool]) -> None:
         """The answers of the recording, by the number of the query from which on each holds."""
@@ -85,6 +89,13 @@ class ReplayedPort(asyncio.Transport):
 
     def abort(self) -> None:
         """Its end is in the recording."""
+
+
+class Nobody:
+    """Hears how far a request is."""
+
+    def report(self, done: float, total: float, text: str = "") -> None:
+        """Nobody is there."""
 
 
 class ReplayedWorker:

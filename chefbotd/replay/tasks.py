@@ -6,6 +6,8 @@ from typing import Any
 
 from msgspec import Struct
 
+from chefbotd.entries import Entries, Place, place_of
+
 Run = Callable[[], Coroutine[Any, Any, Any]]
 
 MOST_TURNS = 20
@@ -15,13 +17,14 @@ MOST_TURNS = 20
 class _Running(Struct):
     task: Coroutine[Any, Any, Any]
     waits_for: "asyncio.Future[Any] | None" = None
+    home: Place | None = None
 
 
 class Tasks:
     """``services`` begin anew when they are stepped after their end; a request does not."""
 
-    def __init__(self, services: Mapping[str, Run]) -> None:
-        self._services = services
+    def __init__(self, services: Mapping[str, Run], entries: Entries) -> None:
+        self._services, self._entries = services, entries
         self._requests: dict[str, Run] = {}
         self._running: dict[str, _Running] = {}
 
@@ -39,6 +42,7 @@ class Tasks:
             running = self._running[name] = _Running(run())
         if not cancelled and not await _is_done(running.waits_for):
             return False
+        self._entries.task = name
         try:
             task = running.task
             waits_for = task.throw(asyncio.CancelledError()) if cancelled else task.send(None)
@@ -48,16 +52,31 @@ class Tasks:
         except Exception:  # noqa: BLE001 - what the recorded one led to is in the recording
             del self._running[name]
             return True
+        finally:
+            self._entries.task = ""
         if waits_for is not None:
             waits_for._asyncio_future_blocking = False
         running.waits_for = waits_for
+        if running.home is None:
+            running.home = place_of(running.task)
         return True
+
+    async def begin_anew(self) -> None:
+        """Every service waits where it waits first, and no request is under way."""
+        for name, running in list(self._running.items()):
+            if name not in self._services or running.home != place_of(running.task):
+                running.task.close()
+                del self._running[name]
+        self._requests.clear()
+        for name in self._services.keys() - self._running.keys():
+            await self.step(name, cancelled=False)
 
     def close(self) -> None:
         """The replay is over."""
         for running in self._running.values():
             running.task.close()
         self._running.clear()
+        self._requests.clear()
 
 
 async def _is_done(future: "asyncio.Future[Any] | None") -> bool:

@@ -63,6 +63,10 @@ class ControlLeases:
         holder = self.holder(source, now_s)
         return (self._tried.get(source) if holder is None else holder) is session
 
+    def sessions(self) -> list[Session]:
+        """Every client that has a source, or tried to drive one."""
+        return [*(lease.holder for lease in self._leases.values()), *self._tried.values()]
+
     def tried(self, session: Session) -> list[str]:
         """The sources that this client was the last to try to drive, refused or not."""
         return [source for source, last in self._tried.items() if last is session]

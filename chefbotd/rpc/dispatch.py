@@ -155,7 +155,7 @@ class Dispatcher:
         """Run a handler in steps. Its task begins a turn of the loop later: a stop meanwhile makes it void."""
         if method.moves and self._arrivals.stops != stops:
             raise self._void(session, method.name, ErrorKind.OVERTAKEN, self._overtaken(method.name))
-        return await self._clock.in_steps(job, run)
+        return await self._clock.in_steps(job, run, what=method.name)
 
     def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
         """The result as JSON. A stop makes older commands of others void, even where it has failed."""

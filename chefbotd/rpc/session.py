@@ -16,6 +16,9 @@ class Session:
     has ever sent a request, and ``stops_only`` why it may do nothing but stop the robot (empty: it may do more).
     """
 
+    UNRECORDED = frozenset({"_parameters", "token_digest", "arrival", "_requests", "_errors"})
+    """What the robot does follows from none of it, and nobody else is to know the token."""
+
     def __init__(
         self, parameters: ApiParameters, host: str, port: int, role: Role | None, now_s: float
     ) -> None:

@@ -69,6 +69,9 @@ class Worker:
     ``on_status`` is called with each new status.
     """
 
+    UNRECORDED = frozenset({"_channel", "_ended", "_skills", "_vitals"})
+    """The process and the way to it: a replay has neither."""
+
     def __init__(
         self,
         parameters: WorkerParameters,

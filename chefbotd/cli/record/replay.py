@@ -16,6 +16,7 @@ from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.program import wants_json
 
 if TYPE_CHECKING:
+    from chefbotd.replay.replay import Outcome
     from chefbotd.replay.run import Replayed
 
 RATE = click.FloatRange(0.01, 1000.0)
@@ -45,8 +46,8 @@ def replay(
 ) -> None:
     """Run a recording again, without a robot, and hold every event against the recorded one.
 
-    FILE is a recording that began with the daemon ('run --record', or [recording] auto_start), or several that go on
-    from each other.
+    FILE is a recording, or several that go on from each other. One that began while the robot drove is replayed from
+    the state of the robot that was recorded then.
 
     With --config, the robot is configured otherwise: what it would have commanded is told in a table. What the robot
     would then have done is not known: it moves as it did.
@@ -92,8 +93,7 @@ def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
     )
     if replayed.problem is not None:
         yield f"Note: {replayed.problem}; replayed up to there"
-    if not outcome.from_start:
-        yield "Note: the recording does not begin with the daemon, so what the robot knew before is not in it"
+    yield from _told_of_beginning(outcome)
     if outcome.lost:
         yield f"Note: {outcome.lost} events are missing in the recording"
     for problem in outcome.problems:
@@ -105,9 +105,25 @@ def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
         yield f"All {events} events are the same, bit for bit."
         return
     yield f"The first difference: {outcome.first}"
+    if outcome.same_since_s is not None and not is_other:
+        yield f"From {outcome.same_since_s:.6f} s on all events are the same, bit for bit."
     yield from _table(replayed)
     if is_other:
         yield from _figures(replayed)
+
+
+def _told_of_beginning(outcome: "Outcome") -> Iterator[str]:
+    if outcome.from_start:
+        return
+    if not outcome.from_state:
+        yield "Note: the recording does not begin with the daemon, and has no state of the robot to begin from"
+        return
+    before = (
+        f"; the {outcome.skipped_s:.1f} s before it are not replayed" if outcome.skipped_s >= 0.05 else ""
+    )
+    yield f"Note: it begins from the state that was recorded while the robot ran{before}"
+    for each in outcome.left_out:
+        yield f"Note: not in that state: {each}"
 
 
 def _table(replayed: "Replayed") -> Iterator[str]:
@@ -143,6 +159,10 @@ def _as_json(replayed: "Replayed") -> dict[str, Any]:
         "entries": outcome.entries,
         "exact": outcome.exact,
         "from_start": outcome.from_start,
+        "from_state": outcome.from_state,
+        "skipped_s": outcome.skipped_s,
+        "left_out": outcome.left_out,
+        "same_since_s": outcome.same_since_s,
         "lost": outcome.lost,
         "problem": replayed.problem,
         "problems": outcome.problems,

@@ -21,6 +21,19 @@ class DaemonStarted(Record, frozen=True):
     fault: str | None
 
 
+class StateRecorded(Record, frozen=True):
+    """An entry: what the parts of the daemon remember, so that a replay can begin here.
+
+    ``open_links`` are the links whose port is open. ``left_out`` says what is missing: a request that was under way, or
+    something that no plain value can hold.
+    """
+
+    stamp_s: float
+    parts: dict[str, Any]
+    open_links: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
 class DaemonStopping(Record, frozen=True):
     """The end: what is published after it belongs to no entry."""
 
@@ -184,6 +197,7 @@ class AnswerTaken(Record, frozen=True):
 
 Entry: TypeAlias = (
     DaemonStarted
+    | StateRecorded
     | PortOpened
     | PortLost
     | PortNotOpened

@@ -66,6 +66,7 @@ def driving(
         methods=methods(handlers, arm_role),
         topics=topics(wheel_names),
         add_metrics=lambda metrics: _add_metrics(metrics, service, quadrature),
+        parts=(service, quadrature, preview),
     )
 
 

@@ -63,6 +63,8 @@ class SafetyKeeper:
     mode beyond the end of the process; ``motors`` says whether the board does as it is told.
     """
 
+    UNRECORDED = frozenset({"_latch"})
+
     def __init__(
         self,
         bus: Bus,

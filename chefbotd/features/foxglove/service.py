@@ -19,7 +19,7 @@ log = structlog.get_logger(component="foxglove")
 
 INBOX_EVENTS = 4096
 MAP_AGAIN_S = 5.0
-EXCLUDED = frozenset({"LineSeen"})
+EXCLUDED = frozenset({"LineSeen", "StateRecorded"})
 
 
 class Server(Protocol):

@@ -13,4 +13,5 @@ def localization(service: LocalizationService) -> Feature:
         services=(Service("localization", service.run, in_steps=True),),
         methods=methods_of(LocalizationMethods(service)),
         topics=TOPICS,
+        parts=(service,),
     )

@@ -13,4 +13,5 @@ def mapping(service: MappingService) -> Feature:
         services=(Service("mapping", service.run, in_steps=True),),
         methods=methods_of(MappingMethods(service)),
         topics=TOPICS,
+        parts=(service,),
     )

@@ -21,6 +21,8 @@ class Places(Protocol):
 class Destinations:
     """Looks places up as they are now: a place that is moved or deleted later changes no goal."""
 
+    UNRECORDED = frozenset({"_places"})
+
     def __init__(self, places: Places, entries: Entries) -> None:
         self._places, self._entries = places, entries
 

@@ -13,4 +13,6 @@ def navigation(service: NavigationService) -> Feature:
         services=(Service("navigation", service.run, in_steps=True),),
         methods=methods_of(NavigationMethods(service, service.section)),
         topics=(*TOPICS, *shown_topics(service.shown.show_costmap, service.shown.show_obstacles)),
+        parts=(service,),
+        waiting=service.waiting,
     )

@@ -20,6 +20,8 @@ REPEAT_S: Final = 2.0
 class Reporting:
     """Tells what is new at once, and how far it still is now and then; an end stays until the next goal."""
 
+    UNRECORDED = frozenset({"_waiting"})
+
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._clock = bus, entries_of(clock)
         self._told: NavigationChanged | None = None

@@ -5,6 +5,7 @@ delays it nor takes it back. Goals that are left outlive the worker; the next on
 """
 
 import asyncio
+from functools import partial
 from typing import Final
 
 import structlog
@@ -19,6 +20,7 @@ from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.feature import Waiting
 from chefbotd.features.navigation.destinations import Destinations, Places
 from chefbotd.features.navigation.goals import Goals
 from chefbotd.features.navigation.methods import GoalResult, PlanResult, Waypoint
@@ -57,8 +59,11 @@ class NavigationService:
         section: NavigationSection,
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
-        self.section = section
-        self._destinations = Destinations(places, entries_of(clock))
+        self.section, self._entries = section, entries_of(clock)
+        self._destinations = Destinations(places, self._entries)
+        self._waits: dict[
+            str, tuple[int, ...]
+        ] = {}  # requests by their tasks, and the goals that each waits for
         self._orders, self._goals = Orders(), Goals()
         self._reporting = Reporting(bus, clock)
         self.shown = ShownOnDemand(bus, feed.worker)
@@ -138,6 +143,8 @@ class NavigationService:
     async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last."""
         ends = [self._goals.end_of(number) for number in goals]
+        task = self._entries.task
+        self._waits[task] = tuple(goals)
         try:
             with self._reporting.telling(goals, progress):
                 for end in ends:
@@ -149,7 +156,13 @@ class NavigationService:
             if left:
                 self._end_goals("cancelled", "the request that waited for it was given up", left[0])
             raise
+        finally:
+            self._waits.pop(task, None)
         return GoalResult(goal=ended.number, end=ended.end, reason=ended.reason)
+
+    def waiting(self) -> Waiting:
+        """The requests that wait for the end of goals, by their tasks."""
+        return {task: partial(self.wait, list(goals)) for task, goals in self._waits.items()}
 
     async def plan_to(self, waypoint: Waypoint) -> PlanResult:
         """What would be driven."""

@@ -13,4 +13,5 @@ def odometry(service: OdometryService) -> Feature:
         services=(Service("odometry", service.run),),
         methods=methods_of(OdometryMethods(service)),
         topics=TOPICS,
+        parts=(service,),
     )

@@ -25,6 +25,7 @@ from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.status import AUTOMATIC, Status
 from chefbotd.recording.writer import Writer
+from chefbotd.snapshot.state import DaemonState
 
 if TYPE_CHECKING:
     from chefbotd.recording.recorder import Recorder
@@ -40,6 +41,10 @@ INBOX_EVENTS = 8192
 TELL_S = 1.0
 HANGS_AFTER_S = 3.0
 """The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
+
+STATE_EVERY_S = 20.0
+"""It takes 5 ms; what the ring has before its first state cannot be replayed."""
+
 LAST_WORDS_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 
@@ -53,9 +58,16 @@ class RecordingService:
     """Records everything that is on the bus. ``dropped`` counts the events that found no room."""
 
     def __init__(
-        self, bus: Bus, clock: Clock, parameters: RecordingParameters, folder: Path, writer: Writer
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: RecordingParameters,
+        folder: Path,
+        writer: Writer,
+        state: Callable[[], DaemonState],
     ) -> None:
-        self._bus, self._clock, self._parameters = bus, clock, parameters
+        self._bus, self._clock, self._parameters, self._state = bus, clock, parameters, state
+        self._state_s, self._state_lacks = float("-inf"), False
         self._folder, self._writer = folder, writer
         self._entries = entries_of(clock)
         self._inbox: Inbox[Any] | None = None
@@ -119,6 +131,21 @@ class RecordingService:
             self._end_inputs = self._entries.begin_recording()
             self._listening.set()
 
+    def _record_state(self) -> None:
+        """So that a replay can begin here."""
+        if self._entries.recording and self._inbox is not None:
+            recorded = self._state().record()
+            self._state_s, self._state_lacks = recorded.stamp_s, bool(recorded.left_out)
+            self._bus.publish(recorded)
+
+    def _look_at_state(self) -> None:
+        """Record it now and then; while something is under way that it cannot have in it, somewhat later."""
+        since_s = self._clock.now_s() - self._state_s
+        every_s = min(STATE_EVERY_S, self._parameters.ring_s / 4 or STATE_EVERY_S)
+        is_due = since_s >= every_s or self._state_lacks
+        if is_due and (self._state().is_settled or since_s >= 2 * every_s):
+            self._record_state()
+
     def _listen_no_more(self) -> None:
         """Without a ring nothing is taken, and nothing paid, while nothing is recorded."""
         if self._inbox is not None and not self._keeps_ring:
@@ -148,6 +175,7 @@ class RecordingService:
     async def _tell(self) -> None:
         told, last = 0, ""
         while True:
+            self._look_at_state()
             self._look_at_thread()
             problem = DISK_HANGS if self._stuck else self.status.reason
             if problem and problem != last:
@@ -218,6 +246,7 @@ class RecordingService:
             if self.status.state != "recording":
                 self._listen_no_more()
             raise
+        self._record_state()
         self._publish()
         return RecordingStarted(name=str(status.name), file=str(status.file))
 

@@ -22,5 +22,9 @@ def sensors(service: SensorService) -> Feature:
         )
 
     return Feature(
-        "sensors", services=(Service("sensors", service.run),), topics=TOPICS, add_metrics=add_metrics
+        "sensors",
+        services=(Service("sensors", service.run),),
+        topics=TOPICS,
+        add_metrics=add_metrics,
+        parts=(service,),
     )

@@ -8,4 +8,4 @@ from chefbotd.rpc.method import methods_of
 
 def tuning(gains: Tuning) -> Feature:
     """Gains changed while the robot runs."""
-    return Feature("tuning", methods=methods_of(TuningMethods(gains)))
+    return Feature("tuning", methods=methods_of(TuningMethods(gains)), parts=(gains,))

@@ -23,5 +23,9 @@ def worker(service: WorkerService) -> Feature:
         metrics.optional_gauge("worker_cpu", "The worker's share of one core.", lambda: process.status.cpu)
 
     return Feature(
-        "worker", services=(Service("worker", service.run),), topics=TOPICS, add_metrics=add_metrics
+        "worker",
+        services=(Service("worker", service.run),),
+        topics=TOPICS,
+        add_metrics=add_metrics,
+        parts=(service,),
     )

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from chefbotd.bus import Bus
+from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock, run_virtual
 from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.events.inputs import DaemonStarted
@@ -14,7 +14,7 @@ from chefbotd.features.feature import Feature
 from chefbotd.recording.classes import encode
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
-from chefbotd.replay.recorded import Recorded, groups_of
+from chefbotd.replay.recorded import Recorded, from_beginning, groups_of
 from chefbotd.replay.replay import Outcome, Replay
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -57,6 +57,39 @@ def recorded(script: Script, settings: Settings, spawn_worker: Spawn = no_worker
     return recorder.events()
 
 
+class LateRecorder:
+    """Begins to keep every event when it is told to: first of all what the daemon remembers."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._daemon, self._inbox = robot.daemon, Inbox[Any](robot.daemon.bus, (), 1, ())
+
+    def begin(self) -> None:
+        """From now on."""
+        self._inbox = self._daemon.bus.subscribe_all(10_000_000)
+        self._daemon.entries.begin_recording()
+        self._daemon.bus.publish(self._daemon.state.record())
+
+    def events(self) -> list[Any]:
+        """All that was recorded."""
+        return self._inbox.take_all()
+
+
+def recorded_late(
+    script: Callable[[SimulatedRobot, LateRecorder], Awaitable[None]],
+    settings: Settings,
+    spawn_worker: Spawn = no_worker,
+) -> list[Any]:
+    """What a recorder takes off the bus that the script begins."""
+
+    async def run() -> list[Any]:
+        async with simulated_robot(settings, spawn_worker=spawn_worker) as robot:
+            recorder = LateRecorder(robot)
+            await script(robot, recorder)
+        return recorder.events()
+
+    return run_virtual(run())
+
+
 def recorded_file(script: Script, settings: Settings, folder: Path, **recording: object) -> Path:
     """The first file of a recording that begins with the daemon, unless ``auto_start`` is False."""
     wanted = {"folder": folder, "auto_start": True, "ring_s": 0.0, "min_free_mb": 0.0, **recording}
@@ -83,4 +116,5 @@ def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False)
     started = next((each for each in events if isinstance(each, DaemonStarted)), None)
     daemon = replayed_daemon(settings, started, entries)
     replay = Replay(daemon, entries, own_timers=own_timers)
-    return asyncio.run(replay.run(groups_of(recorded_of(events))))
+    _, groups = from_beginning(groups_of(recorded_of(events)))
+    return asyncio.run(replay.run(groups))

@@ -174,8 +174,8 @@ def test_a_recording_in_parts_is_replayed_whole(tmp_path: Path) -> None:
     assert told["seconds"] > 2.0
 
 
-def test_a_recording_that_began_later_says_so(tmp_path: Path) -> None:
-    """What the robot knew before is not in it: it is replayed, and not said to be exact."""
+def test_a_recording_that_began_later_is_replayed_bit_for_bit(tmp_path: Path) -> None:
+    """It has what the robot knew before; that it does not begin with the daemon is told."""
 
     async def script(robot: SimulatedRobot) -> None:
         await asyncio.sleep(1.3)
@@ -186,8 +186,25 @@ def test_a_recording_that_began_later_says_so(tmp_path: Path) -> None:
 
     path = recorded_file(script, load(), tmp_path, auto_start=False)
     result = CliRunner().invoke(main, ["replay", str(path)])
-    assert "does not begin with the daemon" in result.output
-    assert result.exit_code in (Exit.OK, Exit.NOT_DONE)
+    assert "it begins from the state that was recorded" in result.output
+    assert "events are the same, bit for bit." in result.output
+    assert result.exit_code == Exit.OK
+
+
+def test_the_ring_is_replayed_from_its_first_state(tmp_path: Path) -> None:
+    """The last minutes begin anywhere; what comes before the first state is told, the rest is the same."""
+
+    async def script(robot: SimulatedRobot) -> None:
+        await asyncio.sleep(13.3)
+        await drive(robot, 0.1, 0.2, 9.4)
+        await robot.client.estop("a test")
+        await robot.client.save_ring("odd")
+
+    recorded_file(script, load(), tmp_path, auto_start=False, ring_s=12.0)
+    result = CliRunner().invoke(main, ["replay", str(next(tmp_path.glob("ring_*.mcap")))])
+    assert "it begins from the state that was recorded" in result.output
+    assert "events are the same, bit for bit." in result.output
+    assert result.exit_code == Exit.OK
 
 
 def test_listen_needs_serve(tmp_path: Path) -> None:
