@@ -16,6 +16,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "command_reference",
     "socket_reference",
 ]
 exclude_patterns = ["_site"]

@@ -5,7 +5,8 @@ as a mirror of the index may not have. So the service is first asked about a rel
 everywhere: what does not know those clears nobody, and the audit says that it was skipped, and why (with
 ``--required`` it fails).
 
-What is audited is chefbotd's own closure of dependencies, as installed. Further options go to pip-audit.
+What is audited is chefbotd's own closure of dependencies, with every extra that users install, as installed here.
+Further options go to pip-audit.
 """
 
 import importlib.util
@@ -23,7 +24,9 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from rich.console import Console
 
-EXTRAS = ("teleop", "tune", "joystick", "maps", "navigation", "page", "urdf")
+DEVELOPERS = frozenset({"dev", "docs", "fuzz"})
+"""Extras that nobody installs on a robot; every other one is audited."""
+
 KNOWN_BAD = {"jinja2": "2.10"}
 """Its sandbox can be left (CVE-2019-10906)."""
 
@@ -61,8 +64,17 @@ def _tell(name: str, version: str, vulnerability: Mapping[str, Any]) -> str:
     return f"{name} {version}: {names}, fixed in {fixed}"
 
 
-def closure(name: str = "chefbotd", extras: Sequence[str] = EXTRAS) -> dict[str, str]:
-    """Name and installed version of all that ``name`` with these extras needs here, without itself."""
+def users_extras(name: str = "chefbotd") -> tuple[str, ...]:
+    """Every extra that users may install."""
+    return tuple(sorted(set(metadata.metadata(name).get_all("Provides-Extra") or ()) - DEVELOPERS))
+
+
+def closure(name: str = "chefbotd", extras: Sequence[str] | None = None) -> dict[str, str]:
+    """Name and version of all that ``name`` with these extras (None: every one of users) needs here, without itself.
+
+    It is the installed version; the oldest that is allowed of what is not installed here.
+    """
+    extras = users_extras(name) if extras is None else extras
     found: dict[str, str] = {}
     waiting = [(name, tuple(extras))]
     seen = set(waiting)
@@ -73,11 +85,26 @@ def closure(name: str = "chefbotd", extras: Sequence[str] = EXTRAS) -> dict[str,
             if need.marker and not any(need.marker.evaluate({"extra": extra}) for extra in ("", *chosen)):
                 continue
             child = (canonicalize_name(need.name), tuple(sorted(need.extras)))
-            found[child[0]] = metadata.version(need.name)
-            if child not in seen:
+            installed = _installed(need.name)
+            found[child[0]] = installed or _oldest(need)
+            if installed is not None and child not in seen:
                 seen.add(child)
                 waiting.append(child)
     return dict(sorted(found.items()))
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _oldest(need: Requirement) -> str:
+    versions = [each.version for each in need.specifier if each.operator in (">=", "==", "~=")]
+    if not versions:
+        raise ValueError(f"{need} is not installed, and no version of it can be looked up")
+    return versions[0]
 
 
 def ask(packages: Mapping[str, str], options: Sequence[str] = ()) -> Answer:

@@ -2,15 +2,19 @@
 
 import json
 import threading
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-from tests.audit import KNOWN_BAD, closure, main
+from tests.audit import DEVELOPERS, KNOWN_BAD, closure, main
 
 pytestmark = pytest.mark.slow
 
@@ -117,4 +121,21 @@ def test_a_wrong_option_is_no_reason_to_skip() -> None:
 def test_all_that_users_install_is_looked_up() -> None:
     """Dependencies of dependencies too, extras' among them (textual asks for markdown-it-py[linkify])."""
     assert {"numpy", "pydantic-core", "textual-plot", "linkify-it-py", "pysdl2-dll"} <= closure().keys()
-    assert not {"pytest", "pip-audit", "chefbotd", "colorama"} & closure().keys()
+    assert not {"pip-audit", "chefbotd", "colorama"} & closure().keys()
+
+
+def test_every_extra_is_looked_up() -> None:
+    """What ``pyproject.toml`` offers, but for what only developers install; also what is not installed here."""
+    with Path("pyproject.toml").open("rb") as file:
+        offered = tomllib.load(file)["project"]["optional-dependencies"]
+    wanted = {
+        canonicalize_name(Requirement(each).name)
+        for extra, needs in offered.items()
+        if extra not in DEVELOPERS
+        for each in needs
+    }
+    assert {"zeroconf", "mcap", "openni", "foxglove-sdk", "matplotlib"} <= wanted
+    assert wanted <= closure().keys()
+    assert (
+        closure(extras=("depth",))["openni"] == "2.3"
+    )  # the oldest that is allowed, where none is installed

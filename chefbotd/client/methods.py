@@ -126,9 +126,13 @@ class Methods(Caller):
         told = None if reason is None else reason[:MAX_REASON_CHARACTERS]
         await self.call("estop", **given(reason=told))
 
-    async def arm(self) -> None:
-        """Allow motion again after an emergency stop or a fault."""
-        await self.call("arm")
+    async def arm(self, latch: int | None = None) -> None:
+        """Allow motion again after an emergency stop or a fault.
+
+        ``latch``, from the topic ``safety``, names what is to be cleared: what came after it is not.
+        """
+        told: dict[str, Any] = {} if latch is None else {"latch": latch}
+        await self.call("arm", **told)
 
     # who drives
 

@@ -40,6 +40,7 @@ class RefusalKind(StrEnum):
     STORAGE_FAILED = "storage_failed"
     ALREADY_RECORDING = "already_recording"
     NOT_RECORDING = "not_recording"
+    LATCHED_AGAIN = "latched_again"
 
 
 class Refused(Exception):

@@ -9,15 +9,20 @@ import contextlib
 import fcntl
 import signal
 import sys
+import syslog
 import termios
 import time
 
 GOODBYE = b"goodbye\n"
+BEWARE = "the motors could not be told to stop. Cut their power if the wheels turn"
 STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
 
-PATIENCE_S = 60.0
-"""How long a port that is gone is waited for: a cable that was pulled is likely to be plugged in again."""
+PATIENCE_S = 10.0
+"""How long a device that is gone is waited for: one that the kernel finds again is back within two seconds.
+
+Whoever plugs a cable in again later stands beside the robot; until then this would be a program that nobody expects.
+"""
 
 
 def stop_motors(device: str, baud: int, dtr: bool, rts: bool, stop: bytes) -> bool:
@@ -54,8 +59,21 @@ def main() -> None:
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         signal.signal(number, signal.SIG_IGN)
     device, baud, dtr, rts, stop = sys.argv[1:]
-    if sys.stdin.buffer.read() != GOODBYE:
-        stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop))
+    if sys.stdin.buffer.read() == GOODBYE:
+        return
+    if stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop)):
+        tell(syslog.LOG_WARNING, f"chefbotd was killed: the motors on {device} were told to stop")
+    else:
+        tell(
+            syslog.LOG_ERR,
+            f"chefbotd was killed, and {device} was not back within {PATIENCE_S:g} s: {BEWARE}",
+        )
+
+
+def tell(level: int, text: str) -> None:
+    """To the system's log: a pipe of the one that was killed would be kept open."""
+    syslog.openlog("chefbotd", syslog.LOG_PID, syslog.LOG_DAEMON)
+    syslog.syslog(level, text)
 
 
 if __name__ == "__main__":

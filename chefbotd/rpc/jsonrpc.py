@@ -131,6 +131,9 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32053, "something is being recorded; send stop_recording first"
     ),
     RefusalKind.NOT_RECORDING: ErrorClass(-32054, "nothing is being recorded; send start_recording"),
+    RefusalKind.LATCHED_AGAIN: ErrorClass(
+        -32055, "the robot was stopped again after what this arm was to clear; look why, then arm"
+    ),
 }
 
 

@@ -7,6 +7,7 @@ the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0``
 
 import json
 import os
+import stat
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +22,9 @@ from chefbotd.settings.layers import Keys, UnknownKey, from_environment, place, 
 from chefbotd.settings.model import Settings
 
 DEFAULT_ROBOT = "chefbot"
+MAX_BYTES = 1 << 20
+"""Of a configuration: a hundred times the longest that comes with chefbotd."""
+
 URDF_PACKAGES = ("urdf_parser_py", "lxml")
 NO_URDF_PARSER = (
     "urdf-parser-py, which reads it, is not installed: pip install 'chefbotd[urdf]' "
@@ -94,7 +98,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
 
 def _from_file(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
+        return tomllib.loads(_content(path).decode("utf-8-sig"))  # some editors begin a file with a mark
     except IsADirectoryError as error:
         raise SettingsError(f"{path}: is a folder, expected a TOML file") from error
     except OSError as error:
@@ -103,6 +107,19 @@ def _from_file(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: not valid TOML: {error}") from error
     except RecursionError as error:
         raise SettingsError(f"{path}: not valid TOML: lists or tables are nested too deep") from error
+
+
+def _content(path: Path) -> bytes:
+    """A file's bytes: only a regular file's, as a FIFO would be waited for for ever (open(2)), and not too many."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise SettingsError(
+                f"{path}: is no regular file (a pipe, a socket or a device), expected a TOML file"
+            )
+        content = file.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
+        raise SettingsError(f"{path}: is larger than {MAX_BYTES // 1024} KiB, expected a TOML file")
+    return content
 
 
 def _name_world(values: dict[str, Any]) -> None:

@@ -61,7 +61,7 @@ class Capture:
             return SKIPPED
         return self._object(value, kind, way)
 
-    def _object(self, value: Any, kind: type[Any], way: str) -> Any:
+    def _object(self, value: Any, kind: Any, way: str) -> Any:
         if is_ours(kind):
             return self._own(value, kind, way)
         if kind in (set, frozenset):
@@ -80,7 +80,7 @@ class Capture:
             self._leave_out(value, way)
         return SKIPPED
 
-    def _own(self, value: Any, kind: type[Any], way: str) -> Any:
+    def _own(self, value: Any, kind: Any, way: str) -> Any:
         if isinstance(value, BaseModel):
             return self._model(value)
         if isinstance(value, type):
@@ -97,7 +97,7 @@ class Capture:
         number = self._numbers[id(value)] = len(self._numbers)
         return {TAG: "object", "of": name_of(kind), "no": number, "is": self._fields(value, kind, way)}
 
-    def _fields(self, value: Any, kind: type[Any], way: str) -> dict[str, Any]:
+    def _fields(self, value: Any, kind: Any, way: str) -> dict[str, Any]:
         names = fields_of(kind)
         found = vars(value) if names is None else {name: getattr(value, name, SKIPPED) for name in names}
         told, unrecorded = {}, getattr(kind, "UNRECORDED", ())

@@ -69,7 +69,7 @@ def fields_of(cls: Any) -> tuple[str, ...] | None:
     if declared is not None:
         return tuple(declared)
     if issubclass(cls, tuple):
-        return tuple(cls._fields)  # type: ignore[attr-defined] # a NamedTuple
+        return tuple(cls._fields)  # a NamedTuple
     if cls.__dictoffset__:
         return None
     return tuple(name for each in cls.__mro__ for name in _slots(each))

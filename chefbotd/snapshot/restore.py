@@ -127,7 +127,7 @@ class Restore:
         return cls.model_validate_json(msgspec.json.encode(told["is"]), strict=True)
 
     def _frozen(self, told: Any, there: Any) -> Any:
-        cls = class_named(told["of"])
+        cls: Any = class_named(told["of"])
         if not is_frozen(cls):
             raise NotRestorable(f"{told['of']} is no value")
         old = there if type(there) is cls else None

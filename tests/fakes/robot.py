@@ -217,9 +217,9 @@ class FakeRobot:
         """Remember it."""
         self._record("estop", reason)
 
-    def arm(self) -> None:
+    def arm(self, latch: int | None = None) -> None:
         """Remember it."""
-        self._record("arm")
+        self._record("arm", *(() if latch is None else (latch,)))
 
     def gains(self) -> Mapping[str, PidParameters]:
         """The gains as last set."""

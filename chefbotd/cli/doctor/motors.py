@@ -113,7 +113,7 @@ async def _not_ready(robot: Client, runs: list[WheelRun]) -> str | None:
         return None
     if not runs or safety.fault not in PROVOKED or safety.fault != runs[-1].fault:
         return f"the robot is {safety.mode}: {safety.reason}"
-    await robot.arm()
+    await robot.arm(safety.latch)  # not what somebody has pressed meanwhile
     return None
 
 

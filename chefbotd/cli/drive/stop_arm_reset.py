@@ -36,8 +36,15 @@ def estop(context: CommandContext, reason: str | None) -> None:
 @click.command()
 @click.pass_obj
 def arm(context: CommandContext) -> None:
-    """Allow motion again after an emergency stop or a fault."""
-    _do(context, lambda robot: robot.arm(), "Armed: the robot may move.")
+    """Allow motion again after an emergency stop or a fault.
+
+    Only after what has latched when the command begins: a stop that comes after it holds.
+    """
+
+    async def clear(robot: Client) -> None:
+        await robot.arm((await robot.get_state()).safety.latch)
+
+    _do(context, clear, "Armed: the robot may move.")
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)

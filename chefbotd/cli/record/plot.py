@@ -1,5 +1,6 @@
 """A recording as a picture: wheel speeds and what was asked for, the path, the battery, and the faults."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ class Curves:
     battery_s: list[float] = field(default_factory=list)
     battery_v: list[float] = field(default_factory=list)
     faults: list[tuple[float, str]] = field(default_factory=list)
+    names: tuple[str, ...] = ()
     problem: str | None = None
 
 
@@ -57,10 +59,19 @@ def read_curves(path: Path) -> Curves:
                     curves.faults.append((at_s, event.fault))
                 fault = event.fault
         curves.problem = reader.problem
+        curves.names = _wheel_names(reader.metadata.get("configuration", {}).get("json", ""))
     if began_s is None:
         wanted = ", ".join(sorted(WANTED))
         raise ProgramError(Exit.FAILED, f"{path} has nothing that can be drawn: none of {wanted}")
     return curves
+
+
+def _wheel_names(configuration: str) -> tuple[str, ...]:
+    """What the wheels are called in the configuration that was recorded; none where there is none."""
+    try:
+        return tuple(str(wheel["name"]) for wheel in json.loads(configuration)["chassis"]["wheels"])
+    except (ValueError, KeyError, TypeError):
+        return ()
 
 
 def plot_png(path: Path, out: Path, *, force: bool) -> None:
@@ -88,10 +99,11 @@ def plot_png(path: Path, out: Path, *, force: bool) -> None:
         _draw_wheel(axes[wheel], curves, wheel)
     if curves.battery_s:
         axes[wheels].plot(curves.battery_s, curves.battery_v, color="tab:green", linewidth=1.0)
-        axes[wheels].set_ylabel("battery, V")
+        axes[wheels].set_title("battery", loc="left", fontsize=9)
+        axes[wheels].set_ylabel("voltage, V")
     for axis in axes[:panels]:
         _mark_faults(axis, curves)
-        axis.set_xlabel("s")
+        axis.set_xlabel("time, s")
         axis.grid(alpha=0.3)
     if curves.x_m:
         _draw_path(axes[-1], curves)
@@ -108,7 +120,9 @@ def _draw_wheel(axis: Any, curves: Curves, wheel: int) -> None:
         linewidth=0.9,
         label="measured",
     )
-    axis.set_ylabel(f"wheel {wheel}, rad/s")
+    name = curves.names[wheel] if wheel < len(curves.names) else f"wheel {wheel + 1}"
+    axis.set_title(name.replace("_", " "), loc="left", fontsize=9)
+    axis.set_ylabel("speed, rad/s")
     axis.legend(loc="upper right", fontsize=8)
 
 

@@ -112,7 +112,7 @@ class SafetyChanged(Record, frozen=True):
 
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
     from being followed as it was given: ``encoders_stale``, ``obstacle:`` and the sensor that sees it, or ``silent:``
-    and the lidar that sees nothing any more.
+    and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched.
     """
 
     stamp_s: float
@@ -121,6 +121,7 @@ class SafetyChanged(Record, frozen=True):
     source: str | None
     fault: str | None = None
     limited_by: str | None = None
+    latch: int = 0
 
 
 class ControlChanged(Record, frozen=True):

@@ -12,7 +12,7 @@ from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record, replace
 from chefbotd.features.driving.contenders import Contenders
 from chefbotd.rpc.method import Caller, Method, method, methods_of
-from chefbotd.rpc.models import DONE, SOURCE, Done, NoParams, Params, TopicData
+from chefbotd.rpc.models import DONE, SOURCE, Done, Params, TopicData
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 
@@ -64,6 +64,14 @@ class StopParams(Params):
     @classmethod
     def _whatever_comes(cls, params: Any) -> Any:
         return params if isinstance(params, dict) else {}
+
+
+class ArmParams(Params):
+    """What is to be cleared."""
+
+    latch: int | None = Field(
+        None, ge=0, description="the number that the topic safety told with it; null: whatever has latched"
+    )
 
 
 class EstopParams(StopParams):
@@ -135,8 +143,8 @@ class Robot(Protocol):
         """Stop the motors at once, and until armed again."""
         ...
 
-    def arm(self) -> None:
-        """Allow motion."""
+    def arm(self, latch: int | None = None) -> None:
+        """Allow motion, if nothing has latched after this number."""
         ...
 
 
@@ -202,9 +210,9 @@ class DrivingMethods:
         return Stopped(drivers=drivers)
 
     @method(role=Role.DRIVE, moves=True)
-    def arm(self, caller: Caller, params: NoParams) -> Done:
-        """Allow motion, after an emergency stop or a fault."""
-        self._robot.arm()
+    def arm(self, caller: Caller, params: ArmParams) -> Done:
+        """Allow motion, after an emergency stop or a fault; with ``latch``, after that one and none that came later."""
+        self._robot.arm(params.latch)
         self._robot.resume(self._leases.tried(caller.session))
         self._contenders.arm(caller.session)
         return DONE
@@ -242,6 +250,7 @@ class SafetyData(TopicData):
     )
     fault: str | None = Field(None, description="stable name of the fault that has latched")
     limited_by: str | None = Field(None, description="what keeps the command from being followed as given")
+    latch: int = Field(0, description="how many emergency stops and faults have latched; for arm")
 
 
 def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
@@ -285,6 +294,7 @@ def safety_data(state: SafetyState | None) -> SafetyData:
         control=control,
         fault=event.fault,
         limited_by=event.limited_by,
+        latch=event.latch,
     )
 
 

@@ -82,6 +82,7 @@ class SafetyKeeper:
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
+        self._latched = 0
         self._attempts: hold.Attempts = ()
         self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
@@ -91,7 +92,7 @@ class SafetyKeeper:
         self._link_open = False
         self._reported: Fault | None = None
         self._announced: SafetyChanged | None = None
-        self._said: tuple[str | None, ...] = ()
+        self._said: tuple[str | int | None, ...] = ()
         self.faults: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
         self._reading_error: Exception | None = None
@@ -161,13 +162,24 @@ class SafetyKeeper:
         """Latch, until ``arm``; who drives is held beyond that."""
         self._hold(EMERGENCY_STOP)
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
+        self._latched += 1
 
-    def arm(self) -> None:
+    def arm(self, latch: int | None = None) -> None:
         """Allow motion again; every detector starts anew. What is armed already stays as it is, its detectors too.
 
+        ``latch`` is the number of the e-stop or fault that is to be cleared; None: whatever has latched.
+
         Raises:
-            Refused: the link is down.
+            Refused: the link is down, or another e-stop or fault has latched after that one.
         """
+        if latch is not None:
+            self._take_report()
+        if latch not in (None, self._latched):
+            raise Refused(
+                RefusalKind.LATCHED_AGAIN,
+                f"arm was to clear what latched as number {latch}, and {self._latched} have by now: "
+                f"the robot is {self._gate.mode} ({self._gate.reason})",
+            )
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
         if self.armed:
@@ -181,7 +193,10 @@ class SafetyKeeper:
 
     def fail(self, fault: Fault) -> None:
         """A fault has happened: it latches."""
-        self._gate = gate.change_mode(self._gate, Trigger.FAULT, fault.reason, fault.kind)
+        before = self._gate
+        self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
+        if self._gate is not before:
+            self._latched += 1
 
     def report_from_thread(self, fault: Fault) -> None:
         """Let a fault latch before the next decision or command; may be called from any thread."""
@@ -261,11 +276,11 @@ class SafetyKeeper:
         """Publish the gate's state if it has changed, leave word of it for the next daemon, and log a change of mode."""
         state, decision, told = self._gate, self._decision, self._announced
         mode, reason = (state.mode, state.reason) if self._link_known() else (NO_BOARD, WAITING)
-        said = (mode, reason, decision.source, state.fault, decision.limited_by)
+        said = (mode, reason, decision.source, state.fault, decision.limited_by, self._latched)
         if said == self._said:
             return
         self._said, limited_by, fault = said, decision.limited_by, state.fault
-        event = SafetyChanged(now_s, *said)
+        event = SafetyChanged(now_s, mode, reason, decision.source, fault, limited_by, self._latched)
         self._announced = event
         if fault is not None and (told is None or told.fault != fault):
             self.faults[fault] += 1

@@ -134,13 +134,13 @@ class DriveService:
         self._keeper.estop(reason)
         self._obey(self._clock.now_s())
 
-    def arm(self) -> None:
-        """Allow motion again; nothing moves before the next command.
+    def arm(self, latch: int | None = None) -> None:
+        """Allow motion again; nothing moves before the next command. ``latch``: what is to be cleared, and none else.
 
         Raises:
-            Refused: the link is down.
+            Refused: the link is down, or another e-stop or fault has latched after that one.
         """
-        self._keeper.arm()
+        self._keeper.arm(latch)
         self._obey(self._clock.now_s())
 
     def fail(self, fault: Fault) -> None:

@@ -1,6 +1,7 @@
 """The program that stops the motors after its daemon was killed, against ports that fail."""
 
 import termios
+from io import BytesIO, TextIOWrapper
 
 import pytest
 import serial
@@ -54,8 +55,32 @@ def test_a_device_that_goes_away_while_it_is_opened_is_opened_again(
     assert bytes(port.written) == b"s 0 0\r" * last_stop.STOPS
 
 
-def test_a_port_that_stays_away_is_waited_for_a_minute(monkeypatch: pytest.MonkeyPatch, slept_s: list[float]):
+def test_a_port_that_stays_away_is_waited_for_ten_seconds(
+    monkeypatch: pytest.MonkeyPatch, slept_s: list[float]
+):
     """Then the program gives up, rather than hold up the system for ever."""
     monkeypatch.setattr(serial, "Serial", FailingPort([FileNotFoundError(2, "gone")] * 1000))
     assert not last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
-    assert sum(slept_s) == pytest.approx(60.0, abs=0.2)
+    assert sum(slept_s) == pytest.approx(10.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("there", "expected"),
+    [
+        (True, "the motors on /dev/nowhere were told to stop"),
+        (False, "was not back within 10 s: the motors could not"),
+    ],
+)
+def test_what_came_of_it_is_in_the_systems_log(
+    monkeypatch: pytest.MonkeyPatch, slept_s: list[float], there: bool, expected: str
+):
+    """Nobody else is left to tell it."""
+    told: list[str] = []
+    monkeypatch.setattr(serial, "Serial", FailingPort([] if there else [FileNotFoundError(2, "gone")] * 1000))
+    monkeypatch.setattr(last_stop.syslog, "syslog", lambda level, text: told.append(text))
+    monkeypatch.setattr(last_stop.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(last_stop.sys, "argv", ["", "/dev/nowhere", "115200", "1", "1", b"s 0 0\r".hex()])
+    monkeypatch.setattr(last_stop.sys, "stdin", TextIOWrapper(BytesIO(b"")))
+    last_stop.main()
+    assert len(told) == 1
+    assert expected in told[0]

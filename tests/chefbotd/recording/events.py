@@ -71,10 +71,14 @@ def no_map(event: Any) -> Cells | None:
 
 
 def recorder(
-    folder: Path, disk: Disk | None = None, read_map: ReadMap = no_map, **parameters: Any
+    folder: Path,
+    disk: Disk | None = None,
+    read_map: ReadMap = no_map,
+    about: About = ABOUT,
+    **parameters: Any,
 ) -> SyncRecorder:
     """A recorder that begins at ``START_S``, which is ``WALL_S`` since 1970."""
-    intake, made = parts(folder, disk, read_map, **parameters)
+    intake, made = parts(folder, disk, read_map, about=about, **parameters)
     assert isinstance(made, SyncRecorder)
     made.intake = intake
     return made
@@ -85,6 +89,7 @@ def parts(
     disk: Disk | None = None,
     read_map: ReadMap = no_map,
     kind: type[Recorder] = SyncRecorder,
+    about: About = ABOUT,
     **parameters: Any,
 ) -> tuple[Intake, Recorder]:
     """An intake, and what takes its pieces."""
@@ -96,7 +101,7 @@ def parts(
         folder,
         intake.channels,
         offset_ns,
-        about=lambda: ABOUT,
+        about=lambda: about,
         read_map=read_map,
         disk=disk,
         wall_s=lambda: WALL_S,

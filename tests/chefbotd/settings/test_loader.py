@@ -1,5 +1,6 @@
 """Configuration: files, environment, overrides and their errors."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -462,6 +463,23 @@ def test_a_byte_order_mark_is_no_part_of_the_file(chefbot: Path):
     """Some editors begin a file with one."""
     chefbot.write_bytes(b"\xef\xbb\xbf" + chefbot.read_bytes())
     assert load(chefbot) == load()
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path):
+    """It would hold up the start, and each reload, until somebody writes into it."""
+    pipe = tmp_path / "robot.toml"
+    os.mkfifo(pipe)
+    with pytest.raises(SettingsError, match=r"robot\.toml: is no regular file \(a pipe"):
+        load(pipe)
+
+
+def test_a_file_that_is_far_too_large_is_refused(tmp_path: Path):
+    """No more of it is read than shows that: a gigabyte of nothing takes no second."""
+    path = tmp_path / "robot.toml"
+    with path.open("wb") as file:
+        file.truncate(1 << 30)
+    with pytest.raises(SettingsError, match=r"robot\.toml: is larger than 1024 KiB"):
+        load(path)
 
 
 def test_a_folder_is_told_as_one(tmp_path: Path):

@@ -133,7 +133,9 @@ const estop = () => ask("estop", { reason: `by ${me}` });
 const stop = () => ask("stop");
 $("estop").addEventListener("click", () => { estop(); driver.dead(); });
 $("stop").addEventListener("click", () => { stop(); driver.dead(); });
-$("arm").addEventListener("click", () => ask("arm"));
+let latch = null;  // what the person who presses "arm" has seen
+on("safety", (safety) => { latch = safety.latch; });
+$("arm").addEventListener("click", () => ask("arm", latch === null ? {} : { latch }));
 driver.addEventListener("estop", estop);
 driver.addEventListener("stop", stop);
 

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from chefbotd.core.events.recording import EventsDropped
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
-from tests.chefbotd.recording.events import START_S, cycle, fault, recorder
+from chefbotd.recording.status import About
+from tests.chefbotd.recording.events import ABOUT, START_S, cycle, fault, recorder
 
 
 def run(*arguments: str | Path) -> Result:
@@ -70,6 +72,30 @@ def test_a_file_that_was_cut_is_told_and_read(recorded: Path) -> None:
     assert "Beware" in run("info", recorded).output
     assert run("export", recorded, "--csv", recorded.parent / "tables").exit_code == 0
     assert run("plot", recorded, "--out", recorded.parent / "cut.png").exit_code == 0
+
+
+def test_wheels_are_named_as_in_the_configuration_that_was_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the unit of each axis; a recording without a configuration numbers them."""
+    from chefbotd.cli.record import plot
+
+    drawn: list[tuple[str, str, str]] = []
+
+    def keep(figure: Any, out: Path, *, force: bool) -> None:
+        drawn.extend((axis.get_title("left"), axis.get_ylabel(), axis.get_xlabel()) for axis in figure.axes)
+
+    monkeypatch.setattr(plot, "_save", keep)
+    names = json.dumps({"chassis": {"wheels": [{"name": "front_left"}, {"name": "rear_right"}]}})
+    configured = {**ABOUT.metadata, "configuration": {"json": names}}
+    made = recorder(tmp_path, about=About(configured, None))
+    made.start("drive", START_S)
+    made.take(cycle(START_S), START_S)
+    made.stop(START_S + 1.0)
+    assert run("plot", next(tmp_path.glob("*.mcap"))).exit_code == 0
+    assert ("front left", "speed, rad/s", "time, s") in drawn
+    assert ("rear right", "speed, rad/s", "time, s") in drawn
+    assert drawn[-1][1:] == ("y in odom, m", "x in odom, m")
 
 
 def test_a_picture_is_named_after_its_recording(

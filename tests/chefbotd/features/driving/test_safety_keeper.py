@@ -8,7 +8,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.core.commands import Refused
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
     BoardRestarted,
     DutyEchoed,
@@ -16,13 +16,14 @@ from chefbotd.core.events import (
     LinkOpened,
     RangeMeasured,
     RangeStatus,
+    SafetyChanged,
 )
 from chefbotd.core.geometry import Motion, Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Command, Rearm, SafetyParameters
+from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
 
 TWIST = Twist2D(0.2, -0.3)
@@ -39,6 +40,8 @@ class Kept:
     ) -> None:
         self.clock, parameters = ManualClock(100.0), SafetyParameters(rearm=rearm)
         self.bus = Bus()
+        self._told: list[SafetyChanged] = []
+        self.bus.add_handler(self._told.append, SafetyChanged)
         self.keeper = SafetyKeeper(
             self.bus,
             self.clock,
@@ -51,6 +54,10 @@ class Kept:
             motors=MotorWatch(parameters, CHASSIS),
         )
         self.keeper.on_link(LinkOpened(100.0, "dev"))
+
+    def told(self) -> list[SafetyChanged]:
+        """What was announced."""
+        return self._told
 
     def read(
         self, dt_s: float, travel_rad: tuple[float, ...], effort: tuple[float, ...] = (0.6, 0.4)
@@ -76,6 +83,50 @@ def test_a_restarted_board_is_left_by_arm_or_by_itself(rearm: Rearm, armed: bool
     assert not kept.keeper.armed
     kept.keeper.on_link(LinkOpened(102.0, "dev"))
     assert kept.keeper.armed is armed
+
+
+def test_arm_clears_what_it_names_and_nothing_that_latched_after_it() -> None:
+    """A fault, and an e-stop just before its arm: that one holds, until the arm that names it."""
+    kept = Kept()
+    kept.keeper.fail(Fault(FaultKind.WHEEL_STALLED, "a wheel is held"))
+    kept.keeper.announce(100.1)
+    seen = kept.told()[-1].latch
+    kept.keeper.estop("smoke")
+    with pytest.raises(Refused, match="smoke") as refused:
+        kept.keeper.arm(seen)
+    assert refused.value.kind is RefusalKind.LATCHED_AGAIN
+    assert kept.keeper.gate.mode is Mode.ESTOPPED
+    kept.keeper.announce(100.2)
+    assert kept.told()[-1].latch == seen + 1
+    kept.keeper.estop("smoke")  # the same words, by somebody else
+    with pytest.raises(Refused):
+        kept.keeper.arm(seen + 1)
+    kept.keeper.announce(100.3)
+    kept.keeper.arm(kept.told()[-1].latch)
+    assert kept.keeper.armed
+
+
+def test_arm_clears_no_fault_that_a_thread_has_just_reported() -> None:
+    """The watchdog's report waits for the loop: it counts as latched before the arm."""
+    kept = Kept()
+    kept.keeper.estop("smoke")
+    kept.keeper.announce(100.1)
+    kept.keeper.arm(kept.told()[-1].latch)
+    kept.keeper.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "it stood still"))
+    with pytest.raises(Refused):
+        kept.keeper.arm(kept.told()[-1].latch)
+    assert not kept.keeper.armed
+
+
+def test_a_fault_that_changes_nothing_is_not_counted_again() -> None:
+    """A detector may repeat what it says in every cycle: an arm that names the fault still clears it."""
+    kept = Kept()
+    for _ in range(5):
+        kept.keeper.fail(Fault(FaultKind.WHEEL_STALLED, "a wheel is held"))
+    kept.keeper.announce(100.1)
+    assert kept.told()[-1].latch == 1
+    kept.keeper.arm(1)
+    assert kept.keeper.armed
 
 
 def test_arm_forgets_a_drive_that_the_silence_interrupted() -> None:

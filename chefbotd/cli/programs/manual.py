@@ -1,0 +1,130 @@
+"""The manual pages of both programs, from what ``--help`` says: ``python -m chefbotd.cli.programs.manual FOLDER``.
+
+One page for each program, and one for each of its commands (``man chefbotctl``, ``man chefbotctl-drive``), in roff
+(man(7)) or as Markdown for the site.
+"""
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from chefbotd import __version__
+from chefbotd.cli.programs import chefbotctl, chefbotd
+
+PROGRAMS: tuple[click.Group, ...] = (chefbotd.main, chefbotctl.main)
+
+
+def pages() -> Iterator[tuple[str, click.Context]]:
+    """Every command by the name of its page, each program before its commands."""
+    for program in PROGRAMS:
+        yield from _pages(click.Context(program, info_name=program.name), str(program.name))
+
+
+def _pages(context: click.Context, name: str) -> Iterator[tuple[str, click.Context]]:
+    yield name, context
+    command = context.command
+    if isinstance(command, click.Group):
+        for inner in command.list_commands(context):
+            found = command.get_command(context, inner)
+            if found is not None and not found.hidden:
+                child = click.Context(found, info_name=inner, parent=context)
+                yield from _pages(child, f"{name}-{inner}")
+
+
+def roff(name: str, context: click.Context) -> str:
+    """A page in roff."""
+    command = context.command
+    summary = _one_line(command.get_short_help_str(500))
+    lines = [
+        f'.TH "{name.upper()}" "1" "" "chefbotd {__version__}" "chefbotd"',
+        ".SH NAME",
+        f"{_escaped(name)} \\- {_escaped(summary)}",
+        ".SH SYNOPSIS",
+        f".B {_escaped(context.command_path)}",
+        _escaped(" ".join(command.collect_usage_pieces(context))),
+        ".SH DESCRIPTION",
+        *(f".PP\n{_escaped(_one_line(text))}" for text in _paragraphs(command.help or "")),
+    ]
+    for title, rows in _sections(context):
+        lines.append(f".SH {title}")
+        lines += [f".TP\n.B {_escaped(term)}\n{_escaped(text)}" for term, text in rows]
+    if command.epilog:
+        lines += [".SH NOTES", ".nf", _escaped(command.epilog.replace("\b", "").strip("\n")), ".fi"]
+    lines += [".SH SEE ALSO", ", ".join(f"{each}(1)" for each in _related(name, context))]
+    return "\n".join(lines) + "\n"
+
+
+def markdown(name: str, context: click.Context) -> str:
+    """A page's part of the site."""
+    command = context.command
+    usage = f"{context.command_path} {' '.join(command.collect_usage_pieces(context))}"
+    lines = [f"## `{context.command_path}`", "", f"    {usage}", ""]
+    for text in _paragraphs(command.help or ""):
+        lines += [_one_line(text).replace("<", "\\<"), ""]
+    for title, rows in _sections(context):
+        lines += [f"| {title.lower()} | |", "|---|---|"]
+        lines += [f"| `{term.replace('|', chr(92) + '|')}` | {_cell(text)} |" for term, text in rows]
+        lines.append("")
+    if command.epilog:
+        lines += ["```text", command.epilog.replace("\b", "").strip("\n"), "```", ""]
+    return "\n".join(lines)
+
+
+def _sections(context: click.Context) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    command = context.command
+    records = [record for each in command.get_params(context) if (record := each.get_help_record(context))]
+    if records:
+        yield "OPTIONS", [(term, _one_line(text)) for term, text in records]
+    variables = [
+        (str(each.envvar), f"as {each.opts[0]}")
+        for each in command.get_params(context)
+        if isinstance(each, click.Option) and each.envvar
+    ]
+    if variables:
+        yield "ENVIRONMENT", variables
+    if isinstance(command, click.Group):
+        inner = [(each, command.get_command(context, each)) for each in command.list_commands(context)]
+        rows = [(each, found.get_short_help_str(500)) for each, found in inner if found and not found.hidden]
+        yield "COMMANDS", rows
+
+
+def _related(name: str, context: click.Context) -> list[str]:
+    """The page above this one, or the other program's."""
+    if context.parent is not None:
+        return [name.removesuffix(f"-{context.info_name}")]
+    return [str(program.name) for program in PROGRAMS if program.name != name]
+
+
+def _paragraphs(text: str) -> list[str]:
+    return [each for each in re.split(r"\n\s*\n", text.replace("\b", "").strip()) if each]
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _escaped(text: str) -> str:
+    """No backslash, hyphen or leading dot that roff takes for its own."""
+    lines = text.replace("\\", "\\e").replace("-", "\\-").splitlines()
+    return "\n".join(f"\\&{line}" if line.startswith((".", "'")) else line for line in lines)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "\\<")
+
+
+def write(folder: Path) -> int:
+    """Write every page into a folder of section 1; how many there are."""
+    folder.mkdir(parents=True, exist_ok=True)
+    count = 0
+    for name, context in pages():
+        (folder / f"{name}.1").write_text(roff(name, context), encoding="utf-8")
+        count += 1
+    return count
+
+
+if __name__ == "__main__":
+    click.echo(f"wrote {write(Path(sys.argv[1]))} pages into {sys.argv[1]}")
