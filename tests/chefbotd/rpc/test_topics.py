@@ -172,6 +172,7 @@ def test_safety_is_armed_in_one_mode_only(mode: str, armed: bool) -> None:
         "control": {},
         "fault": None,
         "limited_by": None,
+        "latch": 0,
     }
 
 
