@@ -11,6 +11,8 @@ from collections.abc import Awaitable, Callable, Coroutine, Generator, Iterator
 from types import CoroutineType
 from typing import Any, Protocol, TypeAlias, TypeVar
 
+from msgspec import Struct
+
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events.inputs import AnswerTaken, EventObserved, TaskStepped, TimerFired
@@ -26,14 +28,14 @@ class Timer(Protocol):
         ...
 
 
-class EntryTimer:
+class EntryTimer(Struct, eq=False):
     """A timer that runs: what it is called, when it fires, and what it then calls."""
 
-    __slots__ = ("callback", "due_s", "handle", "name", "waits")
-
-    def __init__(self, name: str, due_s: float, callback: Callable[[], None]) -> None:
-        self.name, self.due_s, self.callback, self.waits = name, due_s, callback, True
-        self.handle: asyncio.TimerHandle | None = None
+    name: str
+    due_s: float
+    callback: Callable[[], None]
+    waits: bool = True
+    handle: asyncio.TimerHandle | None = None
 
     def cancel(self) -> None:
         """Do not fire."""
@@ -96,7 +98,9 @@ class Entries:
 
     def call_later(self, delay_s: float, callback: Callable[[], None], name: str) -> Timer:
         """As the event loop's; the call is an entry. Of one name, one timer at most runs at a time."""
-        timer = EntryTimer(name, self.now_s() + delay_s, callback)
+        latched_s = self._latched_s
+        now_s = self._read_clock() if latched_s is None else latched_s  # not another call in every cycle
+        timer = EntryTimer(name, now_s + delay_s, callback)
         timer.handle = asyncio.get_running_loop().call_later(delay_s, self._fire, timer)
         return timer
 
