@@ -6,7 +6,6 @@ raise a ``RecordingError``, and ``status`` says how things stand.
 
 import contextlib
 import time
-import unicodedata
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,24 +15,22 @@ from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import MAGIC, Chunk, ChunkBuilder, RawChunk, compressor
+from chefbotd.recording.chunk import Chunk, ChunkBuilder, RawChunk, compressor
 from chefbotd.recording.disk import Disk
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.folder import MEGABYTE, RecordingFolder, file_name
 from chefbotd.recording.intake import Piece
 from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.mcap_file import RecordingFile
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
-from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, Status, Stored
+from chefbotd.recording.status import FAULT, RING, About, Status, Stored
 from chefbotd.storage import explain
 
-MEGABYTE = 1_000_000
 LOOK_AT_DISK_S = 1.0
 MAP_AGAIN_NS = 30_000_000_000
 """So that any piece of the ring has the map."""
-
-MAX_NAME = 64
 
 
 class Recorder:
@@ -54,8 +51,9 @@ class Recorder:
         disk: Disk | None = None,
         wall_s: Callable[[], float] = time.time,
     ) -> None:
-        self._parameters, self.folder = parameters, folder
+        self._parameters = parameters
         self._about, self._disk, self._wall_s = about, disk or Disk(), wall_s
+        self._folder = RecordingFolder(parameters, folder, self._disk)
         self._offset_ns, self._channels = offset_ns, channels
         self._maps = MapDrawer(channels, read_map)
         self._compress = compressor(parameters.compression)
@@ -102,7 +100,7 @@ class Recorder:
             self._synced_s = now_s
         if now_s - self._looked_s >= LOOK_AT_DISK_S:
             self._looked_s = now_s
-            if problem := self._too_full():
+            if problem := self._look_at_disk():
                 self._close(file)
                 self.status = replace(self.status, state="failed", reason=problem)
                 return
@@ -147,7 +145,7 @@ class Recorder:
                 self._tell_again(file, now_s)
         except OSError as error:
             self._fail(error)
-            raise self._refusal(f"cannot write in {self.folder}", error) from error
+            raise self._folder.refusal(f"cannot write in {self._folder.path}", error) from error
         return self.status
 
     def stop(self, now_s: float) -> Status:
@@ -162,7 +160,7 @@ class Recorder:
             self._close(self._file)
         except OSError as error:
             self._fail(error)
-            raise self._refusal("the recording could not be ended", error) from error
+            raise self._folder.refusal("the recording could not be ended", error) from error
         self.status = replace(self.status, state="idle", reason="")
         return self.status
 
@@ -183,8 +181,9 @@ class Recorder:
             )
         self._require_room()
         try:
-            self._disk.make_folder(self.folder)
-            path = self._free_path(f"{FAULT if fault else RING}_{file_name(reason)}_{self._time_text()}")
+            path = self._folder.new_path(
+                f"{FAULT if fault else RING}_{file_name(reason)}_{self._time_text()}"
+            )
             file = self._create(path, reason)
             try:
                 for chunk in self._ring.chunks:
@@ -193,10 +192,10 @@ class Recorder:
             except OSError:
                 self._give_up(file)
                 raise
-            self._disk.sync_folder(self.folder)
-            self._remove_old()
+            self._folder.sync()
+            self._folder.remove_old(self._current)
         except OSError as error:
-            raise self._refusal(f"cannot write in {self.folder}", error) from error
+            raise self._folder.refusal(f"cannot write in {self._folder.path}", error) from error
         self.status = replace(self.status, saved=str(path))
         return self.status
 
@@ -206,28 +205,19 @@ class Recorder:
         Raises:
             RecordingError: the folder cannot be read.
         """
-        current = None if self._file is None else self._file.path
-        try:
-            rows = [
-                Stored(path.name, size, changed_s, self._disk.ends_with(path, MAGIC), path == current)
-                for path, size, changed_s in self._disk.files(self.folder, "*.mcap")
-            ]
-        except OSError as error:
-            raise self._refusal(f"cannot read {self.folder}", error) from error
-        return sorted(rows, key=lambda row: row.changed_at_s, reverse=True)
+        return self._folder.list_files(self._current)
 
     # inside
 
     def _open_part(self, now_s: float) -> RecordingFile:
         self._part += 1
         name = self.status.name or "recording"
-        self._disk.make_folder(self.folder)
-        path = self._free_path(name if self._part == 1 else f"{name}_part{self._part}")
+        path = self._folder.new_path(name if self._part == 1 else f"{name}_part{self._part}")
         self._file_began_s = self._synced_s = now_s
         file = self._file = self._create(path, name)
-        self._disk.sync_folder(self.folder)
+        self._folder.sync()
         self.status = replace(self.status, state="recording", file=str(path), reason="")
-        self._remove_old()
+        self._folder.remove_old(self._current)
         return file
 
     def _tell_again(self, file: RecordingFile, now_s: float) -> None:
@@ -283,76 +273,26 @@ class Recorder:
         with contextlib.suppress(OSError):
             self._disk.remove(file.path)
 
+    @property
+    def _current(self) -> Path | None:
+        return None if self._file is None else self._file.path
+
     def _require_room(self) -> None:
         try:
-            problem = self._too_full()
+            problem = self._look_at_disk()
         except OSError as error:
-            raise self._refusal(f"cannot read {self.folder}", error) from error
+            raise self._folder.refusal(f"cannot read {self._folder.path}", error) from error
         if problem:
             raise RecordingError(RefusalKind.STORAGE_FAILED, problem)
 
-    def _too_full(self) -> str | None:
-        """Ask the disk how much is free, in the folder or in the first one above it that there is."""
-        folder = self.folder
-        while not self._disk.exists(folder) and folder != folder.parent:
-            folder = folder.parent
-        self.status = replace(self.status, free_bytes=self._disk.free_bytes(folder))
-        free, least = self.status.free_bytes or 0, self._parameters.min_free_mb * MEGABYTE
-        if free >= least:
-            return None
-        return (
-            f"only {free / MEGABYTE:.0f} MB of the disk are free, "
-            f"and {self._parameters.min_free_mb:g} MB are to stay so ([recording] min_free_mb)"
-        )
-
-    def _remove_old(self) -> None:
-        """Remove the oldest files that nobody asked for, where they are too many."""
-        current = None if self._file is None else self._file.path
-        rows = [
-            row
-            for kind in (AUTOMATIC, FAULT)
-            for row in self._disk.files(self.folder, f"{kind}_*.mcap")
-            if row[0] != current
-        ]
-        rows.sort(key=lambda row: row[2])
-        total = sum(size for _, size, _ in rows)
-        for path, size, _ in rows[:-1]:
-            if total <= self._parameters.automatic_mb * MEGABYTE:
-                return
-            self._disk.remove(path)
-            total -= size
-
-    def _free_path(self, name: str) -> Path:
-        taken = {path.name for path, _, _ in self._disk.files(self.folder, f"{name}*.mcap")}
-        names = (f"{name}.mcap", *(f"{name}_{number}.mcap" for number in range(2, 10_000)))
-        return self.folder / next(each for each in names if each not in taken)
+    def _look_at_disk(self) -> str | None:
+        """What to say of a disk that is too full; None: it has room."""
+        free_bytes = self._folder.free_bytes()
+        self.status = replace(self.status, free_bytes=free_bytes)
+        return self._folder.why_too_full(free_bytes)
 
     def _time_text(self) -> str:
         return datetime.fromtimestamp(self._wall_s(), UTC).strftime("%Y%m%dT%H%M%SZ")
 
     def _why(self) -> str:
         return f" ({self.status.reason})" if self.status.reason else ""
-
-    def _refusal(self, doing: str, error: OSError) -> RecordingError:
-        return RecordingError(RefusalKind.STORAGE_FAILED, f"{doing}: {explain(error)}")
-
-
-def file_name(text: str) -> str:
-    """The beginning of a file's name, as it is kept.
-
-    Raises:
-        RecordingError: it cannot be one.
-    """
-    name = unicodedata.normalize("NFC", text)
-    allowed = all(each in " -_." or unicodedata.category(each)[0] in "LMN" for each in name)
-    if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
-        raise RecordingError(
-            RefusalKind.BAD_NAME,
-            f"{text[:80]!r} cannot be a recording's name: expected letters, digits, spaces, hyphens, underscores and "
-            "dots, the first one a letter, a digit or an underscore, the last one no space or dot",
-        )
-    if len(name) > MAX_NAME or len(name.encode()) > 2 * MAX_NAME:
-        raise RecordingError(
-            RefusalKind.BAD_NAME, f"{text[:80]!r} cannot be a recording's name: at most {MAX_NAME} characters"
-        )
-    return name

@@ -124,8 +124,9 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, where: str) -> Non
     (tmp_path / "file").write_text("in the way")
     disk = FailingDisk()
     disk.error = errno.EACCES if where == "no_permission" else None
-    made = recorder(tmp_path / ("inner" if disk.error else "file/inner"), disk)
-    with pytest.raises(RecordingError, match=str(made.folder)):
+    folder = tmp_path / ("inner" if disk.error else "file/inner")
+    made = recorder(folder, disk)
+    with pytest.raises(RecordingError, match=str(folder)):
         made.start("x", START_S)
     assert not list(tmp_path.rglob("*.mcap"))
 

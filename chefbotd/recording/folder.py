@@ -1,0 +1,105 @@
+"""The folder of recordings: names for new files, room on the disk, and old files that are removed."""
+
+import unicodedata
+from pathlib import Path
+
+from chefbotd.core.commands import RefusalKind
+from chefbotd.recording.chunk import MAGIC
+from chefbotd.recording.disk import Disk
+from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.parameters import RecordingParameters
+from chefbotd.recording.status import AUTOMATIC, FAULT, Stored
+from chefbotd.storage import explain
+
+MEGABYTE = 1_000_000
+MAX_NAME = 64
+
+
+class RecordingFolder:
+    """``path`` need not exist yet. What is being recorded (``current``) is never removed."""
+
+    def __init__(self, parameters: RecordingParameters, path: Path, disk: Disk) -> None:
+        self._parameters, self.path, self._disk = parameters, path, disk
+
+    def new_path(self, name: str) -> Path:
+        """A path for a new file whose name begins so; makes the folder where there is none."""
+        self._disk.make_folder(self.path)
+        taken = {path.name for path, _, _ in self._disk.files(self.path, f"{name}*.mcap")}
+        names = (f"{name}.mcap", *(f"{name}_{number}.mcap" for number in range(2, 10_000)))
+        return self.path / next(each for each in names if each not in taken)
+
+    def sync(self) -> None:
+        """Wait until the names in the folder are on the disk."""
+        self._disk.sync_folder(self.path)
+
+    def list_files(self, current: Path | None) -> list[Stored]:
+        """Every file in the folder, the newest first.
+
+        Raises:
+            RecordingError: the folder cannot be read.
+        """
+        try:
+            rows = [
+                Stored(path.name, size, changed_s, self._disk.ends_with(path, MAGIC), path == current)
+                for path, size, changed_s in self._disk.files(self.path, "*.mcap")
+            ]
+        except OSError as error:
+            raise self.refusal(f"cannot read {self.path}", error) from error
+        return sorted(rows, key=lambda row: row.changed_at_s, reverse=True)
+
+    def free_bytes(self) -> int:
+        """What the disk has free, in the folder or in the first existing one above it."""
+        folder = self.path
+        while not self._disk.exists(folder) and folder != folder.parent:
+            folder = folder.parent
+        return self._disk.free_bytes(folder)
+
+    def why_too_full(self, free_bytes: int) -> str | None:
+        """What to say of a disk with so much left; None: it has room."""
+        if free_bytes >= self._parameters.min_free_mb * MEGABYTE:
+            return None
+        return (
+            f"only {free_bytes / MEGABYTE:.0f} MB of the disk are free, "
+            f"and {self._parameters.min_free_mb:g} MB are to stay so ([recording] min_free_mb)"
+        )
+
+    def remove_old(self, current: Path | None) -> None:
+        """Remove the oldest files that nobody asked for, where they are too many."""
+        rows = [
+            row
+            for kind in (AUTOMATIC, FAULT)
+            for row in self._disk.files(self.path, f"{kind}_*.mcap")
+            if row[0] != current
+        ]
+        rows.sort(key=lambda row: row[2])
+        total = sum(size for _, size, _ in rows)
+        for path, size, _ in rows[:-1]:
+            if total <= self._parameters.automatic_mb * MEGABYTE:
+                return
+            self._disk.remove(path)
+            total -= size
+
+    def refusal(self, doing: str, error: OSError) -> RecordingError:
+        """What the disk refused, as an error for whoever asked."""
+        return RecordingError(RefusalKind.STORAGE_FAILED, f"{doing}: {explain(error)}")
+
+
+def file_name(text: str) -> str:
+    """The beginning of a file's name, as it is kept.
+
+    Raises:
+        RecordingError: it cannot be one.
+    """
+    name = unicodedata.normalize("NFC", text)
+    allowed = all(each in " -_." or unicodedata.category(each)[0] in "LMN" for each in name)
+    if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
+        raise RecordingError(
+            RefusalKind.BAD_NAME,
+            f"{text[:80]!r} cannot be a recording's name: expected letters, digits, spaces, hyphens, underscores and "
+            "dots, the first one a letter, a digit or an underscore, the last one no space or dot",
+        )
+    if len(name) > MAX_NAME or len(name.encode()) > 2 * MAX_NAME:
+        raise RecordingError(
+            RefusalKind.BAD_NAME, f"{text[:80]!r} cannot be a recording's name: at most {MAX_NAME} characters"
+        )
+    return name
