@@ -85,16 +85,16 @@ def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, b
     """What the worker's skills are told when it starts, by their names."""
     from chefbotd.worker.skills import localization_messages, mapping_messages, navigation_messages
 
-    first = settings.lidar[0].name
+    every = tuple(lidar.name for lidar in settings.lidar)
     mapping = mapping_messages.MappingSkillParameters(
-        lidar=settings.mapping.lidar or first,
+        lidars=settings.mapping.lidars or every,
         folder=folder,
         versions_kept=versions_kept,
         session=os.urandom(8).hex(),
         mapping=settings.mapping,
     )
     localization = localization_messages.LocalizationSkillParameters(
-        lidar=settings.localization.lidar or first,
+        lidars=settings.localization.lidars or every,
         folder=folder,
         pose_file=folder / localization_messages.POSE_FILE,
         search_by_itself=settings.localization.search_by_itself,

@@ -53,20 +53,24 @@ class Agreement(NamedTuple):
 def agreement(grids: LocalMap, pose: Floats, scan: Scan) -> Agreement:
     """How a scan taken at ``pose`` agrees with the map."""
     counts = np.zeros(4, np.int64)
-    _agreement(grids, pose, scan.sensor_m, scan.points, scan.facing, counts)
+    _agreement(grids, pose, np.atleast_2d(scan.sensor_m), scan.points, scan.facing, counts)
     agree, early, through, unknown = (int(count) for count in counts)
     return Agreement(agree, early, through, unknown)
 
 
 @kernel
 def _agreement(
-    grids: LocalMap, pose: Floats, sensor_m: Floats, points: Singles, facing: Singles, counts: Indices
+    grids: LocalMap, pose: Floats, sensors: Floats, points: Singles, facing: Singles, counts: Indices
 ) -> None:
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     ox, oy = pose[0] - grids.origin_m[0], pose[1] - grids.origin_m[1]
-    sx, sy = ox + cos * sensor_m[0] - sin * sensor_m[1], oy + sin * sensor_m[0] + cos * sensor_m[1]
     surface = np.empty(5)
     for i in range(points.shape[0]):
+        s = min(i, sensors.shape[0] - 1)
+        sx, sy = (
+            ox + cos * sensors[s, 0] - sin * sensors[s, 1],
+            oy + sin * sensors[s, 0] + cos * sensors[s, 1],
+        )
         x = ox + cos * points[i, 0] - sin * points[i, 1]
         y = oy + sin * points[i, 0] + cos * points[i, 1]
         if _goes_through(grids, sx, sy, x, y):

@@ -5,6 +5,7 @@ the robot stands, nothing contradicts that. When it drives, its way by the scans
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from pydantic import Field
@@ -63,16 +64,22 @@ def checked(
     return _said(params, now, wrap_angle(off))._replace(begun=(odometry, found))
 
 
-def mount_problem(check: MountCheck, lidar: str) -> str:
+def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
     """What is wrong, for people; empty where nothing is known to be."""
     if check.turned_rad is None:
         return ""
     degrees = round(math.degrees(check.turned_rad))
     return (
-        f"by the lidar {lidar!r} the robot drives elsewhere than its wheels say: it seems to be turned by about "
+        f"by the {_named(lidars)} the robot drives elsewhere than its wheels say: it seems to be turned by about "
         f"{180 if degrees == -180 else degrees} degrees against its configuration (mount_yaw_rad), or wheels have "
         "the wrong sign"
     )
+
+
+def _named(lidars: Sequence[str]) -> str:
+    """With several the first is meant: the others' points are matched with its own."""
+    told = f"lidar {lidars[0]!r}"
+    return told if len(lidars) == 1 else f"{told} (with {', '.join(map(repr, lidars[1:]))})"
 
 
 def _said(params: MountCheckParameters, now: MountCheck, off_rad: float) -> MountCheck:

@@ -6,10 +6,10 @@ from chefbotd.core.parameters import Parameters
 
 
 class LocalizationSection(Parameters):
-    """Which lidar's scans tell where the robot is, and what it may do by itself."""
+    """Which lidars' scans tell where the robot is, and what it may do by itself."""
 
-    lidar: str | None = Field(default=None, min_length=1)
-    """Its name; the first one that is configured, if none is named."""
+    lidars: tuple[str, ...] | None = Field(default=None, min_length=1)
+    """Their names, the leading one first; all that are configured, if none is named."""
     search_by_itself: bool = True
     """Whether a robot that is lost looks everywhere without being asked to."""
     save_every_s: float = Field(default=5.0, gt=0, le=3600)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.graph import Indices
 from chefbotd.mapping.local_map import Counts
-from chefbotd.mapping.occupancy import percent_of, trace
+from chefbotd.mapping.occupancy import Placed, extent_m, percent_of, placed, trace
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.poses import Floats, transform
-from chefbotd.mapping.state import Nodes, Scan
+from chefbotd.mapping.poses import Floats
+from chefbotd.mapping.state import Nodes
 
 MARGIN_M = 2.0
 """Room around what was seen, so that the grid does not grow with every scan."""
@@ -49,12 +49,12 @@ def updated(live: LiveMap, nodes: Nodes, part: int = 0) -> LiveMap:
     if not _still_stands(live, nodes.number[chosen], nodes.map[chosen]):
         live = nothing(live.resolution_m)
     new = chosen[len(live.numbers) :]
-    placed = [_placed(nodes.map[k], nodes.scans[k]) for k in new]
-    if not placed:
+    scans = [placed(nodes.map[k], nodes.scans[k]) for k in new]
+    if not scans:
         return live
-    live = _with_room(live, placed)
-    for points in placed:
-        trace(live.counts, points - live.low_m, live.resolution_m)
+    live = _with_room(live, scans)
+    for from_m, points in scans:
+        trace(live.counts, from_m - live.low_m, points - live.low_m, live.resolution_m)
     poses = np.vstack([live.poses, nodes.map[new]])
     numbers = np.concatenate([live.numbers, nodes.number[new]])
     return LiveMap(live.resolution_m, live.low_m, live.counts, numbers, poses)
@@ -77,16 +77,10 @@ def _still_stands(live: LiveMap, numbers: Indices, poses: Floats) -> bool:
     return bool((moved[:, :2] <= MOVED_M).all() and (moved[:, 2] <= MOVED_RAD).all())
 
 
-def _placed(pose: Floats, scan: Scan) -> Floats:
-    """The sensor and then the points, in the map."""
-    return transform(pose, np.vstack([scan.sensor_m, scan.points]))
-
-
-def _with_room(live: LiveMap, placed: list[Floats]) -> LiveMap:
-    """The same map, with cells for all these points."""
+def _with_room(live: LiveMap, scans: list[Placed]) -> LiveMap:
+    """The same map, with cells for all that these scans show."""
     cell_m, (rows, columns) = live.resolution_m, live.counts.shape[:2]
-    low = np.min([points.min(axis=0) for points in placed], axis=0)
-    high = np.max([points.max(axis=0) for points in placed], axis=0)
+    low, high = extent_m(scans)
     old_high_m = live.low_m + cell_m * np.array([columns, rows])
     if rows and (low > live.low_m + cell_m).all() and (high < old_high_m - cell_m).all():
         return live

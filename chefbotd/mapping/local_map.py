@@ -68,12 +68,14 @@ def empty() -> LocalMap:
 def inserted(into: LocalMap, pose: Floats, sensor_m: Floats, points: Singles, facing: Singles) -> LocalMap:
     """The map with a scan in it, taken at ``pose``; it uses up ``into``, whose grids it fills.
 
-    ``points`` (n, 2) and their normals ``facing`` are in the frame of ``pose``, seen from ``sensor_m`` in it.
+    ``points`` (n, 2) and their normals ``facing`` are in the frame of ``pose``, seen from ``sensor_m`` in it: one place
+    (2,), or one for each point (n, 2).
     """
-    placed = transform(pose, np.vstack([sensor_m, points]))
-    grown = _grown(into, placed)
+    sensors = np.atleast_2d(sensor_m)
+    from_m, placed = transform(pose, sensors), transform(pose, points)
+    grown = _grown(into, np.vstack([from_m, placed]))
     turned = transform(np.array([0.0, 0.0, pose[2]]), facing)
-    _fill(grown, sensor_m, points, placed, turned)
+    _fill(grown, sensors, points, from_m, placed, turned)
     return grown
 
 
@@ -108,12 +110,15 @@ def _larger(
 
 
 @kernel
-def _fill(into: LocalMap, sensor_m: Floats, points: Singles, placed: Floats, facing: Floats) -> None:
+def _fill(
+    into: LocalMap, sensors: Floats, points: Singles, from_m: Floats, placed: Floats, facing: Floats
+) -> None:
     ox, oy = into.origin_m[0], into.origin_m[1]
-    sx, sy = sensor_m[0], sensor_m[1]
+    last = sensors.shape[0] - 1
     for i in range(points.shape[0]):
-        x, y = placed[i + 1, 0] - ox, placed[i + 1, 1] - oy
-        clear(into.seen, SURFEL_M, placed[0, 0] - ox, placed[0, 1] - oy, x, y)
+        s = min(i, last)
+        x, y = placed[i, 0] - ox, placed[i, 1] - oy
+        clear(into.seen, SURFEL_M, from_m[s, 0] - ox, from_m[s, 1] - oy, x, y)
         row, column = int(y / SURFEL_M), int(x / SURFEL_M)
         if into.seen[row, column, 0] < MOST:
             into.seen[row, column, 0] += 1
@@ -122,9 +127,12 @@ def _fill(into: LocalMap, sensor_m: Floats, points: Singles, placed: Floats, fac
         gather(into.surfels, x, y, nx, ny, 1.0)
         if i == 0 or nx * facing[i - 1, 0] + ny * facing[i - 1, 1] < 0.9:
             continue
+        sx, sy, before = sensors[s, 0], sensors[s, 1], min(i - 1, last)
+        if sx != sensors[before, 0] or sy != sensors[before, 1]:
+            continue
         if not joined(points[i - 1, 0] - sx, points[i - 1, 1] - sy, points[i, 0] - sx, points[i, 1] - sy):
             continue
-        dx, dy = placed[i, 0] - placed[i + 1, 0], placed[i, 1] - placed[i + 1, 1]
+        dx, dy = placed[i - 1, 0] - placed[i, 0], placed[i - 1, 1] - placed[i, 1]
         steps = int(math.hypot(dx, dy) / SURFEL_M)
         for k in range(1, steps + 1):
             part = k / (steps + 1)

@@ -5,6 +5,8 @@ went on to the wall before and after.
 """
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.local_map import MOST, Counts, clear
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import Floats, transform
-from chefbotd.mapping.state import Nodes
+from chefbotd.mapping.state import Nodes, Scan
 
 RESOLUTION_M = 0.05
 MARGIN_M = 0.5
@@ -34,19 +36,37 @@ def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M, part: int = 0) -
         ValueError: there are no scans in it.
     """
     chosen = np.flatnonzero(nodes.part == part)
-    placed = [
-        transform(nodes.map[k], np.vstack([nodes.scans[k].sensor_m, nodes.scans[k].points])) for k in chosen
-    ]
-    if not placed:
+    scans = [placed(nodes.map[k], nodes.scans[k]) for k in chosen]
+    if not scans:
         raise ValueError(f"a map is made of scans, but part {part} has none")
-    low = np.min([points.min(axis=0) for points in placed], axis=0) - MARGIN_M
-    high = np.max([points.max(axis=0) for points in placed], axis=0) + MARGIN_M
+    low, high = extent_m(scans)
+    low, high = low - MARGIN_M, high + MARGIN_M
     origin_m = np.floor(low / resolution_m) * resolution_m
     columns, rows = (math.ceil(size) for size in (high - origin_m) / resolution_m)
     seen = np.zeros((rows, columns, 2), np.uint16)
-    for points in placed:
-        trace(seen, points - origin_m, resolution_m)
+    for from_m, points in scans:
+        trace(seen, from_m - origin_m, points - origin_m, resolution_m)
     return OccupancyGrid(resolution_m, Pose2D(float(origin_m[0]), float(origin_m[1])), percent_of(seen))
+
+
+class Placed(NamedTuple):
+    """A scan in the map: the sensor's place, one or one for each point, and the points, (n, 2) each."""
+
+    from_m: Floats
+    points_m: Floats
+
+
+def placed(pose: Floats, scan: Scan) -> Placed:
+    """A scan that was taken at this pose."""
+    return Placed(transform(pose, np.atleast_2d(scan.sensor_m)), transform(pose, scan.points))
+
+
+def extent_m(scans: Sequence[Placed]) -> tuple[Floats, Floats]:
+    """The least and the largest x and y of the scans, of which there is one at least."""
+    everything = [part for scan in scans for part in scan if len(part)]
+    low: Floats = np.min([part.min(axis=0) for part in everything], axis=0)
+    high: Floats = np.max([part.max(axis=0) for part in everything], axis=0)
+    return low, high
 
 
 def percent_of(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
@@ -67,10 +87,12 @@ def _most_about(ends: Floats) -> Floats:
 
 
 @kernel
-def trace(seen: Counts, placed: Floats, cell_m: float) -> None:
-    """Count the ends and the passes of a scan; its first point is the sensor."""
-    for i in range(1, placed.shape[0]):
-        clear(seen, cell_m, placed[0, 0], placed[0, 1], placed[i, 0], placed[i, 1])
-        row, column = int(placed[i, 1] / cell_m), int(placed[i, 0] / cell_m)
+def trace(seen: Counts, from_m: Floats, points_m: Floats, cell_m: float) -> None:
+    """Count the ends and the passes of a scan, seen from one place or from one for each point."""
+    last = from_m.shape[0] - 1
+    for i in range(points_m.shape[0]):
+        s = min(i, last)
+        clear(seen, cell_m, from_m[s, 0], from_m[s, 1], points_m[i, 0], points_m[i, 1])
+        row, column = int(points_m[i, 1] / cell_m), int(points_m[i, 0] / cell_m)
         if seen[row, column, 0] < MOST:
             seen[row, column, 0] += 1

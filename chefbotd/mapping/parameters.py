@@ -84,10 +84,10 @@ class SlamParameters(Parameters):
 
 
 class MappingParameters(Parameters):
-    """The ``[mapping]`` section: which lidar's scans make the map, and how often it is told and saved."""
+    """The ``[mapping]`` section: which lidars' scans make the map, and how often it is told and saved."""
 
-    lidar: str | None = Field(default=None, min_length=1)
-    """Its name; the first one that is configured, if none is named."""
+    lidars: tuple[str, ...] | None = Field(default=None, min_length=1)
+    """Their names, the leading one first; all that are configured, if none is named."""
     resolution_m: float = Field(default=0.05, gt=0, le=1)
     publish_period_s: float = Field(default=1.0, gt=0, le=60)
     """How often changes of the map are told, at most."""

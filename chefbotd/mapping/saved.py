@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from chefbotd.mapping.graph import Edges
 from chefbotd.mapping.local_map import empty, inserted
+from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
 from chefbotd.mapping.surfaces import normals
 
@@ -24,12 +25,13 @@ def saved(state: SlamState) -> Arrays:
     """All of a state but what can be made again: the grids, and the normals of the scans."""
     nodes, edges, candidates = state.nodes, state.edges, state.candidates
     sizes = [len(scan.points) for scan in nodes.scans]
-    empty_points, no_poses = np.zeros((0, 2), np.float32), np.zeros((0, 3))
+    empty_points, no_places, no_poses = np.zeros((0, 2), np.float32), np.zeros((0, 2)), np.zeros((0, 3))
     arrays: Arrays = {
         "format": np.array(FORMAT),
         "scan_sizes": np.array(sizes, np.int64),
         "scan_points": np.concatenate([empty_points, *(scan.points for scan in nodes.scans)]),
-        "scan_sensors": np.array([scan.sensor_m for scan in nodes.scans]).reshape(-1, 2),
+        "scan_sensors": np.concatenate([no_places, *(np.atleast_2d(scan.sensor_m) for scan in nodes.scans)]),
+        "sensor_sizes": np.array([len(np.atleast_2d(scan.sensor_m)) for scan in nodes.scans], np.int64),
         "submaps": np.array(state.submaps, np.int64).reshape(-1, 2),
         "active": np.array([[a.first, a.travel_m] for a in state.active]).reshape(-1, 2),
         "candidates": np.array([[c.node, c.anchor, c.drift_m] for c in candidates]).reshape(-1, 3),
@@ -99,7 +101,7 @@ def _nodes(arrays: Mapping[str, NDArray[Any]]) -> Nodes:
     scans = [
         Scan(points, normals(points, sensor_m), sensor_m)
         for points, sensor_m in zip(
-            np.split(arrays["scan_points"], ends[:-1]), arrays["scan_sensors"], strict=False
+            np.split(arrays["scan_points"], ends[:-1]), _sensors(arrays), strict=False
         )
     ]
     fields = [arrays[f"node_{name}"] for name in NODE_FIELDS]
@@ -109,6 +111,17 @@ def _nodes(arrays: Mapping[str, NDArray[Any]]) -> Nodes:
         )
     number, stamp_s, local, placed, path_m, part = fields
     return Nodes(number, stamp_s, local, placed, path_m, part, tuple(scans))
+
+
+def _sensors(arrays: Mapping[str, NDArray[Any]]) -> list[Floats]:
+    """Where each scan was seen from: one place, or one for each point."""
+    places = arrays["scan_sensors"]
+    sizes = arrays.get("sensor_sizes", np.ones(len(places), np.int64))  # an older file has one for each scan
+    split = np.split(places, np.cumsum(sizes)[:-1]) if len(sizes) else []
+    for sensor_m, points in zip(split, arrays["scan_sizes"], strict=False):
+        if len(sensor_m) not in (1, points):
+            raise NotASavedState(f"a scan of {points} points was seen from {len(sensor_m)} places")
+    return [sensor_m[0] if len(sensor_m) == 1 else sensor_m for sensor_m in split]
 
 
 def _active(nodes: Nodes, first: int, travel_m: float) -> Active:

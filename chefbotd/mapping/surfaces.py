@@ -1,5 +1,6 @@
 """Which way the surface faces at each point of a scan, by a line through its neighbours on the same surface."""
 
+import itertools
 import math
 from typing import TypeAlias
 
@@ -32,11 +33,23 @@ FLAT = 0.1
 def normals(points: Singles, sensor_m: Floats) -> Singles:
     """Unit normals (n, 2) that face the sensor; zeros where no line can be told.
 
-    ``points`` (n, 2) are in the order of their beams, in the same frame as ``sensor_m``.
+    ``points`` (n, 2) are in the order of their beams, in the same frame as ``sensor_m``: one place (2,), or one for each
+    point (n, 2). What was seen from different places is no line.
     """
     found = np.zeros_like(points)
-    _normals(points - sensor_m, found)
+    seen_from_there = points - sensor_m
+    for begin, end in _runs(sensor_m, len(points)):
+        _normals(seen_from_there[begin:end], found[begin:end])
     return found
+
+
+def _runs(sensor_m: Floats, count: int) -> list[tuple[int, int]]:
+    """From where to where the points were seen from one place."""
+    if sensor_m.ndim == 1 or not count:
+        return [(0, count)]
+    changes = np.flatnonzero((sensor_m[1:] != sensor_m[:-1]).any(axis=1)) + 1
+    limits = [0, *changes.tolist(), count]
+    return list(itertools.pairwise(limits))
 
 
 @kernel

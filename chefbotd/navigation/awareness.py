@@ -58,7 +58,7 @@ class Awareness:
     def take_scan(self, seen: Seen) -> None:
         """Remember what a lidar or a flattened depth image shows."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
-        points, sensor = placed(pose, seen.points_m), placed(pose, seen.sensor_m[None])[0]
+        points, sensor = placed(pose, seen.points_m), placed(pose, np.atleast_2d(seen.sensor_m))
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
         self._is_unmapped = away_m > self._params.live.explained_m

@@ -74,10 +74,14 @@ def nothing_seen(frame: GridFrame) -> LiveObstacles:
 def see_scan(
     live: LiveObstacles, frame: GridFrame, stamp_s: float, sensor_m: Floats, points_m: Floats
 ) -> LiveObstacles:
-    """Mark the points and clear the way to them; sensor and points (n, 2) are in the grid's frame."""
+    """Mark the points and clear the way to them; sensor and points (n, 2) are in the grid's frame.
+
+    ``sensor_m`` is one place (2,), or one for each point (n, 2).
+    """
+    sensors = np.atleast_2d(sensor_m)
     scan_s, since_s = live.scan_s.copy(), live.since_s.copy()
     passes, at_m = live.passes.copy(), live.at_m.copy()
-    _see(scan_s, since_s, passes, at_m, frame.resolution_m, stamp_s, sensor_m, points_m)
+    _see(scan_s, since_s, passes, at_m, frame.resolution_m, stamp_s, sensors, points_m)
     return replace(live, scan_s=scan_s, since_s=since_s, passes=passes, at_m=at_m)
 
 
@@ -89,7 +93,7 @@ def _see(
     at_m: Floats,
     cell_m: float,
     stamp_s: float,
-    sensor_m: Floats,
+    sensors: Floats,
     points_m: Floats,
 ) -> None:
     rows, columns = scan_s.shape
@@ -104,12 +108,13 @@ def _see(
             scan_s[row, column], passes[row, column] = stamp_s, 0
     counted = np.zeros((rows, columns), np.bool_)
     for i in range(points_m.shape[0]):
-        dx, dy = points_m[i, 0] - sensor_m[0], points_m[i, 1] - sensor_m[1]
+        s = min(i, sensors.shape[0] - 1)
+        dx, dy = points_m[i, 0] - sensors[s, 0], points_m[i, 1] - sensors[s, 1]
         length_m = math.hypot(dx, dy)
         for k in range(int((length_m - cell_m) / (0.5 * cell_m))):
             along = k * 0.5 * cell_m / length_m
-            column = math.floor((sensor_m[0] + along * dx) / cell_m)
-            row = math.floor((sensor_m[1] + along * dy) / cell_m)
+            column = math.floor((sensors[s, 0] + along * dx) / cell_m)
+            row = math.floor((sensors[s, 1] + along * dy) / cell_m)
             if not (0 <= row < rows and 0 <= column < columns) or counted[row, column]:
                 continue
             if -math.inf < scan_s[row, column] < stamp_s:

@@ -20,7 +20,7 @@ class PoseStatus(StrEnum):
 class Seen:
     """A scan: points (n, 2) in the robot's frame, in the order of their beams, and where it was then.
 
-    ``sensor_m`` is where the lidar is on the robot.
+    ``sensor_m`` is where the lidar is on the robot (2,), or for each point where it was seen from (n, 2).
     """
 
     stamp_s: float

@@ -86,13 +86,13 @@ def points_in_base(params: BeamParameters, base_from_lidar: Pose2D, scan: LaserS
     bearing, ranges = scan.bearing_rad[good], scan.range_m[good]
     there = np.stack([ranges * np.cos(bearing), ranges * np.sin(bearing)], axis=1)
     mount = np.array([base_from_lidar.x_m, base_from_lidar.y_m, base_from_lidar.heading_rad])
-    then = _moved(mount, there)
+    then = placed(mount, there)
     if params.body_radius_m > 0:
         beyond = np.hypot(then[:, 0], then[:, 1]) > params.body_radius_m
         then, good = then[beyond], good[beyond]
     poses = pose_at(track, scan.stamp_s + scan.after_s[good])
-    in_odom = _moved(poses, then)
-    return _back(pose_at(track, np.array([scan.stamp_s]))[0], in_odom)
+    in_odom = placed(poses, then)
+    return seen_from(pose_at(track, np.array([scan.stamp_s]))[0], in_odom)
 
 
 def pose_at(track: Track, stamp_s: Floats) -> Floats:
@@ -102,7 +102,7 @@ def pose_at(track: Track, stamp_s: Floats) -> Floats:
     return np.stack([np.interp(stamp_s, track.stamp_s, column) for column in columns], axis=1)
 
 
-def _moved(pose: Floats, points: Floats) -> Floats:
+def placed(pose: Floats, points: Floats) -> Floats:
     """Points of the pose's frame in the frame it is given in; one pose, or one for each point."""
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x = pose[..., 0] + cos * points[:, 0] - sin * points[:, 1]
@@ -110,7 +110,7 @@ def _moved(pose: Floats, points: Floats) -> Floats:
     return np.stack([x, y], axis=1)
 
 
-def _back(pose: Floats, points: Floats) -> Floats:
+def seen_from(pose: Floats, points: Floats) -> Floats:
     """Points as seen from a pose."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]

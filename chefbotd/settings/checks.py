@@ -249,12 +249,15 @@ def _braking(settings: Settings) -> Iterator[str]:
 def _mapping(settings: Settings) -> Iterator[str]:
     names = [lidar.name for lidar in settings.lidar]
     there = f"those configured: {', '.join(names)}" if names else "none is configured"
-    for section, named in (
-        ("mapping", settings.mapping.lidar),
-        ("localization", settings.localization.lidar),
+    for section, lidars in (
+        ("mapping", settings.mapping.lidars),
+        ("localization", settings.localization.lidars),
     ):
-        if named is not None and named not in names:
-            yield f"{section}.lidar {named!r} is no lidar ({there})"
+        for number, named in enumerate(lidars or ()):
+            if named not in names:
+                yield f"{section}.lidars: {named!r} is no lidar ({there})"
+            elif named in (lidars or ())[:number]:
+                yield f"{section}.lidars names each lidar once, repeated: {named!r}"
 
 
 def _page(settings: Settings) -> Iterator[str]:

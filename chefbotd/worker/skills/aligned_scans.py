@@ -1,7 +1,8 @@
-"""Scans with the robot's motion undone: each waits until odometry is known for its whole turn."""
+"""Scans with the robot's motion undone, each once odometry is known for its whole turn. Several lidars' are one."""
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,7 +12,8 @@ from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Scan
 from chefbotd.mapping.surfaces import normals
-from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base, pose_at
+from chefbotd.perception.laser_scan import BeamParameters, Track, pose_at
+from chefbotd.perception.scan_assembler import MountedScan, ScanAssembler, joined_points
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 
 KEPT_S: Final = 2.0
@@ -34,12 +36,16 @@ class AlignedScan(NamedTuple):
 
 
 class ScanAligner:
-    """Scans and odometry in, aligned scans out, in the order of their stamps; ``refused`` counts what is no scan."""
+    """Scans and odometry in, aligned scans out, in the order of their stamps; ``refused`` counts what is no scan.
 
-    def __init__(self) -> None:
+    The turns of all ``lidars`` that belong together make one scan; those of others are passed over.
+    """
+
+    def __init__(self, lidars: Sequence[str]) -> None:
         self.refused = 0
+        self._assembler: ScanAssembler[ScanSeen] = ScanAssembler(lidars)
         self._track: deque[OdometrySeen] = deque()
-        self._waiting: deque[ScanSeen] = deque()
+        self._waiting: deque[tuple[ScanSeen, ...]] = deque()
 
     def add_odometry(self, odometry: OdometrySeen) -> None:
         """Remember where odometry says the robot is; what is not newer than the last, or not finite, is passed over."""
@@ -53,36 +59,41 @@ class ScanAligner:
 
     def add_scan(self, scan: ScanSeen) -> None:
         """Keep a scan until it can be aligned; of too many that wait the oldest gives way."""
-        self._waiting.append(scan)
+        turns = self._assembler.add_turn(scan.lidar, scan.stamp_s, scan)
+        if turns:
+            self._waiting.append(turns)
         if len(self._waiting) > MOST_WAITING:
             self._waiting.popleft()
 
     def clear(self) -> None:
         """Forget the scans that wait."""
         self._waiting.clear()
+        self._assembler.clear()
 
     def next_aligned(self, now_s: float) -> AlignedScan | None:
         """The next scan for which there is odometry, or for which none is waited any more; None: there is none."""
         while self._waiting and self._track:
-            scan = self._waiting[0]
+            turns = self._waiting[0]
+            scan = turns[0]
             if self._track[-1].stamp_s < scan.stamp_s and now_s - scan.stamp_s < PATIENCE_S:
                 return None
             self._waiting.popleft()
             if self._track[0].stamp_s > scan.stamp_s:
                 continue  # where the robot was then was forgotten, or never known
             try:
-                return self._aligned(laser_scan(scan), scan.mount)
+                return self._aligned(turns)
             except ValueError:
                 self.refused += 1
         return None
 
-    def _aligned(self, scan: LaserScan, mount: tuple[float, float, float]) -> AlignedScan:
+    def _aligned(self, turns: tuple[ScanSeen, ...]) -> AlignedScan:
         rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in self._track])
         track = Track(rows[:, 0], rows[:, 1:])
-        points = points_in_base(BEAMS, Pose2D(*mount), scan, track).astype(np.float32)
-        sensor_m = np.array(mount[:2])
-        pose = pose_at(track, np.array([scan.stamp_s]))[0]
-        return AlignedScan(scan.stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
+        mounted = [MountedScan(Pose2D(*turn.mount), laser_scan(turn)) for turn in turns]
+        seen = joined_points(BEAMS, mounted, track)
+        points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
+        pose = pose_at(track, np.array([stamp_s]))[0]
+        return AlignedScan(stamp_s, pose, Scan(points, normals(points, seen.sensor_m), seen.sensor_m))
 
 
 def laser_scan(scan: ScanSeen) -> LaserScan:

@@ -69,12 +69,12 @@ class LocalizationSkill:
         self._clock = clock
         searching = {"by_itself": self._parameters.search_by_itself}
         self._localization = LocalizationParameters.model_validate({"searching": searching})
-        self._aligner = ScanAligner()
+        self._aligner = ScanAligner(self._parameters.lidars)
         self._within: LocalizationMap | None = None
         self._map: tuple[str, int] | None = None
         self._now = Localization()
         self._mount = MountCheck()
-        self._silence = Silence(self._parameters.lidar)
+        self._silence = Silence(self._parameters.lidars)
         self._reason = ""
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
@@ -90,7 +90,7 @@ class LocalizationSkill:
     @property
     def problem(self) -> str:
         """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
-        told = mount_problem(self._mount, self._parameters.lidar)
+        told = mount_problem(self._mount, self._parameters.lidars)
         return f"{told}; mend that, then send localize" if told else ""
 
     def warm(self) -> None:
@@ -100,9 +100,9 @@ class LocalizationSkill:
     # what is measured
 
     def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
-        """A turn of the lidar by which the robot finds its way."""
-        if scan.lidar == self._parameters.lidar:
-            self._silence.scan_s = self._clock.now_s()
+        """A turn of a lidar by which the robot finds its way."""
+        if scan.lidar in self._parameters.lidars:
+            self._silence.scan_s[scan.lidar] = self._clock.now_s()
             if self._within is not None:
                 self._aligner.add_scan(scan)
         return self._follow_what_is_aligned()
@@ -241,7 +241,7 @@ class LocalizationSkill:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
         if self.problem:
             return str(State.LOST)
-        return str(State.DOUBTFUL if self._silence.told and state is State.LOCALIZED else state)
+        return str(State.DOUBTFUL if self._silence.leaves_nothing and state is State.LOCALIZED else state)
 
     def _reason_told(self) -> str:
         return "; ".join(filter(None, (self.problem, self._silence.told, self._reason)))

@@ -16,7 +16,7 @@ POSE_FILE: Final = "last_pose.json"
 class LocalizationSkillParameters(Parameters):
     """What the daemon tells the skill when it starts it; ``pose_file`` is where the pose is kept from run to run."""
 
-    lidar: str
+    lidars: tuple[str, ...]
     folder: Path
     pose_file: Path
     search_by_itself: bool

@@ -60,9 +60,9 @@ class MappingSkill:
         self._parameters = MappingSkillParameters.model_validate_json(parameters)
         self._clock = clock
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
-        self._aligner = ScanAligner()
+        self._aligner = ScanAligner(self._parameters.lidars)
         self._mode, self._reason, self._warning = Mode.IDLE, "", ""
-        self._silence = Silence(self._parameters.lidar)
+        self._silence = Silence(self._parameters.lidars)
         self._name: str | None = None
         self._updates = MapUpdates(self._parameters.mapping.resolution_m)
         self._forget()
@@ -84,9 +84,9 @@ class MappingSkill:
     # what is measured
 
     def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
-        """A turn of the lidar of which the map is made."""
-        if scan.lidar == self._parameters.lidar:
-            self._silence.scan_s = self._clock.now_s()
+        """A turn of a lidar of which the map is made."""
+        if scan.lidar in self._parameters.lidars:
+            self._silence.scan_s[scan.lidar] = self._clock.now_s()
             if self._mode is Mode.MAPPING:
                 self._aligner.add_scan(scan)
         return self._map_what_is_aligned()
@@ -306,7 +306,7 @@ class MappingSkill:
         )
 
     def _mount_problem(self) -> str:
-        told = mount_problem(self._mount, self._parameters.lidar)
+        told = mount_problem(self._mount, self._parameters.lidars)
         return f"{told}; mend that, and begin the map anew" if told else ""
 
     def _arrays(self) -> Arrays:

@@ -13,9 +13,12 @@ SKILL: Final = "mapping"
 
 
 class MappingSkillParameters(Parameters):
-    """What the daemon tells the skill when it starts it; ``session`` is new with each start of the daemon."""
+    """What the daemon tells the skill when it starts it; ``session`` is new with each start of the daemon.
 
-    lidar: str
+    Of ``lidars`` the first leads: a scan has its time.
+    """
+
+    lidars: tuple[str, ...]
     folder: Path
     versions_kept: int
     session: str

@@ -39,6 +39,15 @@ def test_a_beam_clears_what_it_passes_and_nothing_behind_its_end() -> None:
     assert sorted(cells(live, 5.2)) == [(20, 30), (20, 40)]
 
 
+def test_each_beam_clears_the_way_from_its_own_lidar() -> None:
+    """A leg between two lidars' beams stays; the beam that passes it from its own lidar clears it."""
+    live = see_scan(NOTHING, FRAME, 5.0, SENSOR, np.array([[1.33, 1.41]]))
+    walls, places = np.array([[2.42, 0.62], [2.42, 1.92]]), np.array([[0.5, 0.62], [0.5, 1.92]])
+    assert sorted(cells(see_scan(live, FRAME, 5.1, places, walls), 5.1)) == [(12, 48), (28, 26), (38, 48)]
+    walls, places = np.array([[2.42, 0.62], [2.42, 1.41]]), np.array([[0.5, 0.62], [0.5, 1.41]])
+    assert sorted(cells(see_scan(live, FRAME, 5.1, places, walls), 5.1)) == [(12, 48), (28, 48)]
+
+
 def test_a_scan_without_returns_clears_nothing() -> None:
     """Glass returns nothing: what stands there stays."""
     live = see_scan(NOTHING, FRAME, 5.0, SENSOR, np.array([[1.33, 1.41]]))

@@ -163,10 +163,12 @@ def test_of_several_lidars_each_has_a_joint_by_its_name(tmp_path: Path) -> None:
 
 
 def test_the_map_is_made_of_a_lidar_that_there_is() -> None:
-    """[mapping] lidar names one of those that are configured; the refusal lists them."""
+    """[mapping] lidars names some of those that are configured, each once; the refusal lists them."""
     row = {"name": "top", "model": "ld19", "device": "/dev/ttyUSB0", "guards": False}
-    assert load(overrides={"lidar": [row], "mapping.lidar": "top"}).mapping.lidar == "top"
-    with pytest.raises(SettingsError, match=r"mapping\.lidar 'low' is no lidar \(those configured: top\)"):
-        load(overrides={"lidar": [row], "mapping.lidar": "low"})
+    assert load(overrides={"lidar": [row], "mapping.lidars": ["top"]}).mapping.lidars == ("top",)
+    with pytest.raises(SettingsError, match=r"mapping\.lidars: 'low' is no lidar \(those configured: top\)"):
+        load(overrides={"lidar": [row], "mapping.lidars": ["top", "low"]})
+    with pytest.raises(SettingsError, match=r"localization\.lidars names each lidar once, repeated: 'top'"):
+        load(overrides={"lidar": [row], "localization.lidars": ["top", "top"]})
     with pytest.raises(SettingsError, match=r"none is configured"):
-        load(overrides={"mapping.lidar": "low"})
+        load(overrides={"mapping.lidars": ["low"]})

@@ -50,6 +50,29 @@ def test_normals_face_the_sensor() -> None:
     assert np.allclose(found[[0, -1]], 0)
 
 
+def test_points_of_two_lidars_are_no_line() -> None:
+    """A wall 2 m ahead, its right half seen from the middle, its left one from behind: each half faces its lidar."""
+    points = line(2.0, -0.4, 2.0, 0.4)
+    places = np.where(points[:, 1:] < 0, CENTER, [[4.3, 0.2]])
+    found = normals(points, places)
+    right = int((points[:, 1] < 0).sum())
+    assert np.allclose(found[1 : right - 1], [-1.0, 0.0], atol=1e-5)
+    assert np.allclose(found[right + 1 : -1], [1.0, 0.0], atol=1e-5)
+    assert np.allclose(found[[0, right - 1, right, -1]], 0)
+
+
+def test_each_beam_clears_the_way_from_its_own_lidar() -> None:
+    """Two posts, each seen from straight before it: the slant to the other lidar is unseen."""
+    posts = np.array([[1.05, 0.05], [1.05, 2.05]], np.float32)
+    places, none = np.array([[0.05, 0.05], [0.05, 2.05]]), np.zeros((2, 2), np.float32)
+    grids = inserted(empty(), np.zeros(3), places, posts, none)
+    passes = {
+        (x, y): int(grids.seen[int((y - grids.origin_m[1]) / 0.1), int((x - grids.origin_m[0]) / 0.1), 1])
+        for x, y in ((0.55, 0.05), (0.55, 2.05), (0.55, 1.05))
+    }
+    assert passes == {(0.55, 0.05): 1, (0.55, 2.05): 1, (0.55, 1.05): 0}
+
+
 def test_a_lone_point_has_no_normal() -> None:
     """A table's leg, half a metre before the wall, belongs to no surface."""
     points = np.vstack([line(2.0, -0.5, 2.0, -0.1), [[1.5, 0.0]], line(2.0, 0.1, 2.0, 0.5)]).astype(

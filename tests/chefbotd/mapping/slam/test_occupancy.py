@@ -1,5 +1,7 @@
 """Occupancy of a handful of beams, counted by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,16 @@ def test_a_beam_clears_what_it_passes_and_marks_its_end() -> None:
     assert percent(grid, 0.97, 0.02) == -1
     assert percent(grid, 0.5, 0.3) == -1
     assert percent(grid, 1.3, 0.02) == -1
+
+
+def test_each_beam_clears_the_way_from_its_own_lidar() -> None:
+    """Lidars at the middle and 1 m to its left, each sees a post straight ahead: nothing slanting is cleared."""
+    posts = np.array([(1.02, 0.02), (1.02, 1.02)], np.float32)
+    scan = Scan(posts, np.zeros((2, 2), np.float32), np.array([[0.0, 0.0], [0.0, 1.0]]))
+    grid = occupancy(replace(nodes([(0.0, 0.0)], [(0.0, 0.0)]), scans=(scan, scan)))
+    assert [percent(grid, 1.02, y) for y in (0.02, 1.02)] == [100, 100]
+    assert [percent(grid, 0.52, y) for y in (0.02, 1.02)] == [0, 0]
+    assert percent(grid, 0.52, 0.52) == -1
 
 
 def test_poses_turn_the_scans() -> None:

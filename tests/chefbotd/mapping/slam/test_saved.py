@@ -1,11 +1,14 @@
 """What is saved is restored, and what is not a saved state is refused with its reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
-from chefbotd.mapping.state import SlamState, start
+from chefbotd.mapping.state import Scan, SlamState, start
+from chefbotd.mapping.surfaces import normals
 from tests.chefbotd.mapping.slam.drives import drive
 from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
 
@@ -33,6 +36,21 @@ def test_everything_is_restored(driven: SlamState) -> None:
             assert np.array_equal(grid, same)
 
 
+def test_each_point_is_restored_with_the_lidar_that_saw_it(driven: SlamState) -> None:
+    """Two lidars' scan among those of one keeps a place for each point; an older file, of one lidar, is read too."""
+    nodes = driven.nodes
+    places = np.repeat([[0.2, 0.0], [-0.2, 0.1]], [100, len(nodes.scans[1].points) - 100], axis=0)
+    points = nodes.scans[1].points
+    both = Scan(points, normals(points, places), places)
+    state = replace(driven, nodes=replace(nodes, scans=(nodes.scans[0], both, *nodes.scans[2:])))
+    back = restored(saved(state)).nodes.scans
+    assert np.array_equal(back[1].sensor_m, places)
+    assert np.array_equal(back[1].facing, both.facing)
+    assert back[2].sensor_m.tolist() == [0.0, 0.0]
+    older = restored(without(saved(driven), "sensor_sizes")).nodes.scans
+    assert np.array_equal([scan.sensor_m for scan in older], [scan.sensor_m for scan in nodes.scans])
+
+
 def test_an_empty_state_is_restored() -> None:
     """Saved before the first scan, it begins anew."""
     assert len(restored(saved(start())).nodes) == 0
@@ -48,6 +66,7 @@ def without(arrays: Arrays, name: str) -> Arrays:
     [
         (lambda arrays: without(arrays, "node_map"), "node_map"),
         (lambda arrays: arrays | {"format": np.array(7)}, "format 1, got 7"),
+        (lambda arrays: arrays | {"sensor_sizes": 2 * arrays["sensor_sizes"]}, "seen from"),
         (lambda arrays: arrays | {"scan_points": arrays["scan_points"][:-1]}, "points"),
         (lambda arrays: arrays | {"node_path_m": arrays["node_path_m"][:-1]}, "each node has a scan"),
     ],

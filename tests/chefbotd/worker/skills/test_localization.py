@@ -67,7 +67,7 @@ class Bench:
     def __init__(self, memory: Memory | None = None) -> None:
         self.clock, self.memory = ManualClock(50.0), memory or Memory()
         parameters = LocalizationSkillParameters(
-            lidar="top",
+            lidars=("top",),
             folder=Path("/nowhere"),
             pose_file=Path("/nowhere/pose"),
             search_by_itself=True,

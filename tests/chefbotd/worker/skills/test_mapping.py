@@ -15,6 +15,7 @@ from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.parameters import MappingParameters
+from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.saved import Arrays, restored
 from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
 from chefbotd.worker.skills.mapping import MappingSkill
@@ -34,7 +35,8 @@ from chefbotd.worker.skills.mapping_messages import (
     Start,
 )
 from chefbotd.worker.skills.skill import Done, Struct
-from tests.chefbotd.worker.skills.drives import TRUTH, measured
+from tests.chefbotd.mapping.slam.flat import furnished_flat, to_walls_m
+from tests.chefbotd.worker.skills.drives import TRUTH, measured, measured_by_two
 
 SCANS = 130
 
@@ -92,11 +94,13 @@ class Memory:
 class Bench:
     """A skill, its disk and its clock, and all that it has told."""
 
-    def __init__(self, memory: Memory | None = None, session: str = "one") -> None:
+    def __init__(
+        self, memory: Memory | None = None, session: str = "one", lidars: tuple[str, ...] = ("top",)
+    ) -> None:
         self.clock = ManualClock(50.0)
         self.memory = memory or Memory()
         parameters = MappingSkillParameters(
-            lidar="top",
+            lidars=lidars,
             folder=Path("/nowhere"),
             versions_kept=3,
             session=session,
@@ -191,8 +195,51 @@ def test_it_is_told_and_saved_now_and_then(driven: Bench) -> None:
     assert last.kept_scans > 30
 
 
+def walls_off_m(grid: OccupancyGrid) -> Floats:
+    """How far each occupied cell is from the nearest true wall; the map begins where the tour does."""
+    rows, columns = np.nonzero(grid.percent >= 65)
+    origin = np.array([grid.map_from_grid.x_m, grid.map_from_grid.y_m])
+    cells = (np.column_stack([columns, rows]) + 0.5) * grid.resolution_m + origin
+    return to_walls_m(furnished_flat(), transform(TRUTH[1], cells))
+
+
+@pytest.mark.slow
+def test_two_lidars_that_are_blind_behind_make_one_map() -> None:
+    """Front and rear, half a step apart in time: walls within 3 cm (median) and 6 cm (p95) of the true ones."""
+    bench = Bench(lidars=("front", "rear"))
+    bench.ask(Start())
+    bench.drive(0, 0, measured_by_two(0, 260))
+    bench.finish("flat")
+    grid, slam = bench.memory.maps["flat"][0]
+    off_m = walls_off_m(grid)
+    assert (np.median(off_m) < 0.03, np.quantile(off_m, 0.95) < 0.06) == (True, True)
+    kept = restored(slam).nodes.scans
+    assert all(len(np.unique(scan.sensor_m, axis=0)) == 2 for scan in kept[1:])
+    assert all(scan.sensor_m.shape == scan.points.shape for scan in kept[1:])
+
+
+def test_one_of_two_lidars_that_falls_silent_is_told_and_the_map_goes_on() -> None:
+    """First the leading one for 4 s, then the other: each is named, poses go on within 5 cm; back, nothing is told."""
+    bench = Bench(lidars=("front", "rear"))
+    bench.ask(Start())
+    for silent, first, last in (("", 0, 30), ("front", 30, 70), ("rear", 70, 110), ("", 110, 120)):
+        seen = [
+            m for m in measured_by_two(first, last) if not (isinstance(m, ScanSeen) and m.lidar == silent)
+        ]
+        bench.drive(0, 0, seen)
+        status = bench.ask(GetStatus())
+        assert status.state == "mapping"
+        assert re.sub(r"\d+ s$", "N s", status.reason) == (
+            f"no scan of the lidar {silent!r} for N s" if silent else ""
+        )
+    poses = [each for each in bench.of(PoseFound) if isinstance(each, PoseFound)]
+    assert np.diff([pose.stamp_s for pose in poses]).max() < 0.7
+    last_pose = transform(TRUTH[1], np.array([poses[-1].map_from_base[:2]]))[0]
+    assert np.hypot(*(last_pose - TRUTH[119][:2])) < 0.05
+
+
 def test_another_lidars_scans_are_not_mapped() -> None:
-    """The map is of one lidar."""
+    """The map is of those that are named."""
     bench = Bench()
     bench.ask(Start())
     others = [

@@ -46,7 +46,7 @@ class Bench:
 
     def __init__(self, folder: Path, autosave_s: float) -> None:
         parameters = MappingSkillParameters(
-            lidar="top",
+            lidars=("top",),
             folder=folder,
             versions_kept=3,
             session="one",
@@ -179,7 +179,7 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
 def test_compiling_for_the_first_time_leaves_no_memory_behind(tmp_path: Path) -> None:
     """With an empty cache the worker compiles, begins anew as the same process, and takes what a warm one takes."""
     parameters = MappingSkillParameters(
-        lidar="top", folder=tmp_path / "maps", versions_kept=1, session="one", mapping=MappingParameters()
+        lidars=("top",), folder=tmp_path / "maps", versions_kept=1, session="one", mapping=MappingParameters()
     )
     bounds = WorkerParameters(cache_folder=tmp_path / "cache", start_s=600.0)
 
