@@ -120,4 +120,5 @@ def _navigation_skill(settings: Settings, folder: Path) -> "NavigationSkillParam
         half_length_m=0.0 if box is None else box.half_length_m,
         half_width_m=0.0 if box is None else box.half_width_m,
         max_speed_m_s=min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s),
+        cameras=tuple(camera.name for camera in settings.depth_camera),
     )

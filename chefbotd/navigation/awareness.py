@@ -15,6 +15,7 @@ from chefbotd.navigation.live import (
     is_there,
     nothing_seen,
     obstacles_seen,
+    part_of,
     see_range,
     see_scan,
 )
@@ -38,6 +39,7 @@ class Awareness:
             params.costs, params.outline, grid, params.follower.max_speed_m_s, zones
         )
         self._live = nothing_seen(self.ground.frame)
+        self._low: LiveObstacles | None = None  # what depth cameras see, which lidars look over or under
         self._movers: tuple[Mover, ...] = ()
         self._points_m = np.zeros((0, 2))
         self._velocity_m_s = np.zeros((0, 2))
@@ -56,7 +58,7 @@ class Awareness:
         return self.ground.frame
 
     def take_scan(self, seen: Seen) -> None:
-        """Remember what a lidar or a flattened depth image shows."""
+        """Remember what lidars show."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
         points, sensor = placed(pose, seen.points_m), placed(pose, np.atleast_2d(seen.sensor_m))
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
@@ -71,6 +73,13 @@ class Awareness:
         self._is_walker[self._is_unmapped] = done.is_walker
         self._points_m, self.scan_stamp_s = points, seen.stamp_s
         self._mark_walked(points[self._is_walker], seen.stamp_s)
+
+    def take_low_scan(self, seen: Seen) -> None:
+        """Remember what a depth camera shows: only its own beams clear it, since a lidar's pass above or below it."""
+        pose = self.frame.pose_to_grid(seen.map_from_base)
+        points, sensor = placed(pose, seen.points_m), placed(pose, np.atleast_2d(seen.sensor_m))
+        before = self._low or nothing_seen(self.frame)
+        self._low = see_scan(before, self.frame, seen.stamp_s, sensor, points)
 
     def _mark_walked(self, points_m: Floats, stamp_s: float) -> None:
         columns, rows = np.floor(points_m / self.frame.resolution_m).astype(np.int64).T
@@ -99,7 +108,7 @@ class Awareness:
 
         They are the very ``ground`` where there is nothing but the map.
         """
-        seen = obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s, self._walked_s)
+        seen = self._seen(now_s, self._walked_s)
         stood = with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
         if here is None:
             return stood
@@ -124,7 +133,13 @@ class Awareness:
 
     def obstacles(self, now_s: float) -> Floats:
         """Where something is now that the map does not explain: points (n, 2) of the grid's frame."""
-        return obstacles_seen(self._params.live, self._live, self.ground.fixed_m, now_s)
+        return self._seen(now_s)
+
+    def _seen(self, now_s: float, walked_s: Floats | None = None) -> Floats:
+        """The same, without those who have walked on."""
+        params, fixed_m = self._params.live, self.ground.fixed_m
+        layers = [self._live] if self._low is None else [self._live, self._low]
+        return np.vstack([obstacles_seen(params, layer, fixed_m, now_s, walked_s) for layer in layers])
 
     def movers_in_map(self, now_s: float) -> Floats:
         """Who moves: (n, 4), where in the map and how fast, along its axes; nobody who was not seen lately."""
@@ -171,19 +186,20 @@ class Awareness:
         )
 
     def _remembered(self, here: Pose2D, now_s: float) -> Floats:
-        """Points that the last scan does not show: what a sonar heard, or what a lidar is now blind for."""
+        """Points that the last scan does not show: of a sonar, of a depth camera, or what a lidar is now blind for."""
         params, frame, stamp_s = self._params.live, self.frame, self.scan_stamp_s
         reach = math.ceil(self._params.near_m / frame.resolution_m)
         row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
         top, left = max(row - reach, 0), max(column - reach, 0)
         box = (slice(top, max(row + reach + 1, 0)), slice(left, max(column + reach + 1, 0)))
-        live = self._live
-        seen = LiveObstacles(
-            live.scan_s[box], live.range_s[box], live.since_s[box], live.passes[box], live.at_m[box]
-        )
+        seen = part_of(self._live, box)
+        unmapped = self.ground.fixed_m[box] > params.explained_m
         hidden = (seen.scan_s < stamp_s) | (seen.range_s > now_s - params.range_kept_s)
-        kept = is_there(params, seen, now_s) & hidden & (self.ground.fixed_m[box] > params.explained_m)
-        return seen.at_m[kept]
+        kept = is_there(params, seen, now_s) & hidden & unmapped
+        if self._low is None:
+            return seen.at_m[kept]
+        low = part_of(self._low, box)
+        return np.vstack([seen.at_m[kept], low.at_m[is_there(params, low, now_s) & unmapped]])
 
     def nearest_ahead(self, near: Surroundings) -> str:
         """Where in the map the nearest thing is, as a part of a sentence."""

@@ -71,6 +71,13 @@ def nothing_seen(frame: GridFrame) -> LiveObstacles:
     return LiveObstacles(scan_s, range_s, np.zeros(shape), np.zeros(shape, np.uint8), np.zeros((*shape, 2)))
 
 
+def part_of(live: LiveObstacles, box: tuple[slice, slice]) -> LiveObstacles:
+    """What was seen in these rows and columns."""
+    return LiveObstacles(
+        live.scan_s[box], live.range_s[box], live.since_s[box], live.passes[box], live.at_m[box]
+    )
+
+
 def see_scan(
     live: LiveObstacles, frame: GridFrame, stamp_s: float, sensor_m: Floats, points_m: Floats
 ) -> LiveObstacles:

@@ -82,6 +82,11 @@ class Navigator:
         if self._known is not None:
             self._known.take_scan(seen)
 
+    def take_low_scan(self, seen: Seen) -> None:
+        """What a depth camera sees; without a map nothing is remembered of it."""
+        if self._known is not None:
+            self._known.take_low_scan(seen)
+
     def take_range(
         self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
     ) -> None:

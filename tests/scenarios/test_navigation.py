@@ -359,3 +359,39 @@ def test_a_goal_that_is_sent_while_a_person_drives_begins_when_he_has_let_go(tmp
         assert not any(event.state == "recovering" for event in drive.told)
 
     in_flat(tmp_path, scenario)
+
+
+TWO_LIDARS = [
+    {
+        "name": name,
+        "model": "ld19",
+        "device": f"/dev/{name}",
+        "mount_x_m": x_m,
+        "mount_yaw_rad": yaw_rad,
+        "blind_sectors_rad": [[2.0, -2.0]],
+    }
+    for name, x_m, yaw_rad in (("fore", 0.12, 0.0), ("aft", -0.12, math.pi))
+]
+"""Each sees 230 degrees, and is blind for the robot behind itself."""
+
+
+def test_a_robot_with_a_front_and_a_rear_lidar_gets_there_though_one_falls_silent(tmp_path: Path) -> None:
+    """The front one, which leads, is silent from the door on: the rear one's scans lead then, at a crawl."""
+
+    async def scenario(drive: Drive) -> None:
+        assert len(drive.robot.lidars) == 2
+        leg = drive.begin()
+        await drive.until_driving()
+        drive.robot.lidars["fore"].runner.fault = LidarFault.SILENT
+        await asyncio.sleep(1.5)
+        speeds_m_s = []
+        while not leg.done():
+            speeds_m_s.append(drive.speed_m_s)
+            await asyncio.sleep(0.1)
+        lidars = (await drive.client.get_state()).topics["lidars"].data.lidars
+        assert {each.lidar: each.condition for each in lidars} == {"fore": "silent", "aft": "healthy"}
+        assert "reached" in await leg
+        assert drive.off()[0] < 0.06
+        assert 0.05 < max(speeds_m_s) < 0.11
+
+    in_flat(tmp_path, scenario, overrides={"lidar": TWO_LIDARS})

@@ -21,6 +21,7 @@ from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.skills import navigation_messages as messages
+from chefbotd.worker.skills.aligned_scans import ScanAligner
 from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.navigation_messages import (
     GoalAsked,
@@ -63,6 +64,7 @@ class NavigationSkill:
         self._problem = ""
         self._odometry: OdometrySeen | None = None
         self._scan_s = float("-inf")
+        self._cameras = {name: ScanAligner((name,)) for name in told.cameras}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
         self._told: Stepped | None = None
         self._path: Path | None = None
@@ -78,12 +80,17 @@ class NavigationSkill:
         self._finder = finder if isinstance(finder, LocalizationSkill) else None
 
     def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
-        """Nothing: localization aligns it first."""
+        """A depth camera's image, flattened; a lidar's turn is aligned by localization first."""
+        camera = self._cameras.get(scan.lidar)
+        if camera is not None:
+            camera.add_scan(scan)
         return ()
 
     def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
         """Where the robot is by odometry; the newest counts."""
         self._odometry = odometry
+        for camera in self._cameras.values():
+            camera.add_odometry(odometry)
         return ()
 
     def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
@@ -158,6 +165,7 @@ class NavigationSkill:
             self._navigator.fail(self._finder.problem)
         pose, status = self._pose(now_s)
         self._take_seen(self._finder)
+        self._take_images(now_s, self._finder)
         done = self._navigator.step(now_s, pose or Pose2D(), status)
         told = self._stepped(now_s, done)
         if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
@@ -189,6 +197,17 @@ class NavigationSkill:
             placed = _pose2d(compose(known.map_from_odom, seen.odometry))
             points = np.asarray(seen.scan.points, np.float64)
             self._navigator.take_scan(Seen(seen.stamp_s, placed, seen.scan.sensor_m, points))
+
+    def _take_images(self, now_s: float, finder: LocalizationSkill) -> None:
+        """What depth cameras saw; nothing of it is used to find the way."""
+        known = finder.report
+        for camera in self._cameras.values():
+            while (image := camera.next_aligned(now_s)) is not None:
+                if known is None or known.map_from_odom is None or known.state not in STATUS:
+                    continue  # where that was is not known
+                placed = _pose2d(compose(known.map_from_odom, image.odometry))
+                points = np.asarray(image.scan.points, np.float64)
+                self._navigator.take_low_scan(Seen(image.stamp_s, placed, image.scan.sensor_m, points))
 
     def _stepped(self, now_s: float, done: Step) -> Stepped:
         progress = done.progress

@@ -12,13 +12,17 @@ SKILL: Final = "navigation"
 
 
 class NavigationSkillParameters(Parameters):
-    """What the daemon tells the skill when it starts it. The robot's outline is a circle or a box about its origin."""
+    """What the daemon tells the skill when it starts it. The robot's outline is a circle or a box about its origin.
+
+    ``cameras`` are the depth cameras whose scans count beside those by which localization finds the way.
+    """
 
     folder: Path
     radius_m: float | None
     half_length_m: float
     half_width_m: float
     max_speed_m_s: float
+    cameras: tuple[str, ...] = ()
 
 
 class GoalAsked(Message, frozen=True, tag="goal"):
