@@ -100,10 +100,13 @@ def openni2_frames(parameters: DepthSourceParameters, now: Now) -> Iterator[Fram
     except ImportError as error:
         raise NoImagesError(MISSING) from error
     _load_library(openni2, c_api, parameters.library)
-    stream = _open_stream(openni2, parameters.device)
+    stream = _open_stream(openni2, parameters)
     due_s = now()
     while True:
-        frame = stream.read_frame()
+        try:
+            frame = stream.read_frame()
+        except openni2.OpenNIError as error:
+            raise NoImagesError(f"the camera gives no more images: {_told(error)}") from error
         stamp_s = now()
         if stamp_s < due_s:
             continue
@@ -112,16 +115,33 @@ def openni2_frames(parameters: DepthSourceParameters, now: Now) -> Iterator[Fram
         yield Frame(stamp_s, _in_millimetres(raw, parameters, "the camera's image"))
 
 
-def _open_stream(openni2: Any, device: str | None) -> Any:
+def _open_stream(openni2: Any, parameters: DepthSourceParameters) -> Any:
+    device = parameters.device
     try:
         opened = openni2.Device.open_any() if device is None else openni2.Device(device.encode())
         stream = opened.create_depth_stream()
         if stream is None:
             raise NoImagesError("the device that was found has no depth camera")
+        stream.set_video_mode(_video_mode(openni2, stream.get_sensor_info().videoModes, parameters))
+        stream.set_mirroring_enabled(False)  # a camera may begin with left for right, as a mirror (assumed)
         stream.start()
     except openni2.OpenNIError as error:
         raise NoImagesError(f"no depth camera can be opened: {_told(error)}") from error
     return stream
+
+
+def _video_mode(openni2: Any, offered: list[Any], parameters: DepthSourceParameters) -> Any:
+    """Images of the configured size in millimetres, at the lowest rate that suffices."""
+    size = (parameters.width, parameters.height)
+    millimetres = [mode for mode in offered if mode.pixelFormat == openni2.PIXEL_FORMAT_DEPTH_1_MM]
+    fitting = [mode for mode in millimetres if (mode.resolutionX, mode.resolutionY) == size]
+    if not fitting:
+        sizes = sorted({(mode.resolutionX, mode.resolutionY) for mode in millimetres})
+        told = ", ".join(f"{width} by {height}" for width, height in sizes) or "none"
+        raise NoImagesError(
+            f"the camera has no depth images of {size[0]} by {size[1]} pixels as configured; it has: {told}"
+        )
+    return min(fitting, key=lambda mode: (mode.fps < parameters.rate_hz, abs(mode.fps - parameters.rate_hz)))
 
 
 def _load_library(openni2: Any, c_api: Any, folder: Path | None) -> None:

@@ -102,12 +102,16 @@ class FakeOpenNi2:
         self.loaded: list[str | None] = []
         self._time, self._library, self._camera = time, library, camera
         self.width, self.height = 4, 2
+        self.videoModes = [
+            types.SimpleNamespace(pixelFormat=100, resolutionX=4, resolutionY=2, fps=fps) for fps in (15, 30)
+        ]
         self.timestamp = 0
 
     def install(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Put the modules where they are imported from."""
         package, api, c_api = (types.ModuleType(name) for name in ("openni", "openni.openni2", "_openni2"))
         api.OpenNIError = type("OpenNIError", (Exception,), {})  # type: ignore[attr-defined]
+        api.PIXEL_FORMAT_DEPTH_1_MM = 100  # type: ignore[attr-defined]
         api.InitializationError = type("InitializationError", (Exception,), {})  # type: ignore[attr-defined]
         api.Device = self._device(api)  # type: ignore[attr-defined]
         api.initialize = self._initialize(api)  # type: ignore[attr-defined]
@@ -140,6 +144,18 @@ class FakeOpenNi2:
                 return fake
 
         return Device
+
+    def get_sensor_info(self) -> "FakeOpenNi2":
+        """What images it has."""
+        return self
+
+    def set_video_mode(self, mode: Any) -> None:
+        """Take one of them."""
+        assert mode in self.videoModes
+
+    def set_mirroring_enabled(self, enabled: bool) -> None:
+        """Whether left and right are exchanged."""
+        assert not enabled
 
     def start(self) -> None:
         """The stream begins."""
