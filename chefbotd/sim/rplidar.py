@@ -1,9 +1,9 @@
-"""A simulated RPLIDAR A1 or A2: it answers requests, and sends the nodes of a standard scan once one is requested.
+"""A simulated RPLIDAR A1 or A2: it answers requests, and sends a standard or an express scan once one is requested.
 
-It reports a firmware before 1.17, which offers no express scan. The motor of an A1 is switched by DTR, which does not
-pass a pseudo-terminal: it always turns. That of an A2 turns on request. Points and turns a second are those of
-Slamtec's data sheets for the standard scan (A1M8: 2000 and 5.5; A2M8 at 115200 baud: 2000 and 10); the line carries
-that many nodes.
+The motor of an A1 is switched by DTR, which does not pass a pseudo-terminal: it always turns. That of an A2 turns on
+request. Points and turns a second are those of Slamtec's data sheets for the standard scan (A1M8: 2000 and 5.5; A2M8 at
+115200 baud: 2000 and 10); 4000 points of an express scan fill the line. No near point is off its even place in a
+capsule, as those of a real lidar are.
 """
 
 from functools import reduce
@@ -15,32 +15,37 @@ import numpy as np
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.sight import Sight
 from chefbotd.sim.spinning import LidarMount, LidarWire, SpinningLidar
-from chefbotd.sim_parameters.lidar import LidarFlaws
+from chefbotd.sim_parameters.lidar import ExpressScan, LidarFlaws
 from firmware_protocol.lidar.rplidar import (
     BAUD,
+    EXPRESS_SCAN,
     FULL_TURN_Q6,
+    POINTS,
     SET_MOTOR_PWM,
     START,
+    Capsule,
     Health,
     Request,
     ScanNode,
     descriptor,
+    encode_capsule,
     encode_node,
 )
 
-NODE_BYTES: Final = 5
-INFO, HEALTH, SCAN = 0x04, 0x06, 0x81
+NODE_BYTES, CAPSULE_BYTES = 5, 84
+INFO, HEALTH, SCAN, EXPRESS = 0x04, 0x06, 0x81, 0x82
 """The kinds of its answers."""
 
-POINTS_PER_S: Final = 2000.0
+POINTS_PER_S, EXPRESS_POINTS_PER_S = 2000.0, 4000.0
 TURNS_PER_S: Final = {LidarWire.RPLIDAR_A1: 5.5, LidarWire.RPLIDAR_A2: 10.0}
 MODEL: Final = {LidarWire.RPLIDAR_A1: 0x18, LidarWire.RPLIDAR_A2: 0x28}
 NEAREST_M: Final = 0.15
-FIRMWARE_MINOR, FIRMWARE_MAJOR, HARDWARE = 15, 1, 5
-BOOT_TEXT: Final = b"RP LIDAR System.\r\nFirmware Ver 1.15, HW Ver 5\r\n"
+FIRMWARE_MINOR: Final = {ExpressScan.OFFERED: 29, ExpressScan.PROMISED: 29, ExpressScan.ABSENT: 15}
+FIRMWARE_MAJOR, HARDWARE = 1, 5
+BOOT_TEXT: Final = b"RP LIDAR System.\r\nFirmware Ver 1.%d, HW Ver 5\r\n"
 """What an A1 prints after a reset (assumed)."""
 
-FARTHEST_Q2: Final = 0xFFFF
+FARTHEST_Q2, FARTHEST_MM = 0xFFFF, 0x3FFF
 
 
 class SimulatedRplidar(SpinningLidar):
@@ -54,7 +59,7 @@ class SimulatedRplidar(SpinningLidar):
         nearest_m = max(flaws.min_range_m, NEAREST_M)
         super().__init__(flaws.model_copy(update={**rates, "min_range_m": nearest_m}), mount, sight, seed)
         self._unread = b""
-        self._is_scanning = False
+        self._is_scanning = self._is_express = self._is_first = False
         self._turns_motor = mount.wire is LidarWire.RPLIDAR_A1
         self._turn: int | None = None
         self._serial = bytes((seed + index) % 256 for index in range(16))
@@ -95,20 +100,32 @@ class SimulatedRplidar(SpinningLidar):
                 self._is_scanning = False
             case Request.RESET:
                 self._is_scanning, self.health = False, Health.GOOD
-                return BOOT_TEXT
+                return BOOT_TEXT % FIRMWARE_MINOR[self._flaws.express]
             case Request.GET_INFO:
-                told = bytes((MODEL[self._mount.wire], FIRMWARE_MINOR, FIRMWARE_MAJOR, HARDWARE))
+                minor = FIRMWARE_MINOR[self._flaws.express]
+                told = bytes((MODEL[self._mount.wire], minor, FIRMWARE_MAJOR, HARDWARE))
                 return descriptor(INFO) + told + self._serial
             case Request.GET_HEALTH:
                 return descriptor(HEALTH) + bytes((self.health, 0, 0))
             case Request.SCAN if self.health is not Health.ERROR:
-                self._is_scanning, self._turn = True, None
+                self._is_scanning, self._is_express, self._turn = True, False, None
+                self._send_packets_of(1, NODE_BYTES * 10 / BAUD, POINTS_PER_S)
                 return descriptor(SCAN)
+            case code if code == EXPRESS_SCAN and self._does_express:
+                self._is_scanning = self._is_express = self._is_first = True
+                self._send_packets_of(POINTS, CAPSULE_BYTES * 10 / BAUD, EXPRESS_POINTS_PER_S)
+                return descriptor(EXPRESS)
             case code if code == SET_MOTOR_PWM and self._mount.wire is LidarWire.RPLIDAR_A2:
                 self._turns_motor = any(request[3:5])
         return b""
 
+    @property
+    def _does_express(self) -> bool:
+        return self._flaws.express is ExpressScan.OFFERED and self.health is not Health.ERROR
+
     def _packed(self, point_s: Vector, turned: Vector, distance_m: Vector, intensity: Vector) -> list[bytes]:
+        if self._is_express:
+            return self._capsules(turned, distance_m)
         angle_q6 = (np.floor(turned * FULL_TURN_Q6) % FULL_TURN_Q6).astype(int).tolist()
         distance_q2 = np.minimum(np.rint(distance_m * 4000), FARTHEST_Q2).astype(int).tolist()
         quality = (intensity.astype(int) >> 2).tolist()
@@ -118,3 +135,12 @@ class SimulatedRplidar(SpinningLidar):
             starts, self._turn = self._turn is not None and turn != self._turn, turn
             nodes.append(encode_node(ScanNode(starts, min(good, 0x3F), angle, distance)))
         return nodes
+
+    def _capsules(self, turned: Vector, distance_m: Vector) -> list[bytes]:
+        start_q6 = (np.floor(turned[::POINTS] * FULL_TURN_Q6) % FULL_TURN_Q6).astype(int).tolist()
+        distance_mm = np.minimum(np.rint(distance_m * 1000), FARTHEST_MM).astype(int).reshape(-1, POINTS)
+        capsules = []
+        for start, distances in zip(start_q6, distance_mm.tolist(), strict=True):
+            capsules.append(encode_capsule(Capsule(self._is_first, start, tuple(distances), (0,) * POINTS)))
+            self._is_first = False
+        return capsules

@@ -8,7 +8,6 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import ClassVar
 
 import numpy as np
 
@@ -49,8 +48,8 @@ class SpinningLidar(ABC):
     ``points`` are in a packet, which takes ``transmission_s`` on the wire.
     """
 
-    points: ClassVar[int]
-    transmission_s: ClassVar[float]
+    points: int
+    transmission_s: float
     turn_packets: int
     """About so many packets are a turn."""
 
@@ -63,6 +62,13 @@ class SpinningLidar(ABC):
         self._stalled_s, self._stalled_at_s = 0.0, math.inf
         self.packets_skipped = 0
         self.turn_packets = math.ceil(flaws.points_per_s / flaws.turns_per_s / self.points)
+
+    def _send_packets_of(self, points: int, transmission_s: float, points_per_s: float) -> None:
+        """Measure and pack otherwise from the next point on."""
+        at_s = self.measured_s
+        self.points, self.transmission_s = points, transmission_s
+        self._flaws = self._flaws.model_copy(update={"points_per_s": points_per_s})
+        self._packets = math.ceil(at_s * points_per_s / points - 1e-9)
 
     def hear(self, data: bytes) -> bytes:
         """Bytes from the host, and what it answers at once: most say nothing and send unasked."""

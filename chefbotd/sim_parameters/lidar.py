@@ -1,8 +1,22 @@
 """How good the simulated lidars are, and what surfaces make of their beams."""
 
+from enum import StrEnum
+
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+
+
+class ExpressScan(StrEnum):
+    """What a simulated RPLIDAR makes of a request for the express scan.
+
+    ``offered``: it sends one. ``promised``: its firmware is one that should, but nothing comes. ``absent``: its firmware
+    is older than the express scan.
+    """
+
+    OFFERED = "offered"
+    PROMISED = "promised"
+    ABSENT = "absent"
 
 
 class LidarFlaws(Parameters):
@@ -27,4 +41,5 @@ class LidarFlaws(Parameters):
     glass_square: float = Field(0.97, ge=0, le=1)
     black_range_m: float = Field(4.0, ge=0, le=60)
     handover_s: float = Field(0.01, ge=0.001, le=0.1)
+    express: ExpressScan = ExpressScan.OFFERED
     height_m: float = Field(0.2, gt=0, le=2.4)

@@ -69,7 +69,8 @@ class RplidarReader:
     """``poll`` says what is to be written: the next request, or the first one again where no answer came."""
 
     def __init__(self, model: LidarModel, baud: int, *, express: bool) -> None:
-        self._model, self._express = model, express
+        self._model, self._wants_express = model, express
+        self._has_express = express
         self._decoder = RplidarDecoder()
         self._turns = _TurnBuilder()
         self.packets = 0
@@ -87,6 +88,7 @@ class RplidarReader:
     def begin(self, now_s: float) -> bytes:
         """Another connection: a scan may be going on from before, so it is stopped first."""
         self.complaint, self.info, self._words = "", None, b""
+        self._has_express = self._wants_express
         self._go(Phase.STOPPING, now_s, request(Request.STOP))
         return self.poll(now_s)
 
@@ -123,8 +125,8 @@ class RplidarReader:
         if self.phase is Phase.STOPPING:
             self._go(Phase.ASKING_INFO, now_s, request(Request.GET_INFO))
             return
-        if self.phase is Phase.SCANNING:
-            self._express = False  # the device may have promised more than it does
+        if self.phase is Phase.SCANNING and self.awaits_scan:
+            self._has_express = False  # the device may have promised more than it does
         self._go(Phase.STOPPING, now_s, request(Request.STOP))
 
     def _go(self, phase: Phase, now_s: float, words: bytes) -> None:
@@ -154,7 +156,7 @@ class RplidarReader:
             return
         offered = self.info is not None and self.info.firmware >= EXPRESS_SINCE
         motor = motor_request(MOTOR_PWM) if self._model is LidarModel.RPLIDAR_A2 else b""
-        start = express_request() if self._express and offered else request(Request.SCAN)
+        start = express_request() if self._has_express and offered else request(Request.SCAN)
         self._go(Phase.SCANNING, now_s, motor + start)
 
     def _complaint_about(self, info: DeviceInfo) -> str:

@@ -174,3 +174,15 @@ def test_after_a_pause_no_turn_is_patched_together() -> None:
     assert talk.reader.refused["interrupted"] == 1
     talk.run(0.3)
     assert len(talk.turns) > before
+
+
+def test_a_pause_of_an_express_scan_is_no_reason_to_give_it_up() -> None:
+    """Something held the motor for 6 s after scans had come: express again; and so after another connection."""
+    device = FakeRplidar(noisy_box())
+    talk = Talk(device, express=True).run(1.5)
+    device.motor_turns = False
+    talk.run(6.0)
+    device.motor_turns = True
+    talk.run(1.5)
+    assert device.scanning == "express"
+    assert Request.SCAN not in device.requests
