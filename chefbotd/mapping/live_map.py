@@ -92,7 +92,8 @@ def _with_room(live: LiveMap, scans: list[Placed]) -> LiveMap:
     if rows:
         column, row = np.rint(live.low_m / cell_m).astype(np.int64) - first
         counts[row : row + rows, column : column + columns] = live.counts
-    return LiveMap(cell_m, first * cell_m, counts, live.numbers, live.poses)
+    low_m: Floats = first * cell_m
+    return LiveMap(cell_m, low_m, counts, live.numbers, live.poses)
 
 
 class Patch(NamedTuple):
