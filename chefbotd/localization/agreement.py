@@ -15,7 +15,7 @@ from chefbotd.mapping.local_map import CELL_M, SURFEL_M, LocalMap
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.refine import INLIER_M, SURFACE, UNKNOWN, Indices, nearest
 from chefbotd.mapping.state import Scan
-from chefbotd.mapping.surfaces import Singles
+from chefbotd.mapping.surfaces import Singles, places
 
 EARLY_WEIGHT = 0.5
 STEP_M = 0.04
@@ -53,7 +53,7 @@ class Agreement(NamedTuple):
 def agreement(grids: LocalMap, pose: Floats, scan: Scan) -> Agreement:
     """How a scan taken at ``pose`` agrees with the map."""
     counts = np.zeros(4, np.int64)
-    _agreement(grids, pose, np.atleast_2d(scan.sensor_m), scan.points, scan.facing, counts)
+    _agreement(grids, pose, places(scan.sensor_m), scan.points, scan.facing, counts)
     agree, early, through, unknown = (int(count) for count in counts)
     return Agreement(agree, early, through, unknown)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
 from chefbotd.mapping.poses import Floats, transform
-from chefbotd.mapping.surfaces import Singles, joined
+from chefbotd.mapping.surfaces import Singles, joined, places
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Counts: TypeAlias = NDArray[np.uint16]
@@ -65,13 +65,15 @@ def empty() -> LocalMap:
     )
 
 
-def inserted(into: LocalMap, pose: Floats, sensor_m: Floats, points: Singles, facing: Singles) -> LocalMap:
+def inserted(
+    into: LocalMap, pose: Floats, sensor_m: Floats | Singles, points: Singles, facing: Singles
+) -> LocalMap:
     """The map with a scan in it, taken at ``pose``; it uses up ``into``, whose grids it fills.
 
     ``points`` (n, 2) and their normals ``facing`` are in the frame of ``pose``, seen from ``sensor_m`` in it: one place
     (2,), or one for each point (n, 2).
     """
-    sensors = np.atleast_2d(sensor_m)
+    sensors = places(sensor_m)
     from_m, placed = transform(pose, sensors), transform(pose, points)
     grown = _grown(into, np.vstack([from_m, placed]))
     turned = transform(np.array([0.0, 0.0, pose[2]]), facing)

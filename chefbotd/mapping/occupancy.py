@@ -16,6 +16,7 @@ from chefbotd.mapping.local_map import MOST, Counts, clear
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.state import Nodes, Scan
+from chefbotd.mapping.surfaces import places
 
 RESOLUTION_M = 0.05
 MARGIN_M = 0.5
@@ -58,7 +59,7 @@ class Placed(NamedTuple):
 
 def placed(pose: Floats, scan: Scan) -> Placed:
     """A scan that was taken at this pose."""
-    return Placed(transform(pose, np.atleast_2d(scan.sensor_m)), transform(pose, scan.points))
+    return Placed(transform(pose, places(scan.sensor_m)), transform(pose, scan.points))
 
 
 def extent_m(scans: Sequence[Placed]) -> tuple[Floats, Floats]:

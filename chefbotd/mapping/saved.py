@@ -10,7 +10,7 @@ from chefbotd.mapping.graph import Edges
 from chefbotd.mapping.local_map import empty, inserted
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
-from chefbotd.mapping.surfaces import normals
+from chefbotd.mapping.surfaces import Singles, normals
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
@@ -113,7 +113,7 @@ def _nodes(arrays: Mapping[str, NDArray[Any]]) -> Nodes:
     return Nodes(number, stamp_s, local, placed, path_m, part, tuple(scans))
 
 
-def _sensors(arrays: Mapping[str, NDArray[Any]]) -> list[Floats]:
+def _sensors(arrays: Mapping[str, NDArray[Any]]) -> list[Floats | Singles]:
     """Where each scan was seen from: one place, or one for each point."""
     places = arrays["scan_sensors"]
     sizes = arrays.get("sensor_sizes", np.ones(len(places), np.int64))  # an older file has one for each scan
@@ -121,7 +121,7 @@ def _sensors(arrays: Mapping[str, NDArray[Any]]) -> list[Floats]:
     for sensor_m, points in zip(split, arrays["scan_sizes"], strict=False):
         if len(sensor_m) not in (1, points):
             raise NotASavedState(f"a scan of {points} points was seen from {len(sensor_m)} places")
-    return [sensor_m[0] if len(sensor_m) == 1 else sensor_m for sensor_m in split]
+    return [sensor_m[0] if len(sensor_m) == 1 else sensor_m.astype(np.float32) for sensor_m in split]
 
 
 def _active(nodes: Nodes, first: int, travel_m: float) -> Active:

@@ -15,12 +15,13 @@ from chefbotd.mapping.surfaces import Singles
 class Scan(NamedTuple):
     """Points (n, 2) in beam order and their normals, in the robot's frame, seen from ``sensor_m`` in it.
 
-    ``sensor_m`` is one place (2,), or one for each point (n, 2): several lidars' points follow each other.
+    ``sensor_m`` is one place (2,), or one for each point (n, 2): several lidars' points follow each other. Those are kept
+    in single precision, as the points are.
     """
 
     points: Singles
     facing: Singles
-    sensor_m: Floats
+    sensor_m: Floats | Singles
 
 
 class SlamMode(StrEnum):

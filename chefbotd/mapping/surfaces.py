@@ -30,20 +30,25 @@ FLAT = 0.1
 """The most that the variance across the line may be of that along it."""
 
 
-def normals(points: Singles, sensor_m: Floats) -> Singles:
+def normals(points: Singles, sensor_m: Floats | Singles) -> Singles:
     """Unit normals (n, 2) that face the sensor; zeros where no line can be told.
 
     ``points`` (n, 2) are in the order of their beams, in the same frame as ``sensor_m``: one place (2,), or one for each
     point (n, 2). What was seen from different places is no line.
     """
     found = np.zeros_like(points)
-    seen_from_there = points - sensor_m
+    seen_from_there = points - np.asarray(sensor_m, np.float64)
     for begin, end in _runs(sensor_m, len(points)):
         _normals(seen_from_there[begin:end], found[begin:end])
     return found
 
 
-def _runs(sensor_m: Floats, count: int) -> list[tuple[int, int]]:
+def places(sensor_m: Floats | Singles) -> Floats:
+    """Where points were seen from as rows, in double precision: one for all of them, or one for each."""
+    return np.atleast_2d(sensor_m).astype(np.float64)
+
+
+def _runs(sensor_m: Floats | Singles, count: int) -> list[tuple[int, int]]:
     """From where to where the points were seen from one place."""
     if sensor_m.ndim == 1 or not count:
         return [(0, count)]

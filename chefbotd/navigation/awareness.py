@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.surfaces import places
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
@@ -60,7 +61,7 @@ class Awareness:
     def take_scan(self, seen: Seen) -> None:
         """Remember what lidars show."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
-        points, sensor = placed(pose, seen.points_m), placed(pose, np.atleast_2d(seen.sensor_m))
+        points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
         self._is_unmapped = away_m > self._params.live.explained_m
@@ -77,7 +78,7 @@ class Awareness:
     def take_low_scan(self, seen: Seen) -> None:
         """Remember what a depth camera shows: only its own beams clear it, since a lidar's pass above or below it."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
-        points, sensor = placed(pose, seen.points_m), placed(pose, np.atleast_2d(seen.sensor_m))
+        points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
         before = self._low or nothing_seen(self.frame)
         self._low = see_scan(before, self.frame, seen.stamp_s, sensor, points)
 

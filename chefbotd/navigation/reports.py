@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.states import End, State
 
@@ -25,7 +26,7 @@ class Seen:
 
     stamp_s: float
     map_from_base: Pose2D
-    sensor_m: Floats
+    sensor_m: Floats | Singles
     points_m: Floats
 
 

@@ -93,7 +93,8 @@ class ScanAligner:
         seen = joined_points(BEAMS, mounted, track)
         points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]
-        return AlignedScan(stamp_s, pose, Scan(points, normals(points, seen.sensor_m), seen.sensor_m))
+        sensor_m = seen.sensor_m if seen.sensor_m.ndim == 1 else seen.sensor_m.astype(np.float32)
+        return AlignedScan(stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
 
 
 def laser_scan(scan: ScanSeen) -> LaserScan:

@@ -40,11 +40,13 @@ def test_each_point_is_restored_with_the_lidar_that_saw_it(driven: SlamState) ->
     """Two lidars' scan among those of one keeps a place for each point; an older file, of one lidar, is read too."""
     nodes = driven.nodes
     places = np.repeat([[0.2, 0.0], [-0.2, 0.1]], [100, len(nodes.scans[1].points) - 100], axis=0)
+    places = places.astype(np.float32)
     points = nodes.scans[1].points
     both = Scan(points, normals(points, places), places)
     state = replace(driven, nodes=replace(nodes, scans=(nodes.scans[0], both, *nodes.scans[2:])))
     back = restored(saved(state)).nodes.scans
     assert np.array_equal(back[1].sensor_m, places)
+    assert back[1].sensor_m.dtype == np.float32
     assert np.array_equal(back[1].facing, both.facing)
     assert back[2].sensor_m.tolist() == [0.0, 0.0]
     older = restored(without(saved(driven), "sensor_sizes")).nodes.scans
