@@ -15,8 +15,8 @@ from chefbotd.mapping.surfaces import Singles
 class Scan(NamedTuple):
     """Points (n, 2) in beam order and their normals, in the robot's frame, seen from ``sensor_m`` in it.
 
-    ``sensor_m`` is one place (2,), or one for each point (n, 2): several lidars' points follow each other. Those are kept
-    in single precision, as the points are.
+    ``sensor_m`` is one place (2,), or one for each point (n, 2), in single precision: several lidars' points follow each
+    other.
     """
 
     points: Singles
