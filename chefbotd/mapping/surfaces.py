@@ -37,7 +37,7 @@ def normals(points: Singles, sensor_m: Floats | Singles) -> Singles:
     point (n, 2). What was seen from different places is no line.
     """
     found = np.zeros_like(points)
-    seen_from_there = points - np.asarray(sensor_m, np.float64)
+    seen_from_there: Floats = points.astype(np.float64) - sensor_m
     for begin, end in _runs(sensor_m, len(points)):
         _normals(seen_from_there[begin:end], found[begin:end])
     return found

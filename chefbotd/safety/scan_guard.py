@@ -71,6 +71,8 @@ def limit(
         share = 0.0
     if isinstance(wanted, WheelVelocities):
         return wanted.slowed(share), limited_by
+    if limited_by.startswith(SILENT):  # no part of it is free: it goes the same way, at a crawl
+        return _scaled(wanted, share), limited_by
     return look.most_of(wanted, share), limited_by
 
 
