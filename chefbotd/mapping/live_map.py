@@ -92,7 +92,7 @@ def _with_room(live: LiveMap, scans: list[Placed]) -> LiveMap:
     if rows:
         column, row = np.rint(live.low_m / cell_m).astype(np.int64) - first
         counts[row : row + rows, column : column + columns] = live.counts
-    low_m: Floats = first * cell_m
+    low_m = (first * cell_m).astype(np.float64)
     return LiveMap(cell_m, low_m, counts, live.numbers, live.poses)
 
 

@@ -143,7 +143,9 @@ def test_a_silent_lidar_leaves_a_crawl() -> None:
     assert driven(ROUND, Twist2D(0.05, 0.0), late) == (Twist2D(0.05, 0.0), None)
     turning, _ = driven(ROUND, Twist2D(0.0, 2.0), late)
     assert turning.angular_rad_s == pytest.approx(0.1 / 0.18)
-    curve, _ = driven(ROUND, Twist2D(0.3, -0.2), late)  # its rim is 0.3 + 0.2 * 0.18: the same curve, more slowly
+    curve, _ = driven(
+        ROUND, Twist2D(0.3, -0.2), late
+    )  # its rim is 0.3 + 0.2 * 0.18: the same curve, more slowly
     assert (curve.linear_m_s, curve.angular_rad_s) == pytest.approx((0.3 * 0.1 / 0.336, -0.2 * 0.1 / 0.336))
     never = View("low", NOT_SEEN, -math.inf, -math.inf, 0.0)
     assert driven(ROUND, Twist2D(0.4, 0.0), view((3.0, 0.0)), never)[1] == "silent:low"
