@@ -136,7 +136,8 @@ class LocalizationSkill:
     def step(self, now_s: float) -> Iterable[Struct]:
         """Go on with a search between two scans; keep the pose now and then."""
         yield from self._follow_what_is_aligned()
-        if self._silence.has_changed(now_s, is_awaited=self._within is not None):
+        changed = self._silence.has_changed(now_s, is_awaited=self._within is not None)
+        if changed and (self._silence.leaves_nothing or not self._silence.told):  # else the next scan says it
             yield self._standing()
         if self._within is None:
             return

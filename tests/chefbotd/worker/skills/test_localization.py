@@ -29,7 +29,7 @@ from chefbotd.worker.skills.pose_file import PoseOnDisk
 from chefbotd.worker.skills.skill import Struct
 from tests.chefbotd.localization.buildings import drawn
 from tests.chefbotd.mapping.slam.flat import furnished_flat
-from tests.chefbotd.worker.skills.drives import TRUTH, measured
+from tests.chefbotd.worker.skills.drives import TRUTH, measured, measured_by_two
 
 FLAT = drawn(furnished_flat())
 
@@ -64,10 +64,10 @@ def read_map(name: str) -> OccupancyGrid:
 class Bench:
     """A skill, its disk and its clock, and all that it has told."""
 
-    def __init__(self, memory: Memory | None = None) -> None:
+    def __init__(self, memory: Memory | None = None, lidars: tuple[str, ...] = ("top",)) -> None:
         self.clock, self.memory = ManualClock(50.0), memory or Memory()
         parameters = LocalizationSkillParameters(
-            lidars=("top",),
+            lidars=lidars,
             folder=Path("/nowhere"),
             pose_file=Path("/nowhere/pose"),
             search_by_itself=True,
@@ -95,6 +95,17 @@ class Bench:
                 self.clock.advance(message.stamp_s - self.clock.now_s())
             take = self.skill.take_scan if isinstance(message, ScanSeen) else self.skill.take_odometry
             self._hear(take(message))  # type: ignore[operator]
+            self._hear(self.skill.step(self.clock.now_s()))
+
+    def drive_by_two(self, first: int, last: int, silent: str = "") -> None:
+        """A part of the tour with a front and a rear lidar, one of which may be silent."""
+        for message in measured_by_two(first, last):
+            if message.stamp_s > self.clock.now_s():
+                self.clock.advance(message.stamp_s - self.clock.now_s())
+            if not isinstance(message, ScanSeen):
+                self._hear(self.skill.take_odometry(message))
+            elif message.lidar != silent:
+                self._hear(self.skill.take_scan(message))
             self._hear(self.skill.step(self.clock.now_s()))
 
     def _hear(self, told: Iterable[Struct]) -> None:
@@ -282,3 +293,19 @@ def test_a_pose_that_is_not_on_the_map_is_refused_and_what_is_known_stays() -> N
     assert refused.value.kind is RefusalKind.OUT_OF_RANGE
     bench.drive(40, 42)
     assert bench.told[-1].state == "localized"
+
+
+def test_one_of_two_lidars_that_falls_silent_is_told_and_the_pose_stays_sure() -> None:
+    """The leading one is silent for 4 s: the other finds the way, within 5 cm; back, nothing is told."""
+    bench = Bench(lidars=("front", "rear"))
+    bench.ask(UseMap("flat", 1))
+    x, y, heading = map(float, TRUTH[1])
+    bench.ask(SetPose(x, y, heading))
+    bench.drive_by_two(1, 30)
+    bench.told.clear()
+    bench.drive_by_two(30, 70, silent="front")
+    assert {one.state for one in bench.told} == {"localized"}
+    assert bench.told[-1].reason == "no scan of the lidar 'front' for 3 s"
+    assert off_m(bench.told[-1], 69) < 0.05
+    bench.drive_by_two(70, 75)
+    assert (bench.told[-1].state, bench.told[-1].reason) == ("localized", "")
