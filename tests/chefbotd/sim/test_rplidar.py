@@ -202,7 +202,9 @@ TURNS_PER_S = {"rplidar_a1": 5.5, "rplidar_a2": 10.0}
 
 @pytest.mark.parametrize(
     ("offered", "express", "points_per_s"),
-    sample([("offered", True, 4000), ("offered", False, 2000), ("promised", True, 2000), ("absent", True, 2000)]),
+    sample(
+        [("offered", True, 4000), ("offered", False, 2000), ("promised", True, 2000), ("absent", True, 2000)]
+    ),
 )
 def test_the_daemon_takes_the_express_scan_where_there_is_one(
     offered: str, express: bool, points_per_s: int
