@@ -5,6 +5,7 @@ import selectors
 import time
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol, TypeVar
+from weakref import WeakKeyDictionary
 
 T = TypeVar("T")
 
@@ -34,6 +35,39 @@ class LoopClock:
     def now_s(self) -> float:
         """The loop's time in seconds."""
         return asyncio.get_running_loop().time()
+
+
+BEAT_S = 0.1
+EARLIEST_BEATS = 0.2
+"""Timers count milliseconds: one that fires just before its beat must not be set for the same beat again."""
+
+_Waiters = dict[int, list["asyncio.Future[None]"]]
+_beats: WeakKeyDictionary[asyncio.AbstractEventLoop, _Waiters] = WeakKeyDictionary()
+
+
+async def next_beat(clock: Clock, beats: int = 1) -> float:
+    """Sleep until the clock shows a multiple of ``beats`` times ``BEAT_S``; returns the seconds that it was to take.
+
+    All that waits for the same beat is woken by one timer. To wake an idle process costs more than what it then does, so
+    regular work that may as well be done together waits here.
+    """
+    loop, now_s = asyncio.get_running_loop(), clock.now_s()
+    beat = int(now_s / BEAT_S + EARLIEST_BEATS) // beats * beats + beats
+    wait_s, waiters = beat * BEAT_S - now_s, _beats.setdefault(loop, {})
+    waiter = loop.create_future()
+    if beat in waiters:
+        waiters[beat].append(waiter)
+    else:
+        waiters[beat] = [waiter]
+        loop.call_later(wait_s, _strike, waiters, beat)
+    await waiter
+    return wait_s
+
+
+def _strike(waiters: _Waiters, beat: int) -> None:
+    for waiter in waiters.pop(beat):
+        if not waiter.done():
+            waiter.set_result(None)
 
 
 class ManualClock:

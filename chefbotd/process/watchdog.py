@@ -15,6 +15,8 @@ from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.watchdog import WatchdogParameters
 
 LOOKS_PER_PATIENCE = 8
+JUST_S = 0.001
+"""Later than the patience, so that the loop has stood for longer than it."""
 
 
 class Watched(Protocol):
@@ -62,8 +64,16 @@ class Watchdog:
         self._ended.set()
         self._thread.join()
 
+    def _wait_s(self) -> float:
+        """Until the next look: on a robot at rest, until the loop can have stood for the patience at the earliest."""
+        period_s = self._patience_s / LOOKS_PER_PATIENCE
+        if self._control.is_driving:
+            return period_s
+        left_s = self._control.acted_s + self._patience_s - self._clock.now_s()
+        return min(max(period_s, left_s + JUST_S), self._patience_s)
+
     def _watch(self) -> None:
-        while not self._ended.wait(self._patience_s / LOOKS_PER_PATIENCE):
+        while not self._ended.wait(self._wait_s()):
             stood_s = self._clock.now_s() - self._control.acted_s
             if stood_s > self._patience_s:
                 self._intervene(stood_s)

@@ -11,9 +11,15 @@ before the stop, except for what the stop's own client sent behind it.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from chefbotd.clock import Clock
+from chefbotd.clock import BEAT_S, Clock
 
-TICK_PERIOD_S = 0.025
+MOST_AGE_SHARE = 0.4
+"""Bytes that come in now count as older than they are by two ticks at most: by this share of the dead-man's time."""
+
+
+def tick_period_s(command_timeout_s: float) -> float:
+    """How often to tick where a command is void after ``command_timeout_s``."""
+    return min(BEAT_S, MOST_AGE_SHARE / 2 * command_timeout_s)
 
 
 class Arrival(NamedTuple):
@@ -45,7 +51,7 @@ class Arrivals:
         self._mark_unread.append(mark_unread)
 
     def tick(self) -> None:
-        """Note that the event loop has polled its transports; a timer calls this every ``TICK_PERIOD_S``."""
+        """Note that the event loop has polled its transports; a timer calls this every ``tick_period_s``."""
         now_s = self._clock.now_s()
         self._previous_tick_s, self._tick_s = now_s if self._tick_s is None else self._tick_s, now_s
 

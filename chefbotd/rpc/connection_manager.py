@@ -194,7 +194,7 @@ class ConnectionManager:
 
     def sweep(self) -> None:
         """End leases that are over, and connections of clients that take too long."""
-        if not self._entries.is_replay:  # there, they end as they did then
+        if self._control.any_held and not self._entries.is_replay:  # there, they end as they did then
             with self._entries.entry(TimerFired, LEASES_TIMER):
                 self._control.expire(self._entries.now_s())
         now_s = self.clock.now_s()

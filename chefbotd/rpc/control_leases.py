@@ -41,6 +41,11 @@ class ControlLeases:
         lease = self._leases.get(source)
         return lease.holder if lease is not None and now_s - lease.stamp_s <= self._lease_s else None
 
+    @property
+    def any_held(self) -> bool:
+        """Whether there is a lease that time can end."""
+        return bool(self._leases)
+
     def has(self, session: Session) -> bool:
         """Whether a client has control of a source."""
         return any(lease.holder is session for lease in self._leases.values())

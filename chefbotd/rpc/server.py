@@ -4,11 +4,11 @@ import asyncio
 from collections.abc import Callable, Collection, Mapping
 
 from chefbotd.bus import Bus, HandlerFailure
-from chefbotd.clock import Clock
+from chefbotd.clock import BEAT_S, Clock, next_beat
 from chefbotd.metrics import Metrics
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import Keyring
-from chefbotd.rpc.arrivals import TICK_PERIOD_S, Arrivals
+from chefbotd.rpc.arrivals import Arrivals, tick_period_s
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
@@ -21,7 +21,7 @@ from chefbotd.rpc.models import Hello
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
-SWEEP_PERIOD_S = 0.25
+SWEEP_BEATS = 2
 SCHEMA_PERIOD_S = 0.05
 """The schemas for ``describe`` are built after the start, one at a time: together they take as long as several control
 steps."""
@@ -54,10 +54,10 @@ class RpcServer:
         link_is_up: Callable[[], bool],
         keyring: Keyring | None = None,
     ) -> None:
-        self._bus, self._keyring = bus, keyring
+        self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
         self._fanout = Fanout(topics, clock, self._tap)
-        self.arrivals = Arrivals(clock)
+        self.arrivals, self._tick_period_s = Arrivals(clock), tick_period_s(command_timeout_s)
         jobs = Jobs()
         self._methods = method_table(
             methods,
@@ -96,14 +96,13 @@ class RpcServer:
         """Serve the clients of every transport until cancelled; then close all connections."""
         always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
         stop_telemetry = self._bus.add_handler(self._fanout.publish, *always, on_error=self._failure.report)
-        self._tick()
         try:
             async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._tick())
                 tasks.create_task(self._sweep())
                 tasks.create_task(self._prepare_description())
                 await self._failure.wait()
         finally:
-            self._ticker.cancel()
             stop_telemetry()
             self.connections.close()
             await asyncio.sleep(0)  # answers that are not sent by now are lost
@@ -141,13 +140,17 @@ class RpcServer:
             "telemetry_dropped", "Events that slow clients lost.", lambda: connections.drops.total()
         )
 
-    def _tick(self) -> None:
-        self.arrivals.tick()
-        self._ticker = asyncio.get_running_loop().call_later(TICK_PERIOD_S, self._tick)
+    async def _tick(self) -> None:
+        while True:
+            self.arrivals.tick()
+            if self._tick_period_s < BEAT_S:
+                await asyncio.sleep(self._tick_period_s)
+            else:
+                await next_beat(self._clock)
 
     async def _sweep(self) -> None:
         while True:
-            await asyncio.sleep(SWEEP_PERIOD_S)
+            await next_beat(self._clock, SWEEP_BEATS)
             self.connections.sweep()
 
     async def _prepare_description(self) -> None:

@@ -5,7 +5,15 @@ import time
 
 import pytest
 
-from chefbotd.clock import Deadlock, LoopClock, ManualClock, SystemClock, VirtualLoop, run_virtual
+from chefbotd.clock import (
+    Deadlock,
+    LoopClock,
+    ManualClock,
+    SystemClock,
+    VirtualLoop,
+    next_beat,
+    run_virtual,
+)
 
 
 def test_the_system_clock_goes_on_while_the_computer_sleeps():
@@ -117,3 +125,38 @@ def test_a_loop_that_stands_still_is_late_for_every_timer():
         return ran_s
 
     assert run_virtual(main()) == [1.0, 1.0]
+
+
+def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
+    """Asked at 0.013 s and 0.057 s: both wake at 0.1 s and know how long it was to take; of every second beat 0.4 s is next."""
+
+    async def scenario() -> tuple[list[tuple[float, float]], int]:
+        clock, woken = LoopClock(), list[tuple[float, float]]()
+        loop, began_s = asyncio.get_running_loop(), clock.now_s()
+
+        async def waiter(asked_s: float, beats: int) -> None:
+            await asyncio.sleep(asked_s)
+            waited_s = await next_beat(clock, beats)
+            woken.append((clock.now_s() - began_s, waited_s))
+
+        tasks = [asyncio.create_task(waiter(*each)) for each in ((0.013, 1), (0.057, 1), (0.257, 2))]
+        await asyncio.sleep(0.06)
+        timers = sum(not timer.cancelled() for timer in loop._scheduled)
+        tasks.append(asyncio.create_task(waiter(0.0, 1)))
+        tasks[1].cancel()  # the others are woken all the same
+        await asyncio.gather(*tasks, return_exceptions=True)
+        return woken, timers
+
+    woken, timers = run_virtual(scenario())
+    assert [at_s for at_s, _ in woken] == pytest.approx([0.1, 0.1, 0.4], abs=1e-6)
+    assert [waited_s for _, waited_s in woken] == pytest.approx([0.087, 0.04, 0.143], abs=1e-6)
+    assert timers == 2  # this beat's, and that of the one who still sleeps
+
+
+def test_who_is_woken_a_moment_early_does_not_wait_for_the_same_beat():
+    """A clock at 7.4995 s, as a timer of whole milliseconds may fire: the next beat is that of 7.6 s."""
+
+    async def scenario() -> float:
+        return await next_beat(ManualClock(7.4995))
+
+    assert run_virtual(scenario()) == pytest.approx(0.1005)

@@ -96,6 +96,7 @@ class SafetyKeeper:
         self.faults: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
         self._reading_error: Exception | None = None
+        self._on_fault: Callable[[], None] = _nothing
         bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
@@ -109,6 +110,15 @@ class SafetyKeeper:
     def armed(self) -> bool:
         """Whether the robot may move at all."""
         return self._gate.mode is Mode.ARMED
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the last decision was made for a source's command."""
+        return self._decision.source is not None
+
+    def call_on_fault(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` called when a reading other than the encoders' has led to a fault or an error."""
+        self._on_fault = callback
 
     # What is asked of the robot
 
@@ -348,19 +358,26 @@ class SafetyKeeper:
         )
         if fault is not None:
             self.fail(fault)
+            self._on_fault()
 
     def _on_echo(self, event: DutyEchoed) -> None:
         fault = self._motors.hear(event)
         if fault is not None:
             self.fail(fault)
+            self._on_fault()
 
     def _keep_error(self, error: Exception) -> None:
         """Let the next decision raise it: the control loop then brakes and disarms."""
         self._reading_error = error
+        self._on_fault()
 
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
             self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
 
 
 def stopped(source: str, stopped_by: str, let_go_s: float) -> Refused:

@@ -22,8 +22,10 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters
-from chefbotd.entries import Timer, entries_of
+from chefbotd.entries import entries_of
+from chefbotd.features.driving.motor_watch import PAUSE_S
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.watch_timer import WatchTimer
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
 from chefbotd.metrics import Histogram
 from chefbotd.motion import ceiling
@@ -72,9 +74,12 @@ class DriveService:
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
         self._reader, self._wheel_names = reader, wheel_names
         self._duty_ceiling = duty_ceiling
-        self._watch_period_s, self._patience_s = control.watch_period_s, patience_s
+        self._patience_s = patience_s
+        self._watch_timer = WatchTimer(
+            self._clock, control.watch_period_s, min(patience_s, PAUSE_S), self._watch
+        )
+        keeper.call_on_fault(self._look_soon)
         self._failure = HandlerFailure()
-        self._watch_timer: Timer | None = None
         self._runs = False
         self._when_at_rest: Callable[[], None] | None = None
         self.stops, self.stopped_by = 0, ""
@@ -211,12 +216,12 @@ class DriveService:
         """
         self._keeper.announce(self._clock.now_s())
         self._runs = True
-        self._restart_watch()
+        self._restart_watch(self._clock.now_s())
         try:
             await self._failure.wait()
         finally:
             self._runs = False
-            self._restart_watch()
+            self._watch_timer.stop()
             self.detach()
             self._halt()
 
@@ -225,18 +230,21 @@ class DriveService:
         for remove in self._remove_handlers:
             remove()
 
-    def _restart_watch(self) -> None:
+    def _restart_watch(self, now_s: float) -> None:
         """Something was heard, or the watch itself has looked: look when the period has passed without anything."""
-        if self._watch_timer is not None:
-            self._watch_timer.cancel()
         if self._runs:
-            self._watch_timer = self._clock.call_later(self._watch_period_s, self._watch, "drive watch")
+            self._watch_timer.restart(now_s)
+
+    def _look_soon(self) -> None:
+        """A fault was found between two steps: it is told when a robot that drives would tell it."""
+        self._watch_timer.look_soon(self._clock.now_s())
 
     def _watch(self) -> None:
         """Act without a measurement: nothing was heard for the period."""
-        self._restart_watch()
+        now_s = self._clock.now_s()
+        self._restart_watch(now_s)
         try:
-            self._act(self._clock.now_s(), repeat=False)
+            self._act(now_s, repeat=False)
         except Exception as error:  # noqa: BLE001 (brakes, and is logged)
             self._on_handler_error(error)
 
@@ -244,13 +252,14 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        self._restart_watch()
+        self._restart_watch(now_s)
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
         self._keeper.loop_runs(now_s)
         if reading.refused:
             if reading.jumped:
                 self._keeper.note_jump(reading.jumped)
+            self._watch_timer.note_activity(now_s)
             self._act(now_s)
             return
         effort = self._reader.effort(seen, self._drive.effort(self._state))
@@ -260,6 +269,10 @@ class DriveService:
         self._send_duty(now_s, self._state.duty)
         if self._when_at_rest is not None:
             self._rest()
+        if any(reading.travel_rad) or self._is_asked():
+            self._watch_timer.note_activity(now_s)
+        else:
+            self._watch_timer.note_stillness(now_s)
         self.steps += 1
         self._keeper.announce(now_s)
         self._publish(event, seen)
@@ -319,7 +332,19 @@ class DriveService:
             self._send_duty(now_s, self._state.duty)
         if self._when_at_rest is not None:
             self._rest()
+        if self._watch_timer.resting and self._is_asked():
+            self._watch_timer.note_activity(now_s)
         self._keeper.announce(now_s)
+
+    def _is_asked(self) -> bool:
+        """Whether a duty is in force, a setpoint is not zero, or a source commands, be it to stand."""
+        state = self._state
+        return (
+            any(state.duty)
+            or any(state.setpoint_m_s)
+            or state.limiter != AT_REST
+            or self._keeper.is_commanded
+        )
 
     def _decide(self, now_s: float) -> Decision:
         self._note_run(now_s)
@@ -346,14 +371,16 @@ class DriveService:
             raise
 
     def _on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
-        self._note_run(self._clock.now_s())
-        self._restart_watch()
+        now_s = self._clock.now_s()
+        self._note_run(now_s)
+        self._watch_timer.note_activity(now_s)
+        self._restart_watch(now_s)
         if isinstance(event, BoardRestarted):
             self._reader.rebase()
         if not isinstance(event, LinkOpened):
             self._halt()
         self._keeper.on_link(event)
-        self._act(self._clock.now_s())
+        self._act(now_s)
 
     def _on_handler_error(self, error: Exception) -> None:
         """Brake and disarm; an error in that ends the service, and the daemon with it."""

@@ -1,15 +1,14 @@
 """Once a second: what was counted, and how late the event loop was."""
 
-import asyncio
-
 from chefbotd.bus import Bus
-from chefbotd.clock import Clock
+from chefbotd.clock import Clock, next_beat
 from chefbotd.core.events import StatsSampled
 from chefbotd.entries import entries_of
 from chefbotd.metrics import Histogram, Metrics
 
 PROBES_PER_SAMPLE = 10
-SAMPLE_PERIOD_S = 1.0
+"""The loop's lag is probed at each beat; a sample is taken once a second."""
+
 LAG_BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 1.0)
 """The watchdog stops the motors at 0.25 s."""
 
@@ -33,10 +32,10 @@ class StatsService:
             self._entries.observe(self._bus, self.sample())
 
     async def _worst_lag_s(self) -> float:
-        period_s, worst_s = SAMPLE_PERIOD_S / PROBES_PER_SAMPLE, 0.0
+        worst_s = 0.0
         for _ in range(PROBES_PER_SAMPLE):
             before_s = self._clock.now_s()
-            await asyncio.sleep(period_s)
+            period_s = await next_beat(self._clock)
             lag_s = max(0.0, self._clock.now_s() - before_s - period_s)
             self.lags.observe(lag_s)
             worst_s = max(worst_s, lag_s)

@@ -1,11 +1,12 @@
 """The watchdog thread, beside a control loop that stands still for as long as the test says."""
 
 import threading
+import time
 from dataclasses import dataclass, field
 
 import pytest
 
-from chefbotd.clock import ManualClock
+from chefbotd.clock import ManualClock, SystemClock
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.watchdog import WatchdogParameters
@@ -70,3 +71,37 @@ def test_the_thread_ends_with_its_context():
     with watchdog(StandingLoop(is_driving=False), 0.0):
         assert threading.active_count() == before + 1
     assert threading.active_count() == before
+
+
+class CountingClock(ManualClock):
+    """Counts how often it is read."""
+
+    reads = 0
+
+    def now_s(self) -> float:
+        self.reads += 1
+        return super().now_s()
+
+
+def test_a_loop_at_rest_is_looked_at_when_it_can_have_stood_too_long():
+    """It acted 0.02 s ago, of a patience of 2 s: nothing for a while; while it drives, eight looks in that time."""
+    looks = []
+    for is_driving in (False, True):
+        clock, loop = CountingClock(10.0), StandingLoop(is_driving=is_driving, acted_s=9.98)
+        parameters = WatchdogParameters(patience_s=2.0)
+        with Watchdog(parameters, clock, loop, loop.stop, loop.reported.append):
+            time.sleep(0.6)
+        looks.append(clock.reads)
+    assert looks[0] == 1
+    assert looks[1] >= 1
+    assert not loop.reported
+
+
+def test_a_loop_at_rest_that_stands_still_is_stopped_within_its_patience():
+    """Acted at 0, looked at first 0.06 s later: the stop comes after 0.1 s, not after a whole patience more."""
+    clock, loop = SystemClock(), StandingLoop(is_driving=False)
+    loop.acted_s = clock.now_s() - 0.06
+    with Watchdog(WatchdogParameters(patience_s=0.4), clock, loop, loop.stop, loop.reported.append):
+        assert not loop.stopped.wait(0.2)
+        assert loop.stopped.wait(SOON_S)
+        assert clock.now_s() - loop.acted_s > 0.4

@@ -1,7 +1,9 @@
 """How old a command may be, and which stops came after it."""
 
+import pytest
+
 from chefbotd.clock import ManualClock
-from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.arrivals import Arrival, Arrivals, tick_period_s
 
 
 def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
@@ -21,6 +23,12 @@ def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
     clock.advance(0.025)
     arrivals.tick()
     assert abs(arrivals.age_s(arrivals.earliest()) - 0.025) < 1e-9
+
+
+@pytest.mark.parametrize(("timeout_s", "period_s"), [(2.0, 0.1), (0.5, 0.1), (0.3, 0.06), (0.1, 0.02)])
+def test_two_ticks_leave_a_command_most_of_its_time(timeout_s: float, period_s: float) -> None:
+    """Ten times a second, and more often where commands are void sooner: two ticks are two fifths of that at most."""
+    assert tick_period_s(timeout_s) == pytest.approx(period_s)
 
 
 def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:

@@ -1,0 +1,75 @@
+"""When the control loop acts though nothing was heard: every few milliseconds, or more seldom on a robot at rest.
+
+The timer is set anew by each encoder frame. A robot is at rest once its readings have shown no motion for a while in
+which no wheel had a duty and nobody asked for anything. Then time alone changes nothing: silent encoders are told only
+of a robot that is driven, and every command acts in the call that brings it.
+"""
+
+import math
+from collections.abc import Callable
+
+from chefbotd.entries import Entries, Timer
+
+REST_AFTER_S = 1.0
+"""Every frame of this time was answered with a stop: none of them can be the one that was lost."""
+
+LOOKS_PER_PATIENCE = 2
+"""A loop at rest, too, acts more often than the watchdog's patience lasts."""
+
+DRIVE_WATCH = "drive watch"
+"""What the timer is called in a recording."""
+
+
+class WatchTimer:
+    """Calls ``look`` when nothing was heard for ``period_s``, and again until something is.
+
+    At rest it does so a few times in ``patience_s``, the shortest pause of the loop that would be held against it.
+    """
+
+    def __init__(
+        self, entries: Entries, period_s: float, patience_s: float, look: Callable[[], None]
+    ) -> None:
+        self._entries, self._look = entries, look
+        self._period_s, self._rest_period_s = period_s, max(period_s, patience_s / LOOKS_PER_PATIENCE)
+        self._timer: Timer | None = None
+        self._began_s = 0.0
+        self._rests_since_s: float | None = None
+        self.resting = False
+
+    def restart(self, now_s: float) -> None:
+        """Something was heard, or the loop was looked at: wait for a whole period from now on."""
+        self._began_s = now_s
+        self._set(self._rest_period_s if self.resting else self._period_s)
+
+    def stop(self) -> None:
+        """Look no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def note_stillness(self, now_s: float) -> None:
+        """A good reading without motion, of a robot of which nobody asks anything."""
+        if self._rests_since_s is None:
+            self._rests_since_s = now_s
+        elif not self.resting and now_s - self._rests_since_s >= REST_AFTER_S:
+            self.resting = True
+
+    def note_activity(self, now_s: float) -> None:
+        """Anything else: the next look comes when it would have come without the rest."""
+        self._rests_since_s = None
+        if self.resting:
+            self.resting = False
+            self.look_soon(now_s)
+
+    def look_soon(self, now_s: float) -> None:
+        """Something waits to be told: look when a robot that is not at rest would be looked at."""
+        if self._timer is None:
+            return
+        gone_s = now_s - self._began_s
+        looks = max(1, math.ceil(gone_s / self._period_s - 1e-6))
+        self._set(max(0.0, looks * self._period_s - gone_s))
+
+    def _set(self, delay_s: float) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._entries.call_later(delay_s, self._look, DRIVE_WATCH)
