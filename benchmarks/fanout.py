@@ -36,9 +36,9 @@ def run(*, quick: bool = False) -> Outcome:
         stats = caller.call("get_stats")
     figures = (
         Figure(
-            f"{SUBSCRIBERS} subscribers at {CYCLE_HZ} Hz", used_s / elapsed_s, "core", 0.10, "mosquitto 0.03"
+            f"{SUBSCRIBERS} subscribers at {CYCLE_HZ} Hz", used_s / elapsed_s, "core", 0.06, "mosquitto 0.03"
         ),
-        *latencies("delivery", delivered_s, {50: None, 95: 3.0, 99: None}, {95: "mosquitto 0.85"}),
+        *latencies("delivery", delivered_s, {50: None, 95: 2.0, 99: None}, {95: "mosquitto 0.85"}),
         Figure("control steps missed", sent["e"] - stats["control_steps"], "steps", 0),
         Figure("telemetry dropped", stats["telemetry_dropped"], "events", 0),
     )

@@ -72,6 +72,13 @@ class Inbox(Generic[E]):
         self._events.clear()
         return events
 
+    def take_some(self, most: int) -> list[E]:
+        """The oldest events, ``most`` of them at most."""
+        events = self._events
+        if len(events) <= most:
+            return self.take_all()
+        return [events.popleft() for _ in range(most)]
+
     async def next_put(self) -> None:
         """Wait until one more event is put in, whatever is inside already."""
         self._waiter = asyncio.get_running_loop().create_future()

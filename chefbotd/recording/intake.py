@@ -19,6 +19,8 @@ from chefbotd.recording.encoder import Encoder, MapEvent
 log = structlog.get_logger(component="recording")
 
 CHUNK_BYTES = 1 << 20
+EARLY_S = 0.02
+"""Events come in ten times a second: a chunk that is nearly due does not wait for those of the next time."""
 
 
 class Piece(Struct, frozen=True):
@@ -83,7 +85,7 @@ class Intake:
 
     def is_due(self, now_s: float) -> bool:
         """Whether a piece is to be cut."""
-        return self._builder.size >= CHUNK_BYTES or now_s - self._began_s >= self._chunk_s
+        return self._builder.size >= CHUNK_BYTES or now_s - self._began_s >= self._chunk_s - EARLY_S
 
     def cut(self, now_s: float) -> Piece | None:
         """What was encoded since the last cut; None where that is nothing."""

@@ -177,17 +177,18 @@ class WriterThread(_Queue):
         self._work.put(work)
 
     def _run(self) -> None:
+        work = self._work.get()  # the daemon's start does not wait for the recorder's libraries
         try:
             recorder = self._recorder = self._make()
         except Exception as error:
             log.error("the recorder cannot be made", error=repr(error), exc_info=error)
             return
         while True:
-            work = self._work.get()
             try:
                 work(recorder)
             except Exception as error:
                 log.error("the recorder has failed", error=repr(error), exc_info=error)
+            work = self._work.get()
 
 
 def _carry_out(work: "Callable[[Recorder], T]", recorder: "Recorder", future: "Future[T]") -> None:

@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 from chefbotd.clock import BEAT_S, Clock
 
-MOST_AGE_SHARE = 0.4
-"""Bytes that come in now count as older than they are by two ticks at most: by this share of the dead-man's time."""
+TICK_PERIOD_S = 0.025
+QUIET_S = 1.0
+"""Nothing was read for so long: the next command may count as older by two beats."""
 
-
-def tick_period_s(command_timeout_s: float) -> float:
-    """How often to tick where a command is void after ``command_timeout_s``."""
-    return min(BEAT_S, MOST_AGE_SHARE / 2 * command_timeout_s)
+LATE_S = 2 * BEAT_S
+LEAST_TIMEOUT_S = 5 * BEAT_S
+"""Where commands are void sooner than this, two beats would be too much of their time."""
 
 
 class Arrival(NamedTuple):
@@ -42,6 +42,7 @@ class Arrivals:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self.stops, self.stopped_by = 0, ""
+        self._was_read, self._quiet_from_s = False, float("-inf")
         self._tick_s: float | None = None
         self._previous_tick_s: float | None = None
         self._mark_unread: list[MarkUnread] = []
@@ -50,13 +51,21 @@ class Arrivals:
         """Have a transport mark its unread bytes before each stop."""
         self._mark_unread.append(mark_unread)
 
-    def tick(self) -> None:
-        """Note that the event loop has polled its transports; a timer calls this every ``tick_period_s``."""
+    def tick(self) -> bool:
+        """Note that the event loop has polled its transports; whether the next beat is soon enough for the next tick.
+
+        While clients send, and after a loop that stood still, the next is to come after ``TICK_PERIOD_S``.
+        """
         now_s = self._clock.now_s()
+        late = self._tick_s is not None and now_s - self._tick_s > LATE_S
+        if self._was_read or late:
+            self._was_read, self._quiet_from_s = False, now_s + QUIET_S
         self._previous_tick_s, self._tick_s = now_s if self._tick_s is None else self._tick_s, now_s
+        return now_s >= self._quiet_from_s
 
     def earliest(self) -> Arrival:
         """The earliest arrival of bytes that have just been read; now, as long as there was no tick."""
+        self._was_read = True
         stamp_s = self._clock.now_s() if self._previous_tick_s is None else self._previous_tick_s
         return Arrival(stamp_s, self.stops)
 

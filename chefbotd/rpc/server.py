@@ -4,11 +4,11 @@ import asyncio
 from collections.abc import Callable, Collection, Mapping
 
 from chefbotd.bus import Bus, HandlerFailure
-from chefbotd.clock import BEAT_S, Clock, next_beat
+from chefbotd.clock import Clock, next_beat
 from chefbotd.metrics import Metrics
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import Keyring
-from chefbotd.rpc.arrivals import Arrivals, tick_period_s
+from chefbotd.rpc.arrivals import LEAST_TIMEOUT_S, TICK_PERIOD_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
@@ -57,7 +57,7 @@ class RpcServer:
         self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
         self._fanout = Fanout(topics, clock, self._tap)
-        self.arrivals, self._tick_period_s = Arrivals(clock), tick_period_s(command_timeout_s)
+        self.arrivals, self._may_wait = Arrivals(clock), command_timeout_s >= LEAST_TIMEOUT_S
         jobs = Jobs()
         self._methods = method_table(
             methods,
@@ -142,11 +142,10 @@ class RpcServer:
 
     async def _tick(self) -> None:
         while True:
-            self.arrivals.tick()
-            if self._tick_period_s < BEAT_S:
-                await asyncio.sleep(self._tick_period_s)
-            else:
+            if self.arrivals.tick() and self._may_wait:
                 await next_beat(self._clock)
+            else:
+                await asyncio.sleep(TICK_PERIOD_S)
 
     async def _sweep(self) -> None:
         while True:

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from typing import Any, cast
 
 import pytest
 
@@ -128,7 +129,7 @@ def test_a_loop_that_stands_still_is_late_for_every_timer():
 
 
 def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
-    """Asked at 0.013 s and 0.057 s: both wake at 0.1 s and know how long it was to take; of every second beat 0.4 s is next."""
+    """Asked at 0.013 s and 0.057 s: both wake at 0.1 s and know how long that took; of each second beat 0.4 s comes."""
 
     async def scenario() -> tuple[list[tuple[float, float]], int]:
         clock, woken = LoopClock(), list[tuple[float, float]]()
@@ -141,7 +142,7 @@ def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
 
         tasks = [asyncio.create_task(waiter(*each)) for each in ((0.013, 1), (0.057, 1), (0.257, 2))]
         await asyncio.sleep(0.06)
-        timers = sum(not timer.cancelled() for timer in loop._scheduled)
+        timers = sum(not timer.cancelled() for timer in cast(Any, loop)._scheduled)
         tasks.append(asyncio.create_task(waiter(0.0, 1)))
         tasks[1].cancel()  # the others are woken all the same
         await asyncio.gather(*tasks, return_exceptions=True)

@@ -80,7 +80,7 @@ class DriveService:
         )
         keeper.call_on_fault(self._look_soon)
         self._failure = HandlerFailure()
-        self._runs = False
+        self._still = (0,) * len(wheel_names)
         self._when_at_rest: Callable[[], None] | None = None
         self.stops, self.stopped_by = 0, ""
         self._remove_handlers = (
@@ -215,12 +215,10 @@ class DriveService:
         Encoder frames and changes of the link are handled in the call that publishes them.
         """
         self._keeper.announce(self._clock.now_s())
-        self._runs = True
-        self._restart_watch(self._clock.now_s())
+        self._watch_timer.start(self._clock.now_s())
         try:
             await self._failure.wait()
         finally:
-            self._runs = False
             self._watch_timer.stop()
             self.detach()
             self._halt()
@@ -230,11 +228,6 @@ class DriveService:
         for remove in self._remove_handlers:
             remove()
 
-    def _restart_watch(self, now_s: float) -> None:
-        """Something was heard, or the watch itself has looked: look when the period has passed without anything."""
-        if self._runs:
-            self._watch_timer.restart(now_s)
-
     def _look_soon(self) -> None:
         """A fault was found between two steps: it is told when a robot that drives would tell it."""
         self._watch_timer.look_soon(self._clock.now_s())
@@ -242,7 +235,7 @@ class DriveService:
     def _watch(self) -> None:
         """Act without a measurement: nothing was heard for the period."""
         now_s = self._clock.now_s()
-        self._restart_watch(now_s)
+        self._watch_timer.restart(now_s)
         try:
             self._act(now_s, repeat=False)
         except Exception as error:  # noqa: BLE001 (brakes, and is logged)
@@ -252,7 +245,7 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        self._restart_watch(now_s)
+        self._watch_timer.restart(now_s)
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
         self._keeper.loop_runs(now_s)
@@ -269,8 +262,9 @@ class DriveService:
         self._send_duty(now_s, self._state.duty)
         if self._when_at_rest is not None:
             self._rest()
-        if any(reading.travel_rad) or self._is_asked():
-            self._watch_timer.note_activity(now_s)
+        if self._state.duty != self._still or any(reading.travel_rad) or self._is_asked():
+            if self._watch_timer.still_since_s is not None:
+                self._watch_timer.note_activity(now_s)
         else:
             self._watch_timer.note_stillness(now_s)
         self.steps += 1
@@ -374,7 +368,7 @@ class DriveService:
         now_s = self._clock.now_s()
         self._note_run(now_s)
         self._watch_timer.note_activity(now_s)
-        self._restart_watch(now_s)
+        self._watch_timer.restart(now_s)
         if isinstance(event, BoardRestarted):
             self._reader.rebase()
         if not isinstance(event, LinkOpened):

@@ -13,6 +13,7 @@ from chefbotd.entries import Entries, Timer
 REST_AFTER_S = 1.0
 """Every frame of this time was answered with a stop: none of them can be the one that was lost."""
 
+JUST = 1e-6
 LOOKS_PER_PATIENCE = 2
 """A loop at rest, too, acts more often than the watchdog's patience lasts."""
 
@@ -24,39 +25,51 @@ class WatchTimer:
     """Calls ``look`` when nothing was heard for ``period_s``, and again until something is.
 
     At rest it does so a few times in ``patience_s``, the shortest pause of the loop that would be held against it.
+    ``still_since_s`` is since when nothing has moved and nobody has asked for anything (None: something does).
     """
 
     def __init__(
         self, entries: Entries, period_s: float, patience_s: float, look: Callable[[], None]
     ) -> None:
         self._entries, self._look = entries, look
-        self._period_s, self._rest_period_s = period_s, max(period_s, patience_s / LOOKS_PER_PATIENCE)
+        self._period_s = period_s
+        self._rest_period_s = period_s * max(1, math.floor(patience_s / LOOKS_PER_PATIENCE / period_s))
         self._timer: Timer | None = None
         self._began_s = 0.0
-        self._rests_since_s: float | None = None
-        self.resting = False
+        self.still_since_s: float | None = None
+        self._runs = self.resting = False
 
-    def restart(self, now_s: float) -> None:
-        """Something was heard, or the loop was looked at: wait for a whole period from now on."""
-        self._began_s = now_s
-        self._set(self._rest_period_s if self.resting else self._period_s)
+    def start(self, now_s: float) -> None:
+        """Look from now on."""
+        self._runs = True
+        self.restart(now_s)
 
     def stop(self) -> None:
         """Look no more."""
+        self._runs = False
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
+    def restart(self, now_s: float) -> None:
+        """Something was heard, or the loop was looked at: wait for a whole period from now on."""
+        if self._runs:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._began_s = now_s
+            delay_s = self._rest_period_s if self.resting else self._period_s
+            self._timer = self._entries.call_later(delay_s, self._look, DRIVE_WATCH)
+
     def note_stillness(self, now_s: float) -> None:
         """A good reading without motion, of a robot of which nobody asks anything."""
-        if self._rests_since_s is None:
-            self._rests_since_s = now_s
-        elif not self.resting and now_s - self._rests_since_s >= REST_AFTER_S:
+        if self.still_since_s is None:
+            self.still_since_s = now_s
+        elif not self.resting and now_s - self.still_since_s >= REST_AFTER_S:
             self.resting = True
 
     def note_activity(self, now_s: float) -> None:
         """Anything else: the next look comes when it would have come without the rest."""
-        self._rests_since_s = None
+        self.still_since_s = None
         if self.resting:
             self.resting = False
             self.look_soon(now_s)
@@ -66,10 +79,7 @@ class WatchTimer:
         if self._timer is None:
             return
         gone_s = now_s - self._began_s
-        looks = max(1, math.ceil(gone_s / self._period_s - 1e-6))
-        self._set(max(0.0, looks * self._period_s - gone_s))
-
-    def _set(self, delay_s: float) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+        looks = max(1, math.ceil(gone_s / self._period_s - JUST))
+        self._timer.cancel()
+        delay_s = max(0.0, looks * self._period_s - gone_s)
         self._timer = self._entries.call_later(delay_s, self._look, DRIVE_WATCH)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from chefbotd.bus import Bus, Inbox
-from chefbotd.clock import Clock
+from chefbotd.clock import BEAT_S, Clock, next_beat
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.recording import RecordingChanged
@@ -34,11 +34,11 @@ T = TypeVar("T")
 
 log = structlog.get_logger(component="recording")
 
-HAND_OVER_S = 0.008
-"""Events are left with the writer just after what they followed from, and a cycle of the board is left at once."""
+AT_ONCE = 32
+"""So many events are encoded without a pause: what comes in meanwhile waits for as long as a control step takes."""
 
 INBOX_EVENTS = 8192
-TELL_S = 1.0
+TELL_BEATS = 10
 HANGS_AFTER_S = 3.0
 """The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
 
@@ -157,20 +157,23 @@ class RecordingService:
     async def _collect(self) -> None:
         while True:
             await self._listening.wait()
-            if self._inbox is not None:
-                await self._inbox.next_put()
-            self._hand_over()
-            await asyncio.sleep(HAND_OVER_S)
+            if self._hand_over(AT_ONCE):
+                await asyncio.sleep(0)
+            else:
+                await next_beat(self._clock)
 
-    def _hand_over(self) -> None:
-        if self._inbox is None:
-            return
-        lost = sum(self._inbox.dropped.values())
+    def _hand_over(self, most: int = INBOX_EVENTS) -> bool:
+        """Leave so many events with the writer; whether some remain."""
+        inbox = self._inbox
+        if inbox is None:
+            return False
+        lost = sum(inbox.dropped.values()) if inbox.dropped else 0
         if lost > self._lost:
             self._writer.note_dropped(lost - self._lost)
             self._lost = lost
-        if events := self._inbox.take_all():
+        if events := inbox.take_some(most):
             self._writer.give(events, self._clock.now_s())
+        return len(inbox) > 0
 
     async def _tell(self) -> None:
         told, last = 0, ""
@@ -185,13 +188,13 @@ class RecordingService:
                 log.warning("events are missing in the recording", events=self.dropped - told)
                 told = self.dropped
             self._publish()
-            await asyncio.sleep(TELL_S)
+            await next_beat(self._clock, TELL_BEATS)
 
     def _look_at_thread(self) -> None:
         """Whether the thread goes on, or waits for the disk: a chunk that has only just been left there says nothing."""
         done, self._done = self._done, self._writer.done
         waits = done == self._done and self._writer.waiting > 0
-        self._waited_s = self._waited_s + TELL_S if waits else 0.0
+        self._waited_s = self._waited_s + TELL_BEATS * BEAT_S if waits else 0.0
         self._stuck = self._waited_s > HANGS_AFTER_S
 
     def _publish(self) -> None:

@@ -1,9 +1,7 @@
 """How old a command may be, and which stops came after it."""
 
-import pytest
-
 from chefbotd.clock import ManualClock
-from chefbotd.rpc.arrivals import Arrival, Arrivals, tick_period_s
+from chefbotd.rpc.arrivals import Arrival, Arrivals
 
 
 def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
@@ -25,10 +23,23 @@ def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
     assert abs(arrivals.age_s(arrivals.earliest()) - 0.025) < 1e-9
 
 
-@pytest.mark.parametrize(("timeout_s", "period_s"), [(2.0, 0.1), (0.5, 0.1), (0.3, 0.06), (0.1, 0.02)])
-def test_two_ticks_leave_a_command_most_of_its_time(timeout_s: float, period_s: float) -> None:
-    """Ten times a second, and more often where commands are void sooner: two ticks are two fifths of that at most."""
-    assert tick_period_s(timeout_s) == pytest.approx(period_s)
+def test_ticks_may_wait_for_the_next_beat_while_nobody_sends() -> None:
+    """Not for a second after a read, nor after a pause of more than two beats (0.2 s)."""
+    clock = ManualClock(10.0)
+    arrivals = Arrivals(clock)
+
+    def ticks(count: int) -> list[bool]:
+        told = []
+        for _ in range(count):
+            clock.advance(0.11)
+            told.append(arrivals.tick())
+        return told
+
+    assert ticks(2) == [True, True]
+    arrivals.earliest()
+    assert ticks(13) == [False] * 10 + [True] * 3
+    clock.advance(0.2)
+    assert ticks(13) == [False] * 10 + [True] * 3
 
 
 def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:
