@@ -6,6 +6,7 @@ from typing import cast
 
 import pytest
 
+from chefbotd.clock import LoopClock
 from chefbotd.core.events import (
     BatteryLevelStatus,
     BatteryMeasured,
@@ -18,8 +19,8 @@ from chefbotd.core.events import (
     SafetyChanged,
 )
 from chefbotd.core.geometry import Twist2D
-from chefbotd.entries import Entries
 from chefbotd.features.driving import watch_timer
+from chefbotd.features.driving.service import DriveService
 from chefbotd.safety.gate import Mode
 from tests.chefbotd.features.driving.rig import AHEAD, Rig, on_rig
 
@@ -142,13 +143,13 @@ def test_a_fault_is_told_when_a_robot_that_never_rests_tells_it(
 def looks(monkeypatch: pytest.MonkeyPatch, scenario: Scenario) -> list[float]:
     """When the drive watch has fired."""
     fired: list[float] = []
-    fire = Entries._fire
+    watch = DriveService._watch
 
-    def noted(self: Entries, callback: Callable[[], None], name: str) -> None:
-        fired.append(self.now_s())
-        fire(self, callback, name)
+    def noted(self: DriveService) -> None:
+        fired.append(LoopClock().now_s())
+        watch(self)
 
-    monkeypatch.setattr(Entries, "_fire", noted)
+    monkeypatch.setattr(DriveService, "_watch", noted)
     on_rig(scenario)
     return fired
 
