@@ -142,10 +142,8 @@ class RpcServer:
 
     async def _tick(self) -> None:
         while True:
-            if self.arrivals.tick() and self._may_wait:
-                await next_beat(self._clock)
-            else:
-                await asyncio.sleep(TICK_PERIOD_S)
+            period_s = self.arrivals.tick()
+            await asyncio.sleep(period_s if self._may_wait else TICK_PERIOD_S)
 
     async def _sweep(self) -> None:
         while True:

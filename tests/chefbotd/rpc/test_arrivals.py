@@ -23,23 +23,23 @@ def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
     assert abs(arrivals.age_s(arrivals.earliest()) - 0.025) < 1e-9
 
 
-def test_ticks_may_wait_for_the_next_beat_while_nobody_sends() -> None:
-    """Not for a second after a read, nor after a pause of more than two beats (0.2 s)."""
+def test_ticks_are_seldom_while_nobody_sends() -> None:
+    """Every 50 ms; every 25 ms for a second after a read, and after a loop that stood still for more than 0.2 s."""
     clock = ManualClock(10.0)
     arrivals = Arrivals(clock)
 
-    def ticks(count: int) -> list[bool]:
+    def periods(count: int) -> list[float]:
         told = []
         for _ in range(count):
             clock.advance(0.11)
             told.append(arrivals.tick())
         return told
 
-    assert ticks(2) == [True, True]
+    assert periods(2) == [0.05, 0.05]
     arrivals.earliest()
-    assert ticks(13) == [False] * 10 + [True] * 3
+    assert periods(13) == [0.025] * 10 + [0.05] * 3
     clock.advance(0.2)
-    assert ticks(13) == [False] * 10 + [True] * 3
+    assert periods(13) == [0.025] * 10 + [0.05] * 3
 
 
 def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:

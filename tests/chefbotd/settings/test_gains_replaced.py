@@ -97,7 +97,7 @@ def test_an_editor_that_errs(config: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_line_ends_of_long_ago(config: Path) -> None:
     """A carriage return alone ends no line in TOML: it is not taken for one, and not written over."""
     config.write_bytes(before := config.read_bytes().replace(b"\n", b"\r"))
-    with pytest.raises(SettingsError, match=r"robot\.toml: cannot be edited"):
+    with pytest.raises(SettingsError, match=r"robot\.toml: not valid TOML: Found invalid character '\\r'"):
         save(config, TUNED)
     assert config.read_bytes() == before
 

@@ -32,7 +32,6 @@ RIGHT_TURN = {"x_m": -1, "y_m": 2, "heading_rad": -math.pi / 2}
         (["stop"], "stop", {}),
         (["estop"], "estop", {}),
         (["estop", "--reason", "smoke"], "estop", {"reason": "smoke"}),
-        (["arm"], "arm", {}),
         (["reset-board"], "reset_board", {}),
         (["reset-odometry"], "reset_odometry", {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}),
         (["reset-odometry", "-1", "2", "-90"], "reset_odometry", RIGHT_TURN),
@@ -206,6 +205,12 @@ def test_a_full_turn_that_does_not_happen(control: Control, daemon: FakeDaemon, 
     """Motors that stand are noticed however far they were asked to turn."""
     daemon.stuck = True
     assert control("drive", *args, "--for", "2").exit_code == Exit.NOT_DONE
+
+
+def test_arm_undoes_only_what_has_latched_when_it_is_typed(control: Control, daemon: FakeDaemon) -> None:
+    """It asks for the number of the last latch, none so far, and arms with it."""
+    assert control("arm").exit_code == Exit.OK
+    assert [(name, given) for _, name, given in daemon.calls] == [("get_state", {}), ("arm", {"latch": 0})]
 
 
 def test_refusals_name_their_kind(control: Control, daemon: FakeDaemon) -> None:
