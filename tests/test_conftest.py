@@ -33,7 +33,9 @@ def test_a_run_that_carried_out_no_test_fails(
     (tmp_path / "test_it.py").write_text(text, encoding="utf-8")
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n slow:\n", encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", *options, str(tmp_path)]
-    inherited = {name: text for name, text in os.environ.items() if not name.startswith("PYTEST_")}
+    inherited = {
+        name: text for name, text in os.environ.items() if not name.startswith(("PYTEST_", "TEST_TIER"))
+    }
     done = subprocess.run(
         [*command, "-c", str(tmp_path / "pytest.ini")],
         cwd=ROOT,
