@@ -75,7 +75,7 @@ void oniStreamStop(void *stream) { is_started = 0; }
 int oniStreamReadFrame(void *stream, Frame **given) {
   if (is("hang")) for (;;) pause();
   if (is("pulled") && images == 3) return fail(NO_DEVICE, "the device was disconnected");
-  usleep(3000);
+  usleep(20000); /* longer than the period of 60 Hz, so that the source leaves out none */
   int count = now.width * now.height;
   Frame *frame = calloc(1, sizeof *frame);
   uint16_t *pixels = malloc(2 * count);
