@@ -6,7 +6,7 @@ glass: it fades after a stated time; and where the map or the lidar already expl
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,7 @@ class LiveObstacles:
 
     ``since_s`` is since when the lidar sees it there, ``passes`` in how many scans since then beams only passed.
     ``at_m`` (rows, columns, 2) is where in the cell it is, so that a gap does not lose two cells to rounding.
+    What sees fills these arrays: copies of a whole map cost more than the seeing.
     """
 
     scan_s: Floats
@@ -83,13 +84,11 @@ def see_scan(
 ) -> LiveObstacles:
     """Mark the points and clear the way to them; sensor and points (n, 2) are in the grid's frame.
 
-    ``sensor_m`` is one place (2,), or one for each point (n, 2).
+    It uses up ``live``, whose grids it fills. ``sensor_m`` is one place (2,), or one for each point (n, 2).
     """
     sensors = np.atleast_2d(sensor_m)
-    scan_s, since_s = live.scan_s.copy(), live.since_s.copy()
-    passes, at_m = live.passes.copy(), live.at_m.copy()
-    _see(scan_s, since_s, passes, at_m, frame.resolution_m, stamp_s, sensors, points_m)
-    return replace(live, scan_s=scan_s, since_s=since_s, passes=passes, at_m=at_m)
+    _see(live.scan_s, live.since_s, live.passes, live.at_m, frame.resolution_m, stamp_s, sensors, points_m)
+    return live
 
 
 @kernel
@@ -116,15 +115,15 @@ def _see(
     counted = np.zeros((rows, columns), np.bool_)
     for i in range(points_m.shape[0]):
         s = min(i, sensors.shape[0] - 1)
-        dx, dy = points_m[i, 0] - sensors[s, 0], points_m[i, 1] - sensors[s, 1]
-        length_m = math.hypot(dx, dy)
-        for k in range(int((length_m - cell_m) / (0.5 * cell_m))):
-            along = k * 0.5 * cell_m / length_m
-            column = math.floor((sensors[s, 0] + along * dx) / cell_m)
-            row = math.floor((sensors[s, 1] + along * dy) / cell_m)
-            if not (0 <= row < rows and 0 <= column < columns) or counted[row, column]:
+        x, y = sensors[s, 0] / cell_m, sensors[s, 1] / cell_m  # in cells from here on
+        dx, dy = points_m[i, 0] / cell_m - x, points_m[i, 1] / cell_m - y
+        length = math.hypot(dx, dy)
+        along_x, along_y = 0.5 * dx / length, 0.5 * dy / length
+        for k in range(int(2.0 * (length - 1.0))):
+            column, row = math.floor(x + k * along_x), math.floor(y + k * along_y)
+            if not (0 <= row < rows and 0 <= column < columns):
                 continue
-            if -math.inf < scan_s[row, column] < stamp_s:
+            if -math.inf < scan_s[row, column] < stamp_s and not counted[row, column]:
                 counted[row, column] = True
                 passes[row, column] += 1
                 if passes[row, column] >= PASSES or not _just_seen(scan_s, row, column, stamp_s):
@@ -154,44 +153,51 @@ def see_range(
 ) -> LiveObstacles:
     """Mark the arc at ``range_m`` across a sensor's cone, unless something known explains the echo.
 
-    ``fixed_m`` is each cell's distance to the nearest obstacle of the map.
+    It uses up ``live``, whose grids it fills. ``fixed_m`` is each cell's distance to the nearest obstacle of the map.
     """
-    if not 0 < range_m <= params.range_at_most_m:
-        return live
-    half = field_of_view_rad / 2
-    count = max(math.ceil(2 * half * range_m / (0.5 * frame.resolution_m)), 1)
-    bearings = grid_from_sensor.heading_rad + np.linspace(-half, half, count + 1)
-    cells = []
-    for bearing in bearings:
-        x_m = grid_from_sensor.x_m + range_m * math.cos(bearing)
-        y_m = grid_from_sensor.y_m + range_m * math.sin(bearing)
-        cell = frame.cell(x_m, y_m)
-        if cell is not None:
-            cells.append(cell)
-    reach = math.ceil(params.cone_explained_m / frame.resolution_m)
-    if any(_explained(params, live, fixed_m, cell, reach, stamp_s) for cell in cells):
-        return live
-    range_s, at_m = live.range_s.copy(), live.at_m.copy()
-    for cell in cells:
-        if live.scan_s[cell] == NEVER_S:
-            at_m[cell] = frame.center(*cell)
-        range_s[cell] = stamp_s
-    return replace(live, range_s=range_s, at_m=at_m)
+    if 0 < range_m <= params.range_at_most_m:
+        count = max(math.ceil(field_of_view_rad * range_m / (0.5 * frame.resolution_m)), 1)
+        bearings = np.linspace(-field_of_view_rad / 2, field_of_view_rad / 2, count + 1)
+        bearings += grid_from_sensor.heading_rad
+        ends = range_m * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+        ends += [grid_from_sensor.x_m, grid_from_sensor.y_m]
+        near_m, since_s = params.cone_explained_m, stamp_s - params.scan_kept_s
+        if not _explained(live.scan_s, fixed_m, frame.resolution_m, ends, near_m, since_s):
+            _hear(live.scan_s, live.range_s, live.at_m, frame.resolution_m, stamp_s, ends)
+    return live
 
 
+@kernel
 def _explained(
-    params: LiveParameters,
-    live: LiveObstacles,
-    fixed_m: Singles,
-    cell: tuple[int, int],
-    reach: int,
-    now_s: float,
+    scan_s: Floats, fixed_m: Singles, cell_m: float, ends_m: Floats, near_m: float, since_s: float
 ) -> bool:
-    row, column = cell
-    if fixed_m[cell] <= params.cone_explained_m:
-        return True
-    about = live.scan_s[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
-    return bool((about > now_s - params.scan_kept_s).any())
+    """Whether the map, or a lidar since then, has something near one of these places."""
+    rows, columns = scan_s.shape
+    reach = math.ceil(near_m / cell_m)
+    for i in range(ends_m.shape[0]):
+        row, column = math.floor(ends_m[i, 1] / cell_m), math.floor(ends_m[i, 0] / cell_m)
+        if not (0 <= row < rows and 0 <= column < columns):
+            continue
+        if fixed_m[row, column] <= near_m:
+            return True
+        for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
+            for c in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                if scan_s[r, c] > since_s:
+                    return True
+    return False
+
+
+@kernel
+def _hear(
+    scan_s: Floats, range_s: Floats, at_m: Floats, cell_m: float, stamp_s: float, ends_m: Floats
+) -> None:
+    rows, columns = scan_s.shape
+    for i in range(ends_m.shape[0]):
+        row, column = math.floor(ends_m[i, 1] / cell_m), math.floor(ends_m[i, 0] / cell_m)
+        if 0 <= row < rows and 0 <= column < columns:
+            range_s[row, column] = stamp_s
+            if scan_s[row, column] == -math.inf:
+                at_m[row, column, 0], at_m[row, column, 1] = (column + 0.5) * cell_m, (row + 0.5) * cell_m
 
 
 def obstacles_seen(
@@ -213,10 +219,19 @@ def obstacles_seen(
 
 def is_there(params: LiveParameters, live: LiveObstacles, now_s: float) -> Flags:
     """Which cells are occupied as far as is remembered."""
-    heard: Flags = live.range_s > now_s - params.range_kept_s
-    row_column = np.nonzero(live.scan_s > now_s - params.scan_kept_s)
-    scan_s = live.scan_s[row_column]
-    seen_for_s = scan_s - live.since_s[row_column]
-    kept_s = np.clip(params.kept_share * seen_for_s, params.brief_kept_s, params.scan_kept_s)
-    heard[row_column] |= now_s - scan_s < kept_s
-    return heard
+    found: Flags = np.empty(live.scan_s.shape, np.bool_)
+    kept = np.array([params.kept_share, params.brief_kept_s, params.scan_kept_s, params.range_kept_s])
+    _is_there(live.scan_s, live.since_s, live.range_s, kept, now_s, found)
+    return found
+
+
+@kernel
+def _is_there(
+    scan_s: Floats, since_s: Floats, range_s: Floats, kept: Floats, now_s: float, found: Flags
+) -> None:
+    share, brief_s, longest_s, heard_s = kept[0], kept[1], kept[2], kept[3]
+    for row in range(found.shape[0]):
+        for column in range(found.shape[1]):
+            seen_s = scan_s[row, column]
+            kept_s = min(max(share * (seen_s - since_s[row, column]), brief_s), longest_s)
+            found[row, column] = now_s - seen_s < kept_s or range_s[row, column] > now_s - heard_s
