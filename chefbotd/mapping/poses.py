@@ -17,6 +17,8 @@ def wrap(angle_rad: Floats) -> Floats:
 
 def compose(a: Floats, b: Floats) -> Floats:
     """``a_from_c`` of ``a_from_b`` and ``b_from_c``, row by row; either may be a single pose."""
+    if a.ndim == b.ndim == 1:
+        return _composed(*a.tolist(), *b.tolist())
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
     y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
@@ -25,9 +27,26 @@ def compose(a: Floats, b: Floats) -> Floats:
 
 def between(a: Floats, b: Floats) -> Floats:
     """Pose ``b`` as seen from pose ``a``: the inverse of ``compose``."""
+    if a.ndim == b.ndim == 1:
+        return _between(*a.tolist(), *b.tolist())
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[..., 2] - a[..., 2])], axis=-1)
+
+
+def _composed(ax: float, ay: float, a_rad: float, bx: float, by: float, b_rad: float) -> Floats:
+    """The same of two single poses, as numbers: that takes a fifth of the time of six arrays of one element."""
+    cos, sin = math.cos(a_rad), math.sin(a_rad)
+    return np.array([ax + cos * bx - sin * by, ay + sin * bx + cos * by, _wrapped(a_rad + b_rad)])
+
+
+def _between(ax: float, ay: float, a_rad: float, bx: float, by: float, b_rad: float) -> Floats:
+    cos, sin, dx, dy = math.cos(a_rad), math.sin(a_rad), bx - ax, by - ay
+    return np.array([cos * dx + sin * dy, cos * dy - sin * dx, _wrapped(b_rad - a_rad)])
+
+
+def _wrapped(angle_rad: float) -> float:
+    return (angle_rad + math.pi) % math.tau - math.pi
 
 
 def inverted(matrix: Floats) -> Floats:

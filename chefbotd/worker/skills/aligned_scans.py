@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -87,14 +88,20 @@ class ScanAligner:
         return None
 
     def _aligned(self, turns: tuple[ScanSeen, ...]) -> AlignedScan:
-        rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in self._track])
-        track = Track(rows[:, 0], rows[:, 1:])
         mounted = [MountedScan(Pose2D(*turn.mount), laser_scan(turn)) for turn in turns]
+        track = self._track_from(min(each.stamp_s + each.after_s.min(initial=0.0) for _, each in mounted))
         seen = joined_points(BEAMS, mounted, track)
         points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]
         sensor_m = seen.sensor_m if seen.sensor_m.ndim == 1 else seen.sensor_m.astype(np.float32)
         return AlignedScan(stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
+
+    def _track_from(self, begin_s: float) -> Track:
+        """Where the robot was, from the last that was known by then on."""
+        known = len(self._track)
+        first = next((k for k in range(known - 1, 0, -1) if self._track[k].stamp_s <= begin_s), 0)
+        rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in islice(self._track, first, None)])
+        return Track(rows[:, 0], rows[:, 1:])
 
 
 def laser_scan(scan: ScanSeen) -> LaserScan:
