@@ -4,7 +4,6 @@ import base64
 import contextlib
 import ctypes
 import os
-import select
 import signal
 import socket
 import sys
@@ -107,13 +106,16 @@ def _say_alive(line: _Line, runner: Runner, clock: _Clock) -> None:
 
 
 def _work(theirs: socket.socket, line: _Line, runner: Runner) -> None:
+    """Take, at each turn, all that has come: to wake up for each message costs more than most of them do."""
     reader = FrameReader()
     while True:
-        readable, _, _ = select.select([theirs], [], [], runner.wait_s)
-        if readable:
-            data = theirs.recv(READ_BYTES)
-            if not data:
-                return
-            for frame in reader.feed(data):
-                line.send_all(runner.take_message(TO_WORKER.decode(frame)))
+        time.sleep(runner.wait_s)
+        try:
+            data = theirs.recv(READ_BYTES, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            data = None
+        if data == b"":
+            return
+        for frame in reader.feed(data or b""):
+            line.send_all(runner.take_message(TO_WORKER.decode(frame)))
         line.send_all(runner.take_turn())

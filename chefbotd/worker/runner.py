@@ -36,13 +36,14 @@ class Runner:
         self._clock, self._renew = clock, renew
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []
-        self._stepped_s = float("-inf")
+        self._hearing: dict[str, Hears] = {}
+        self._step_at_s = float("-inf")
         self.doing: tuple[str, float] | None = None
 
     @property
     def wait_s(self) -> float:
-        """How long it may wait for messages before its next turn."""
-        return 0.0 if self._jobs else STEP_S
+        """How long there is nothing to do but for what comes meanwhile."""
+        return 0.0 if self._jobs else min(max(self._step_at_s - self._clock.now_s(), 0.0), STEP_S)
 
     def take_message(self, message: ToWorker) -> Iterator[FromWorker]:
         """Do what the daemon asks; yields what is to be sent, as it comes."""
@@ -54,9 +55,8 @@ class Runner:
                 for name, skill in self._skills.items():
                     yield from self._telling(name, "odometry", skill.take_odometry(message))
             case messages.RangeSeen():
-                for name, skill in self._skills.items():
-                    if isinstance(skill, Hears):
-                        yield from self._telling(name, "a range", skill.take_range(message))
+                for name, hearing in self._hearing.items():
+                    yield from self._telling(name, "a range", hearing.take_range(message))
             case messages.Request():
                 yield from self._begin(message)
             case messages.Cancel():
@@ -69,8 +69,8 @@ class Runner:
         for running in list(self._jobs):
             yield from self._advance(running)
         now_s = self._clock.now_s()
-        if now_s - self._stepped_s >= STEP_S / 2:
-            self._stepped_s = now_s
+        if now_s >= self._step_at_s:
+            self._step_at_s = max(self._step_at_s + STEP_S, now_s + STEP_S / 2)  # in time, or after a late one
             for name, skill in self._skills.items():
                 yield from self._telling(name, "its own time", skill.step(now_s))
 
@@ -93,6 +93,7 @@ class Runner:
                 return
             finally:
                 self.doing = None
+        self._hearing = {name: skill for name, skill in self._skills.items() if isinstance(skill, Hears)}
         for skill in self._skills.values():
             if isinstance(skill, Meets):
                 skill.meet(self._skills)

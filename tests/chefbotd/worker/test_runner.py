@@ -211,11 +211,15 @@ def test_what_it_does_is_visible_while_it_does_it(runner: Runner, clock: ManualC
 
 
 def test_skills_have_their_own_time(runner: Runner, skill: Counting, clock: ManualClock) -> None:
-    """Twenty times a second at most, however many messages come."""
-    for _ in range(100):
-        list(runner.take_turn())
-        clock.advance(0.01)
-    assert 20 <= skill.steps <= 34
+    """Twenty times a second, however many messages come, and also after a turn that came late."""
+    for late_s in (0.0, 0.02):
+        before = skill.steps
+        for _ in range(100):
+            list(runner.take_turn())
+            clock.advance(0.01)
+        assert 19 <= skill.steps - before <= 21
+        assert 0.0 <= runner.wait_s <= 0.05
+        clock.advance(late_s)
 
 
 def test_the_end_reaches_skills_and_jobs(runner: Runner, skill: Counting) -> None:
