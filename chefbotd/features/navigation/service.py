@@ -18,7 +18,7 @@ from chefbotd.core.events.localization import LocalizationChanged
 from chefbotd.core.events.navigation import PathChanged
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Twist2D
-from chefbotd.entries import entries_of
+from chefbotd.entries import Timer, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Waiting
 from chefbotd.features.navigation.destinations import Destinations, Places
@@ -40,7 +40,10 @@ SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
 MOST_WORKERS: Final = 5
-"""A goal on whose way so many workers ended one after the other is given up: it may be what ends them."""
+"""A goal is given up when so many workers ended one after the other: it may be what ends them, or none can start."""
+
+WORKER_AWAY_S: Final = 180.0
+"""So too after so long without a worker that could be told of it."""
 
 ARMED: Final = "armed"
 AWAY: Final = ("restarting", "unavailable", "stopped")
@@ -74,6 +77,7 @@ class NavigationService:
         self._paused = ""  # why, where somebody wants that
         self._is_taken_over = self._must_tell_goals = False
         self._workers_lost = 0  # since a goal was accepted or ended
+        self._away_timer: Timer | None = None
         self._worker.add_listener(SKILL, self._take_told)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
@@ -277,16 +281,30 @@ class NavigationService:
         self._driver.let_go()
         if event.state == "unavailable":
             self._end_goals("fault", f"the worker cannot work here: {event.reason}")
-        elif not self._must_tell_goals:
+            return
+        self._workers_lost += 1
+        if self._workers_lost >= MOST_WORKERS:
+            told = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
+            self._end_goals("fault", told)
+            return
+        if not self._must_tell_goals:
             self._must_tell_goals = True
-            self._workers_lost += 1
             self._bus.publish(PathChanged(self._clock.now_s(), (), ()))
-            if self._workers_lost >= MOST_WORKERS:
-                told = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
-                self._end_goals("fault", told)
-                return
-            why = f"stands until its worker is back: {event.reason}"
-            self._reporting.tell("paused", next(iter(self._goals.active)), why)
+        if self._away_timer is None:
+            self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, "navigation worker")
+        why = f"stands until its worker is back: {event.reason}"
+        self._reporting.tell("paused", next(iter(self._goals.active)), why)
+
+    def _give_up(self) -> None:
+        """Nobody could be told of the goals for too long."""
+        self._away_timer = None
+        self._end_goals("fault", f"there was no worker for {WORKER_AWAY_S:.0f} s that could be told of it")
+
+    def _wait_no_more(self) -> None:
+        """The goals are told, or over."""
+        if self._away_timer is not None:
+            self._away_timer.cancel()
+        self._must_tell_goals, self._away_timer = False, None
 
     def _take_localization(self, event: LocalizationChanged) -> None:
         """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
@@ -294,7 +312,7 @@ class NavigationService:
         self._end_if_stopped()
         if not self._must_tell_goals or not self._worker.is_ready:
             return
-        self._must_tell_goals = False
+        self._wait_no_more()
         if event.map != self._map:
             why = f"the goals are on the map {self._map!a}, which is not in use any more"
             self._end_goals("fault", f"{why}: {event.reason}" if event.reason else why)
@@ -323,7 +341,8 @@ class NavigationService:
         left = tuple(self._goals.active)
         if not left:
             self._driver.let_go()
-            self._must_tell_goals, self._paused = False, ""
+            self._wait_no_more()
+            self._paused = ""
         if self._worker.is_ready:
             self._orders.put(messages.KeepGoals(left))
 

@@ -153,7 +153,7 @@ def benched(scenario: Callable[[Bench], Awaitable[None]], section: NavigationSec
         bench = Bench(section or NavigationSection())
         telling = asyncio.create_task(bench.service.run())
         try:
-            await asyncio.wait_for(scenario(bench), 60.0)
+            await asyncio.wait_for(scenario(bench), 600.0)
         finally:
             telling.cancel()
             await asyncio.wait({telling})
@@ -451,6 +451,35 @@ def test_a_new_goal_ends_those_before_also_where_the_worker_dies_before_it_says_
         bench.lose_worker()
         await bench.new_worker()
         assert bench.worker.told_of() == [[3]]
+
+    benched(scenario)
+
+
+@pytest.mark.parametrize("is_heard_of", [True, False])
+def test_a_goal_does_not_wait_for_ever_for_a_worker_that_cannot_start(*, is_heard_of: bool) -> None:
+    """None of five lives to be ready; or the first hangs as it starts, and after three minutes that is the end."""
+
+    async def scenario(bench: Bench) -> None:
+        waiting = bench.wait(await bench.navigate(HERE, THERE))
+        bench.lose_worker()
+        for _ in range(3 if is_heard_of else 0):
+            await asyncio.sleep(8.0)
+            bench.lose_worker()
+        await asyncio.sleep(179.0 - 24.0 * is_heard_of)
+        assert not waiting.done()
+        assert bench.told[-1].state == "paused"
+        if is_heard_of:
+            bench.lose_worker()
+        found = await asyncio.wait_for(waiting, 1.1)
+        why = (
+            "5 workers ended on the way to it, the last: it was killed"
+            if is_heard_of
+            else "no worker for 180 s"
+        )
+        assert found.end == "fault"
+        assert why in found.reason
+        await bench.new_worker()
+        assert bench.worker.told_of() == []
 
     benched(scenario)
 
