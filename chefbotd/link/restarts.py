@@ -35,6 +35,8 @@ ENDS_WELL = (ResetStage.STOPPING, ResetStage.ASKED, ResetStage.RESTARTED)
 class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
 
+    RESTORABLE_TIMERS = ("_look",)
+
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
         self._bus, self._clock, self._writer, self._request_line = bus, entries_of(clock), speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()

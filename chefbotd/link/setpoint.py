@@ -26,6 +26,8 @@ class SetpointWriter:
     called, in the loop, when a thread has withdrawn what waited.
     """
 
+    RESTORABLE_TIMERS = ("resume",)
+
     def __init__(
         self,
         write: Callable[[Duty, float, bool], None],

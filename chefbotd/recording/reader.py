@@ -13,7 +13,7 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
+from mcap.stream_reader import CRCValidationError, StreamReader
 from msgspec import Struct
 
 from chefbotd.recording.chunk import MAGIC
@@ -24,6 +24,9 @@ from chefbotd.storage import explain
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""
+
+MAX_CHUNK_BYTES = 256_000_000
+"""Ours have a second in them; other programs' mostly 1 to 4 MB."""
 
 CUT = "it has no end: its writer was killed, its disk was full, or the file was cut"
 OWN = "chefbotd."
@@ -133,9 +136,8 @@ def _records_in(chunk: Chunk) -> Iterator[McapRecord]:
     Raises:
         ValueError: the chunk is damaged.
     """
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    data: bytes = stream.read(size)
-    at = 0
+    data = _unpacked(chunk)
+    at, size = 0, len(data)
     while at < size:
         opcode, length = RECORD_HEAD.unpack_from(data, at)
         at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
@@ -150,6 +152,32 @@ def _records_in(chunk: Chunk) -> Iterator[McapRecord]:
         elif opcode == Opcode.SCHEMA:
             yield Schema.read(ReadDataStream(BytesIO(data[at:end])))
         at = end
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """The records of a chunk, which may not be more than it says, nor more than anybody writes.
+
+    Raises:
+        ValueError: they are, or they are not those that were written.
+    """
+    size, data = chunk.uncompressed_size, chunk.data
+    if chunk.compression == "zstd":
+        import zstandard
+
+        size = max(size, zstandard.frame_content_size(data))
+    if size > MAX_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {size} bytes, expected at most {MAX_CHUNK_BYTES}")
+    if chunk.compression == "zstd":
+        data = zstandard.decompress(data, size)
+    elif chunk.compression == "lz4":
+        import lz4.frame
+
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, size + 1)
+    elif chunk.compression:
+        raise ValueError(f"a chunk is compressed by {chunk.compression!r}, expected zstd or lz4")
+    if len(data) != chunk.uncompressed_size or chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise ValueError("a chunk is not what was written: its size or its checksum is another one")
+    return data
 
 
 def _check(path: Path) -> int:

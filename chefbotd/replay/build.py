@@ -80,6 +80,7 @@ def replayed_daemon(
         opener=never_open,
         spawn_worker=never_spawn,
         depth_spawn=never_spawn,
+        session=None if started is None else started.session,
     )
 
 

@@ -96,7 +96,7 @@ class Pipeline:
     async def _restore(self, state: inputs.StateRecorded, *, keeps_parameters: bool) -> list[str]:
         daemon = self._daemon
         self._entries.timers.clear()
-        restore = Restore(self._entries, keeps_parameters=keeps_parameters)
+        restore = Restore(self._entries, daemon.state.restorable, keeps_parameters=keeps_parameters)
         restore.put(state.parts, daemon.state.parts)
         if BOARD_LINK in self._ports and daemon.session.drain_queries:
             self._ports[BOARD_LINK].set_drained(daemon.session.had_drained)

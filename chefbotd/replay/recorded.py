@@ -14,6 +14,9 @@ OF_THE_RECORDER = frozenset({"RecordingChanged", "EventsDropped"})
 NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
 """What the recorder says of itself, and what the bytes of the links have in it."""
 
+MAX_EVENT_BYTES = 32_000_000
+"""A state with a lidar has 70 kB, a scan some 60."""
+
 _ENTRY_NAMES = frozenset(each.__name__ for each in ENTRIES)
 _ANSWER_NAMES = frozenset(each.__name__ for each in ANSWERS)
 
@@ -51,11 +54,14 @@ def decoded(recorded: Recorded) -> Any:
         NotReplayable: it is not what its class says.
     """
     event_class = class_of(recorded.kind)
+    if len(recorded.payload) > MAX_EVENT_BYTES:
+        size = f"{len(recorded.payload)} bytes, expected at most {MAX_EVENT_BYTES}"
+        raise NotReplayable(f"message {recorded.sequence}: a {recorded.kind} of {size}")
     if event_class is None:
         raise NotReplayable(f"message {recorded.sequence}: this version of chefbotd has no {recorded.kind}")
     try:
         return decode(event_class, recorded.payload)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         told = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
         raise NotReplayable(told) from error
 

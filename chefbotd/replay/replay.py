@@ -10,10 +10,10 @@ from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
 from chefbotd.core.events.inputs import DaemonStarted, StateRecorded, TimerFired
 from chefbotd.recording.classes import encode
-from chefbotd.replay.comparison import Comparison, Difference, Told
+from chefbotd.replay.comparison import Comparison, Difference, Told, described
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.pipeline import Pipeline
-from chefbotd.replay.recorded import NOT_COMPARED, Group
+from chefbotd.replay.recorded import NOT_COMPARED, Group, NotReplayable
 from chefbotd.replay.speed_error import SpeedError
 
 MOST_EVENTS = 100_000
@@ -70,7 +70,10 @@ class Outcome:
 
 
 class Replay:
-    """Timers fire when they did then. With ``own_timers``, as another configuration needs, others fire when due."""
+    """Timers fire when they did then. With ``own_timers``, as another configuration needs, others fire when due.
+
+    With ``any_state``, as another version needs, too, what cannot be put back is left as it is.
+    """
 
     def __init__(
         self,
@@ -78,11 +81,13 @@ class Replay:
         entries: ReplayEntries,
         *,
         own_timers: bool = False,
+        any_state: bool = False,
         left_out: Iterable[str] = (),
     ) -> None:
         self._pipeline = Pipeline(daemon, entries, drains=not own_timers)
         self._entries = entries
         self._own_timers, self._is_astray = own_timers, False
+        self._any_state = any_state or own_timers
         self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS, NOT_COMPARED)
         self.outcome = Outcome(Comparison(left_out))
 
@@ -119,7 +124,7 @@ class Replay:
         if is_anew:
             await self._begin_anew(entry if isinstance(entry, StateRecorded) else None)
         if not (self._own_timers and self._is_of_the_other(entry)):
-            problem = await self._pipeline.handle(group)
+            problem = await self._handle(group)
             if problem and not self._own_timers:
                 outcome.note(f"at {stamp_s:.6f} s: {problem}")
         replayed += self._told()
@@ -130,10 +135,23 @@ class Replay:
         if self._own_timers:
             self._add_errors(group, replayed)
 
+    async def _handle(self, group: Group) -> str:
+        try:
+            return await self._pipeline.handle(group)
+        except NotReplayable:
+            raise
+        except Exception as error:
+            what = f"at {group.entry.stamp_s:.6f} s: {described(group.entry)}"
+            raise NotReplayable(f"{what} cannot be replayed: {type(error).__name__}: {error}") from error
+
     async def _begin_anew(self, state: StateRecorded | None) -> None:
         """From a state: at the beginning, and where one has everything after one that had not, or after a gap."""
         outcome = self.outcome
         problems = await self._pipeline.begin_late(state, keeps_parameters=self._own_timers)
+        if problems and state is not None and not self._any_state:
+            raise NotReplayable(
+                f"the state at {state.stamp_s:.6f} s is none that this version of chefbotd recorded: {problems[0]}"
+            )
         self._told()
         if not outcome.from_state and state is not None:
             outcome.from_state, outcome.left_out = True, (*state.left_out, *problems)

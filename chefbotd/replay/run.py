@@ -72,7 +72,13 @@ async def replay_groups(settings: Settings, first: Group, others: Iterable[Group
     entries.set_time(first.entry.stamp_s)
     started = first.entry if isinstance(first.entry, DaemonStarted) else None
     daemon = replayed_daemon(settings, started, entries, listen=wishes.listen)
-    replay = Replay(daemon, entries, own_timers=wishes.other is not None, left_out=settings.recording.exclude)
+    replay = Replay(
+        daemon,
+        entries,
+        own_timers=wishes.other is not None,
+        any_state=wishes.any_version,
+        left_out=settings.recording.exclude,
+    )
     rate = wishes.rate or (1.0 if wishes.listen is not None else None)
     groups = chain((first,), others)
     pace = None if rate is None else Pace(rate, asyncio.get_running_loop().time)

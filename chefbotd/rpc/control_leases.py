@@ -24,6 +24,9 @@ class Lease(Struct):
 class ControlLeases:
     """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
 
+    RESTORABLE = (Session,)
+    """Whoever drives."""
+
     def __init__(
         self,
         lease_s: float,

@@ -17,7 +17,8 @@ import msgspec
 from pydantic import BaseModel
 
 from chefbotd.entries import EntryTimer
-from chefbotd.snapshot.classes import TAG, WIRING, fields_of, is_code, is_frozen, is_ours, name_of, next_of
+from chefbotd.snapshot.classes import TAG, WIRING, is_code, is_frozen, is_ours, name_of, next_of
+from chefbotd.snapshot.restorable import Restorable, held_by
 
 SKIPPED: Any = object()
 _PLAIN = frozenset({int, str, bool, type(None)})
@@ -28,10 +29,10 @@ _models: dict[int, tuple[BaseModel, Any]] = {}
 
 
 class Capture:
-    """``wiring`` are further classes that every daemon makes its own objects of."""
+    """What is not ``restorable`` is left out, and told."""
 
-    def __init__(self, wiring: tuple[type[Any], ...] = ()) -> None:
-        self._wiring = (*WIRING, *wiring)
+    def __init__(self, restorable: Restorable) -> None:
+        self._restorable = restorable
         self._numbers: dict[int, int] = {}
         self.left_out: list[str] = []
 
@@ -55,15 +56,15 @@ class Capture:
             return {TAG: kind.__name__, "is": b64encode(value).decode()}
         if kind is deque:
             return self._items("deque", value, way)
-        if isinstance(value, Enum):
-            return {TAG: "enum", "of": name_of(kind), "is": value.name}
-        if isinstance(value, self._wiring) or is_code(value):
+        if isinstance(value, WIRING) or is_code(value):
             return SKIPPED
         return self._object(value, kind, way)
 
     def _object(self, value: Any, kind: Any, way: str) -> Any:
         if is_ours(kind):
             return self._own(value, kind, way)
+        if isinstance(value, type) and value in self._restorable:
+            return {TAG: "class", "of": name_of(value)}
         if kind in (set, frozenset):
             return self._items(kind.__name__, sorted(value, key=repr), way)
         if kind is asyncio.Event:
@@ -74,21 +75,22 @@ class Capture:
             return {TAG: "count", "is": next_of(value)}
         if kind.__module__ == "numpy":
             return self._array(value)
-        if isinstance(value, type) and is_ours(value):
-            return {TAG: "class", "of": name_of(value)}
         if not isinstance(value, asyncio.BaseTransport):
             self._leave_out(value, way)
         return SKIPPED
 
     def _own(self, value: Any, kind: Any, way: str) -> Any:
-        if isinstance(value, BaseModel):
-            return self._model(value)
-        if isinstance(value, type):
-            return {TAG: "class", "of": name_of(value)}
         if isinstance(value, asyncio.BaseTransport):
             return SKIPPED
         if isinstance(value, EntryTimer):
             return self._timer(value, way)
+        if kind not in self._restorable:
+            self._leave_out(value, way)
+            return SKIPPED
+        if isinstance(value, Enum):
+            return {TAG: "enum", "of": name_of(kind), "is": value.name}
+        if isinstance(value, BaseModel):
+            return self._model(value)
         if is_frozen(kind):
             return {TAG: "value", "of": name_of(kind), "is": self._fields(value, kind, way)}
         known = self._numbers.get(id(value))
@@ -98,13 +100,9 @@ class Capture:
         return {TAG: "object", "of": name_of(kind), "no": number, "is": self._fields(value, kind, way)}
 
     def _fields(self, value: Any, kind: Any, way: str) -> dict[str, Any]:
-        names = fields_of(kind)
-        found = vars(value) if names is None else {name: getattr(value, name, SKIPPED) for name in names}
-        told, unrecorded = {}, getattr(kind, "UNRECORDED", ())
-        for name, each in found.items():
-            if name in unrecorded:
-                continue
-            taken = SKIPPED if each is SKIPPED else self._value(each, f"{way}.{name}")
+        told = {}
+        for name, each in held_by(value).items():
+            taken = self._value(each, f"{way}.{name}")
             if taken is not SKIPPED:
                 told[name] = taken
         return told

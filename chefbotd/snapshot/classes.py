@@ -1,7 +1,6 @@
-"""Classes by their names: only ours, so that a recording cannot name anything else."""
+"""What kind of class a value is of, and how a class is written."""
 
 from functools import cache, partial
-from importlib import import_module
 from inspect import isbuiltin, isfunction, ismethod
 from itertools import count
 from threading import Lock
@@ -27,27 +26,6 @@ class NotRestorable(Exception):
 def name_of(cls: type[Any]) -> str:
     """A class as it is written."""
     return f"{cls.__module__}:{cls.__qualname__}"
-
-
-@cache
-def class_named(name: str) -> type[Any]:
-    """The class of this name.
-
-    Raises:
-        NotRestorable: it is none of ours, or this version has none.
-    """
-    module, _, path = name.partition(":")
-    if module.partition(".")[0] not in OURS:
-        raise NotRestorable(f"{name} is no class of chefbotd")
-    try:
-        found: Any = import_module(module)
-        for each in path.split("."):
-            found = getattr(found, each)
-    except (ImportError, AttributeError) as error:
-        raise NotRestorable(f"this version of chefbotd has no {name}") from error
-    if not isinstance(found, type):
-        raise NotRestorable(f"{name} is no class")
-    return found
 
 
 def is_ours(cls: type[Any]) -> bool:

@@ -1,10 +1,12 @@
 """What a daemon remembers, as an event; and back into a daemon of a replay."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import cached_property
 
 from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.entries import Entries
 from chefbotd.snapshot.capture import Capture
+from chefbotd.snapshot.restorable import Restorable
 
 
 class DaemonState:
@@ -23,6 +25,11 @@ class DaemonState:
         self._entries, self.parts = entries, parts
         self._waiting, self._harmless = waiting, harmless
 
+    @cached_property
+    def restorable(self) -> Restorable:
+        """What a state may name; it takes some milliseconds once."""
+        return Restorable(self.parts.values())
+
     @property
     def is_settled(self) -> bool:
         """Whether nothing is under way that a state cannot have in it."""
@@ -30,7 +37,7 @@ class DaemonState:
 
     def record(self) -> StateRecorded:
         """The state now, between two entries."""
-        capture = Capture()
+        capture = Capture(self.restorable)
         parts = capture.take(self.parts)
         is_open = tuple(name for name, session in self._entries.links.items() if session.is_open)
         left_out = (*self._under_way(), *capture.left_out)

@@ -56,6 +56,8 @@ class DriveService:
     A loop that stood still for ``patience_s`` while it drove disarms, whether or not a watchdog looked meanwhile.
     """
 
+    RESTORABLE_TIMERS = ("_watch",)
+
     def __init__(
         self,
         bus: Bus,

@@ -22,6 +22,8 @@ class Reporting:
 
     UNRECORDED = frozenset({"_waiting"})
 
+    RESTORABLE_TIMERS = ("_repeat",)
+
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._clock = bus, entries_of(clock)
         self._told: NavigationChanged | None = None

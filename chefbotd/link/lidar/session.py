@@ -69,6 +69,8 @@ def _reader_of(lidar: LidarParameters) -> LidarReader:
 class LidarSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters; scans go to the bus as they end."""
 
+    RESTORABLE_TIMERS = ("_poll",)
+
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
         self._bus, self._clock, self.lidar = bus, entries_of(clock), lidar
         self.reader = _reader_of(lidar)
