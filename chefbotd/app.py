@@ -64,7 +64,7 @@ class Daemon:
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
     ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
     with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one. ``start_writer`` starts the
-    thread that records; without it nothing is recorded.
+    thread that records; without it nothing is recorded. ``session`` tells this start from any other: None makes one.
     """
 
     def __init__(
@@ -81,17 +81,18 @@ class Daemon:
         spawn_worker: "Spawn | None" = None,
         depth_spawn: DepthSpawn | None = None,
         start_writer: StartWriter | None = None,
+        session: str | None = None,
     ) -> None:
         self.bus = Bus()
         self.entries = clock = entries_of(clock)
         self.entries.bus = self.bus
-        rng, session = rng or random.Random(), os.urandom(4).hex()
+        rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
         context = Context(
             settings,
             self.bus,
             clock,
             rng,
-            session,
+            self._session,
             simulated,
             opener,
             spawn_worker,
@@ -123,14 +124,14 @@ class Daemon:
             board(self.session, link, fault_log, driving.brake),
         ]
         guard = load_guard(settings.api, os.environ)
-        self.rpc = self._rpc_server(settings, session, guard)
+        self.rpc = self._rpc_server(settings, guard)
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
         self.page = page_server(settings, self.rpc, guard, self.metrics)
         self.features += discovery(settings, self.server, self.page)
         self.state = self._state()
         self._add_metrics()
 
-    def _rpc_server(self, settings: Settings, session: str, guard: Guard) -> RpcServer:
+    def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)
         return RpcServer(
             methods,
@@ -140,7 +141,7 @@ class Daemon:
             settings.api,
             self.leases,
             robot_name=settings.robot.name,
-            session=session,
+            session=self._session,
             sources=tuple(settings.safety.sources),
             default_source=settings.safety.default_source,
             command_timeout_s=settings.safety.command_timeout_s,
@@ -201,9 +202,8 @@ class Daemon:
 
     def _started(self, stamp_s: float) -> DaemonStarted:
         gate = self.driving.gate
-        return DaemonStarted(
-            stamp_s, str(gate.mode), gate.reason, None if gate.fault is None else str(gate.fault)
-        )
+        fault = None if gate.fault is None else str(gate.fault)
+        return DaemonStarted(stamp_s, str(gate.mode), gate.reason, fault, self._session)
 
     def _fail(self, fault: Fault) -> None:
         with self.entries.entry(ServiceFailed, fault.reason):

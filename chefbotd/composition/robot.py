@@ -59,6 +59,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         counts_per_turn=settings.encoders.counts_per_turn,
         mounts=settings.range_mounts(),
         latch=latch,
+        session=int(context.session, 16),
         motors=MotorWatch(settings.safety, settings.chassis),
         scans=scan_guard(context),
     )

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from chefbotd.client import CallError
+from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import Twist2D
@@ -258,6 +258,24 @@ def test_an_estop_brakes_at_once_and_latches(settings: Settings):
         assert truth(robot).twist.linear_m_s > 0.1
 
     on_robot(scenario, settings)
+
+
+def test_who_arms_clears_no_stop_that_another_client_has_just_pressed():
+    """One sees an e-stop; another presses it again; the first one's arm is refused, until it has seen that one, too."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await robot.client.estop("smoke")
+        seen = (await robot.client.get_state()).safety.latch
+        async with Client.connect(*await robot.daemon.server.address()) as other:
+            await other.estop("a child")
+        with pytest.raises(CallError, match="a child") as refused:
+            await robot.client.arm(seen)
+        assert refused.value.kind == "latched_again"
+        assert (await topic(robot, "safety"))["mode"] == "estopped"
+        await robot.client.arm(seen + 1)
+        assert (await topic(robot, "safety"))["mode"] == "armed"
+
+    on_robot(scenario, load())
 
 
 def test_a_higher_source_takes_over_and_gives_back(settings: Settings):

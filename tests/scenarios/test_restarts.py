@@ -72,14 +72,18 @@ async def refused_until_armed(program: Program, client: Client, kind: str) -> No
 def test_an_estop_outlives_the_program(
     tmp_path: Path, robot: str, remembering: Callable[[Path], Mapping[str, str]], end: signal.Signals
 ):
-    """However it ends: the next one is estopped for the same reason, and moves nothing before arm."""
+    """However it ends: the next one is estopped for the same reason, and moves nothing before its own is cleared."""
 
     async def scenario() -> None:
         async with driving(tmp_path, robot=robot, environment=remembering(tmp_path)) as (program, client):
             await client.estop("smoke")
+            seen = (await client.get_state()).safety.latch
             await ended(program, end)
             async with second_daemon(program) as second, second.client() as again:
                 assert (await again.call("get_state"))["safety"]["reason"] == "smoke"
+                await board_there(again)
+                with pytest.raises(CallError, match="started anew"):
+                    await again.arm(seen)
                 await refused_until_armed(second, again, "estopped")
 
     asyncio.run(scenario())

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadParameters, Reading, Request, disabled, step
-from chefbotd.cli.drive.release import describe_stop, release_source
+from chefbotd.cli.drive.release import arm_seen, describe_stop, release_source
 from chefbotd.client import CallError, Client
 
 POLL_PERIOD_S = 0.01
@@ -112,7 +112,7 @@ class JoystickPilot:
             await self._robot.estop("asked by joystick")
             self._say("Emergency stop; Start arms again.")
         elif order is Request.ARM:
-            await self._robot.arm()
+            await arm_seen(self._robot)
             self._say("Armed.")
         else:
             await self._robot.drive(order.linear_m_s, order.angular_rad_s, self._source)

@@ -6,6 +6,11 @@ from collections.abc import Mapping
 from chefbotd.client import CallError, Client
 
 
+async def arm_seen(robot: Client) -> None:
+    """Clear what has latched by now; what latches while this is on its way holds."""
+    await robot.arm((await robot.get_state()).safety.latch)
+
+
 async def release_source(robot: Client, source: str | None = None) -> None:
     """Set our own target to zero, then release our sources. If the release is refused, send a stop, which never is."""
     with contextlib.suppress(

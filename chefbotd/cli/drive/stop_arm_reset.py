@@ -8,7 +8,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.drive.release import describe_stop
+from chefbotd.cli.drive.release import arm_seen, describe_stop
 from chefbotd.client import Client
 
 
@@ -40,11 +40,7 @@ def arm(context: CommandContext) -> None:
 
     Only after what has latched when the command begins: a stop that comes after it holds.
     """
-
-    async def clear(robot: Client) -> None:
-        await robot.arm((await robot.get_state()).safety.latch)
-
-    _do(context, clear, "Armed: the robot may move.")
+    _do(context, arm_seen, "Armed: the robot may move.")
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)

@@ -86,7 +86,9 @@ class Teleop(RobotScreen):
         if key in ESTOP_KEYS:
             await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
         elif key == "a":
-            await self._interrupt(self.robot.arm(), "Armed.")
+            safety = self._latest.get("safety")
+            seen = None if safety is None else safety.data.latch
+            await self._interrupt(self.robot.arm(seen), "Armed.")
         elif key == "t":
             await self.ask(self.robot.take_control(), "You have control; the previous driver's motion ends.")
         else:

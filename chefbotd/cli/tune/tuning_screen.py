@@ -15,6 +15,7 @@ from textual.widgets import Static
 
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Style
+from chefbotd.cli.drive.release import arm_seen
 from chefbotd.cli.tune.excitation import Exciter, WaveParameters
 from chefbotd.cli.tune.gain_commands import restore_commands
 from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
@@ -125,7 +126,7 @@ class Tune(RobotScreen):
         elif key == "s":
             await self._save()
         elif key == "a":
-            await self.ask(self.robot.arm(), "Armed.")
+            await self.ask(arm_seen(self.robot), "Armed.")
         elif key == "!":
             self._exciter.on = False
             await self.ask(self.robot.estop("asked by pid tune"), "Emergency stop; 'a' arms again.")

@@ -13,12 +13,16 @@ BOARD_LINK = "board"
 
 
 class DaemonStarted(Record, frozen=True):
-    """An entry: nothing has happened before it. The mode of the gate is what the daemon before this one left."""
+    """An entry: nothing has happened before it. The mode of the gate is what the daemon before this one left.
+
+    ``session`` is eight hexadecimal digits that no other start of a daemon has.
+    """
 
     stamp_s: float
     mode: str
     reason: str
     fault: str | None
+    session: str = "0"
 
 
 class StateRecorded(Record, frozen=True):

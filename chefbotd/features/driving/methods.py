@@ -250,7 +250,10 @@ class SafetyData(TopicData):
     )
     fault: str | None = Field(None, description="stable name of the fault that has latched")
     limited_by: str | None = Field(None, description="what keeps the command from being followed as given")
-    latch: int = Field(0, description="how many emergency stops and faults have latched; for arm")
+    latch: int = Field(
+        0,
+        description="number of the last emergency stop or fault, which no other start of the daemon has; for arm",
+    )
 
 
 def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:

@@ -47,6 +47,9 @@ JUST_S = 0.001
 
 WAITING = "waiting for the board"
 
+LATCHES_PER_SESSION = 2**20
+"""The number of a latch is the session's times this, and a count: with 32 bits of session exact in a float, too."""
+
 
 class Scans(Protocol):
     """What lidars see, as a source of the obstacle guard."""
@@ -60,7 +63,8 @@ class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
 
     ``scans`` makes what guards by lidars; it is handed what takes the errors of its handlers. ``latch`` remembers the
-    mode beyond the end of the process; ``motors`` says whether the board does as it is told.
+    mode beyond the end of the process; what latches is numbered within the ``session``.
+    ``motors`` says whether the board does as it is told.
     """
 
     UNRECORDED = frozenset({"_latch"})
@@ -75,6 +79,7 @@ class SafetyKeeper:
         counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
         latch: GateStore,
+        session: int = 0,
         motors: MotorWatch,
         scans: Callable[[OnError], Scans] | None = None,
     ) -> None:
@@ -82,7 +87,7 @@ class SafetyKeeper:
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
         self._latch, self._motors = latch, motors
         self._gate, self._decision = latch.recall(), HALT
-        self._latched = 0
+        self._latched = session * LATCHES_PER_SESSION
         self._attempts: hold.Attempts = ()
         self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
@@ -185,9 +190,11 @@ class SafetyKeeper:
         if latch is not None:
             self._take_report()
         if latch not in (None, self._latched):
+            is_foreign = latch // LATCHES_PER_SESSION != self._latched // LATCHES_PER_SESSION
+            since = "the daemon was started anew" if is_foreign else "the robot was stopped again"
             raise Refused(
                 RefusalKind.LATCHED_AGAIN,
-                f"arm was to clear what latched as number {latch}, and {self._latched} have by now: "
+                f"arm was to clear number {latch}, and {since} since, which makes it {self._latched}: "
                 f"the robot is {self._gate.mode} ({self._gate.reason})",
             )
         if not self._link_open:

@@ -61,6 +61,7 @@ class FakeDaemon:
         self.protocol = "1.0"
         self.gains: list[dict[str, Any]] = [dict.fromkeys(WHEELS, PID)]
         self.held_by: str | None = None
+        self.latch = 0
         self.scan: dict[str, Any] | None = None
         recording = RecordingData(state="recording", name="evening_1")
         self.recording: dict[str, Any] = recording.model_dump(mode="json")
@@ -148,6 +149,7 @@ class FakeDaemon:
                 "source": None,
                 "armed": True,
                 "control": {},
+                "latch": self.latch,
             },
             "link": {"state": "up", "device": "/dev/ttyACM0", "reason": ""},
         }

@@ -158,15 +158,18 @@ def test_a_source_that_was_asked_for(daemon: FakeDaemon) -> None:
 
 
 def test_stop_estop_and_arm(daemon: FakeDaemon) -> None:
-    """Each is one call, and told."""
+    """Each is told; arming clears what has latched by then and nothing after it."""
     said: list[str] = []
+    daemon.latch = 0x1F3A07C2 * 2**20 + 3
 
     async def script(pad: FakePad) -> None:
         for button in (Button.STOP, Button.ESTOP, Button.ARM):
             pad.reading = Reading(down=frozenset({button}))
             await asyncio.sleep(0.1)
 
-    assert [name for _, name, _ in fly(daemon, script, said)] == ["stop", "estop", "arm"]
+    asked = fly(daemon, script, said)
+    assert [name for _, name, _ in asked] == ["stop", "estop", "get_state", "arm"]
+    assert daemon.calls[-1][1:] == ("arm", {"latch": daemon.latch})
     assert said == ["Stopped; nobody was driving.", "Emergency stop; Start arms again.", "Armed."]
 
 

@@ -82,6 +82,19 @@ def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
     assert "drive" not in daemon.methods()
 
 
+def test_a_clears_what_the_screen_shows(daemon: FakeDaemon) -> None:
+    """It names the last latch that it has been told of, and so none that comes just before the key."""
+    daemon.latch = 0x1F3A07C2 * 2**20 + 3
+
+    async def script(screen: Teleop, user: Pilot[None]) -> None:
+        await seen(screen, user, "armed")
+        await user.press("a")
+        await called(daemon, user, "arm")
+
+    on_screen(daemon, script)
+    assert [given for _, name, given in daemon.calls if name == "arm"] == [{"latch": daemon.latch}]
+
+
 def test_refusals_are_shown(daemon: FakeDaemon) -> None:
     """What the robot refuses is told on the message line."""
     daemon.refuse.update(drive="link_down", arm="link_down")

@@ -181,13 +181,16 @@ def test_excitation_ends(daemon: FakeDaemon, end: str, last: str) -> None:
 
 @pytest.mark.parametrize(("key", "method"), [("exclamation_mark", "estop"), ("a", "arm")])
 def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
-    """``!`` is the emergency stop, ``a`` arms, as in teleop."""
+    """``!`` is the emergency stop, ``a`` clears what has latched by then, as in teleop."""
+    daemon.latch = 0x1F3A07C2 * 2**20 + 3
 
     async def script(screen: Tune, user: Pilot[None]) -> None:
         await user.press(key)
         await until(user, lambda: method in daemon.methods())
 
     on_screen(daemon, script)
+    given = {name: given for _, name, given in daemon.calls}
+    assert method == "estop" or given["arm"] == {"latch": daemon.latch}
 
 
 @pytest.mark.slow

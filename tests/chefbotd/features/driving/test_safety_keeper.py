@@ -37,6 +37,7 @@ class Kept:
         rearm: Rearm = Rearm.MANUAL,
         mounts: Mapping[str, Pose2D] | None = None,
         scans: Callable[[OnError], Scans] | None = None,
+        session: int = 0,
     ) -> None:
         self.clock, parameters = ManualClock(100.0), SafetyParameters(rearm=rearm)
         self.bus = Bus()
@@ -51,6 +52,7 @@ class Kept:
             mounts=mounts or {},
             scans=scans,
             latch=LatchFile(None),
+            session=session,
             motors=MotorWatch(parameters, CHASSIS),
         )
         self.keeper.on_link(LinkOpened(100.0, "dev"))
@@ -104,6 +106,24 @@ def test_arm_clears_what_it_names_and_nothing_that_latched_after_it() -> None:
     kept.keeper.announce(100.3)
     kept.keeper.arm(kept.told()[-1].latch)
     assert kept.keeper.armed
+
+
+@pytest.mark.parametrize("session", [0, 0x1F3A07C2, 0xFFFFFFFF])
+def test_a_number_of_another_start_of_the_daemon_clears_nothing(session: int) -> None:
+    """As many e-stops, before a restart and after it: who kept the number clears none that it has not seen."""
+    before, after = Kept(session=0x1F3A07C1), Kept(session=session)
+    for kept in (before, after):
+        kept.keeper.estop("smoke")
+        kept.keeper.announce(100.1)
+    kept_number, number = before.told()[-1].latch, after.told()[-1].latch
+    assert kept_number == 0x1F3A07C1 * 2**20 + 1
+    assert number == session * 2**20 + 1
+    assert number == int(float(number))  # a browser's numbers are floats
+    with pytest.raises(Refused, match="the daemon was started anew") as refused:
+        after.keeper.arm(kept_number)
+    assert refused.value.kind is RefusalKind.LATCHED_AGAIN
+    after.keeper.arm(number)
+    assert after.keeper.armed
 
 
 def test_arm_clears_no_fault_that_a_thread_has_just_reported() -> None:
