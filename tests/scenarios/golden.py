@@ -23,6 +23,7 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
 from chefbotd.core.record import Record
+from chefbotd.features.driving.safety_keeper import LATCHES_PER_SESSION
 from chefbotd.process.build import build
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -117,6 +118,8 @@ def _tell(event: Any, start_s: float) -> str:
     for name, value in asdict(event).items():
         if name in ("stamp_s", "arrival_s", "board_s"):
             value -= start_s
+        elif name == "latch":
+            value %= LATCHES_PER_SESSION  # no two starts of a daemon have the same
         fields.append(f"{name}={_text(value)}")
     return f"  {type(event).__name__}({', '.join(fields)})"
 
