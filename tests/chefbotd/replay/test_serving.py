@@ -32,8 +32,9 @@ def test_a_client_sees_the_recorded_drive_and_cannot_change_it() -> None:
 
     async def main() -> None:
         entries = ReplayEntries()
-        entries.set_time(next(each.stamp_s for each in events if isinstance(each, DaemonStarted)))
-        daemon = replayed_daemon(settings, None, entries)
+        started = next(each for each in events if isinstance(each, DaemonStarted))
+        entries.set_time(started.stamp_s)
+        daemon = replayed_daemon(settings, started, entries)
         replay = Replay(daemon, entries)
         loop = asyncio.get_running_loop()
         async with Serving(daemon):
