@@ -63,15 +63,31 @@ class RecordingFolder:
             f"and {self._parameters.min_free_mb:g} MB are to stay so ([recording] min_free_mb)"
         )
 
+    def make_room(self, current: Path | None) -> int:
+        """What the disk has free; if too little, after the oldest files that nobody asked for were removed.
+
+        None is, where all of them would not be enough.
+        """
+        free_bytes = self.free_bytes()
+        missing = self._parameters.min_free_mb * MEGABYTE - free_bytes
+        rows = self._automatic(current) if missing > 0 else []
+        if not rows or sum(size for _, size, _ in rows) < missing:
+            return free_bytes
+        for path, size, _ in rows:
+            if missing > 0:
+                self._disk.remove(path)
+                missing -= size
+        return self.free_bytes()
+
+    def _automatic(self, current: Path | None) -> list[tuple[Path, int, float]]:
+        """The files that nobody asked for, but for the current one, the oldest first."""
+        kinds = (self._disk.files(self.path, f"{kind}_*.mcap") for kind in (AUTOMATIC, FAULT))
+        rows = [row for files in kinds for row in files if row[0] != current]
+        return sorted(rows, key=lambda row: row[2])
+
     def remove_old(self, current: Path | None) -> None:
         """Remove the oldest files that nobody asked for, where they are too many."""
-        rows = [
-            row
-            for kind in (AUTOMATIC, FAULT)
-            for row in self._disk.files(self.path, f"{kind}_*.mcap")
-            if row[0] != current
-        ]
-        rows.sort(key=lambda row: row[2])
+        rows = self._automatic(current)
         total = sum(size for _, size, _ in rows)
         for path, size, _ in rows[:-1]:
             if total <= self._parameters.automatic_mb * MEGABYTE:

@@ -23,7 +23,10 @@ class RecordingParameters(Parameters):
     rotate_mb: float = Field(256.0, ge=0.1, le=1e6, description="then another file goes on")
     rotate_minutes: float = Field(30.0, gt=0.0, le=1e5, description="then another file goes on")
     min_free_mb: float = Field(
-        500.0, ge=0.0, le=1e7, description="recording ends before less of the disk is free"
+        500.0,
+        ge=0.0,
+        le=1e7,
+        description="before less of the disk is free, old automatic files are removed, or recording ends",
     )
     automatic_mb: float = Field(
         2000.0,

@@ -286,8 +286,8 @@ class Recorder:
             raise RecordingError(RefusalKind.STORAGE_FAILED, problem)
 
     def _look_at_disk(self) -> str | None:
-        """What to say of a disk that is too full; None: it has room."""
-        free_bytes = self._folder.free_bytes()
+        """What to say of a disk that is too full, if old files cannot make room; None: it has."""
+        free_bytes = self._folder.make_room(self._current)
         self.status = replace(self.status, free_bytes=free_bytes)
         return self._folder.why_too_full(free_bytes)
 

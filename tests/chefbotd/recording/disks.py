@@ -63,3 +63,16 @@ class FailingDisk(Disk):
         """What it was told to say."""
         self.obey()
         return super().free_bytes(folder) if self.free is None else self.free
+
+
+class SmallDisk(Disk):
+    """Holds so many bytes of the folder's files; ``least`` is the least that was ever free when it was asked."""
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = self.least = capacity
+
+    def free_bytes(self, folder: Path) -> int:
+        """What the files have left."""
+        free = self.capacity - sum(size for _, size, _ in self.files(folder, "*"))
+        self.least = min(self.least, free)
+        return free

@@ -12,8 +12,9 @@ from chefbotd.recording.disk import Disk
 from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
+from chefbotd.recording.status import AUTOMATIC
 from chefbotd.recording.writer import MOST_ASKED, WriterThread
-from tests.chefbotd.recording.disks import FailingDisk, FailingFile
+from tests.chefbotd.recording.disks import FailingDisk, FailingFile, SmallDisk
 from tests.chefbotd.recording.events import START_S, cycle, fault, parts, recorder
 
 MEGABYTE = 1_000_000
@@ -102,6 +103,43 @@ def test_a_minimum_of_the_disk_stays_free(tmp_path: Path) -> None:
         with pytest.raises(RecordingError) as refused:
             begin()
         assert refused.value.kind is RefusalKind.STORAGE_FAILED
+
+
+def test_on_a_full_disk_recording_goes_on_in_place_of_its_oldest_files(tmp_path: Path) -> None:
+    """1 MB, 0.4 MB of it to stay free, two minutes in files of 0.1 MB: what somebody asked for stays."""
+    asked_for, disk = tmp_path / "evening_20260412T183000Z.mcap", SmallDisk(1_000_000)
+    asked_for.write_bytes(bytes(70_000))
+    made = recorder(tmp_path, disk, min_free_mb=0.4, rotate_mb=0.1, chunk_s=0.5, ring_s=0.0)
+    made.start(AUTOMATIC, START_S)
+    written: list[Path] = []
+    for k in range(12_000):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        written += set(tmp_path.glob("auto_*")) - set(written)
+    assert made.status.state == "recording"
+    assert made.stop(START_S + 120.0).reason == ""
+    left = set(tmp_path.glob("auto_*"))
+    written += left - set(written)  # its end may have begun another one
+    assert 2 <= len(left) < len(written)
+    assert left == set(written[-len(left) :])
+    assert all(RecordingReader(path).problem is None for path in left)
+    assert asked_for.exists()
+    assert 0.25e6 < disk.least < 0.4e6  # a second of recording more than was to be
+    assert disk.free_bytes(tmp_path) >= 0.35e6
+
+
+def test_no_file_is_removed_where_that_would_not_help(tmp_path: Path) -> None:
+    """Others fill the disk: recording ends with the reason, and every file stays."""
+    disk = SmallDisk(1_000_000)
+    made = recorder(tmp_path, disk, min_free_mb=0.4, rotate_mb=0.1, chunk_s=0.5, ring_s=0.0)
+    made.start(AUTOMATIC, START_S)
+    for k in range(6_000):
+        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        if k == 2_000:
+            files, disk.capacity = set(tmp_path.glob("auto_*")), 300_000
+    assert made.status.state == "failed"
+    assert "are to stay so" in made.status.reason
+    assert set(tmp_path.glob("auto_*")) >= files
+    assert len(files) > 1
 
 
 def test_the_oldest_files_that_nobody_asked_for_give_way(tmp_path: Path) -> None:
