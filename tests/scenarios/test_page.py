@@ -2,9 +2,12 @@
 
 import base64
 import json
+import math
+import os
 import re
 import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -15,6 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
+import psutil
 import pytest
 
 from chefbotd.client import SyncClient
@@ -40,9 +44,18 @@ MOST_BYTES = 300_000
 class RunningRobot:
     """``chefbotd run --sim --page`` on ports of its own, which stay the same after a restart."""
 
-    def __init__(self, folder: Path, *, token: str | None = None, role: str = "admin") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        token: str | None = None,
+        role: str = "admin",
+        name: str = "chefbot",
+        device: Path | None = None,
+    ) -> None:
         self.api_port, self.page_port, self.token = free_port(), free_port(), token
-        text = packaged("chefbot").read_text()
+        self._board = ["--sim"] if device is None else ["--port", str(device)]
+        text = packaged(name).read_text()
         for old, new in (("port = 7333", self.api_port), ("port = 7380", self.page_port)):
             assert old in text
             text = text.replace(old, f"port = {new}")
@@ -60,7 +73,7 @@ class RunningRobot:
         command = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
         with self._log_path.open("ab") as log:
             self.process = subprocess.Popen(
-                [*command, "run", "--sim", "--page", "--config", str(self._configuration)],
+                [*command, "run", *self._board, "--page", "--config", str(self._configuration)],
                 stdout=log,
                 stderr=log,
             )
@@ -279,23 +292,175 @@ def test_the_page_comes_back_with_the_daemon(page: Any, robot: RunningRobot) -> 
 
 
 def test_a_stalled_daemon_is_told_and_gets_no_old_commands(page: Any, robot: RunningRobot) -> None:
-    """Frozen for three seconds with a key down: the page says so, and nothing moves afterwards until a new press."""
+    """Frozen in mid-drive, key down: the page says so; then a fault stops the robot, and no old command moves it."""
     open_page(page, robot)
     page.keyboard.down("KeyW")
-    sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+    with robot.client() as client:
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
     robot.process.send_signal(signal.SIGSTOP)
     sync_api.expect(page.locator("#connection")).to_have_text("no answer", timeout=5000)
     mode_is(page, "The robot does not answer")
     robot.process.send_signal(signal.SIGCONT)
     sync_api.expect(page.locator("#connection")).to_have_text("connected")
-    either = re.compile(
-        "Ready to drive|Stopped by a fault"
-    )  # the dead-man's end, or the watchdog's: who wakes first
-    mode_is(page, either)
+    mode_is(page, "Stopped by a fault")
     with robot.client() as client:
+        assert client.get_state().safety.fault == "loop_blocked"
         assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
         time.sleep(0.5)
         assert abs(speed_m_s(client)) < STANDS_M_S
+
+
+def test_a_frozen_tab_drives_nothing_when_it_goes_on(browser: Any, page: Any, robot: RunningRobot) -> None:
+    """The browser's processes stand still for four seconds with a key down: the robot brakes, and stays where it is.
+
+    The tab does not know what was let go meanwhile. It shows what is now, and a new press drives.
+    """
+    open_page(page, robot)
+    told = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
+    tabs = [each["id"] for each in told if each["type"] == "renderer"]
+    with robot.client() as client:
+        page.keyboard.down("KeyW")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+        for tab in tabs:
+            os.kill(tab, signal.SIGSTOP)
+        try:
+            assert until(lambda: abs(speed_m_s(client)) < STANDS_M_S)
+            assert client.get_state().safety.mode == "armed"  # by the dead-man: no fault
+            time.sleep(3.0)
+            stands = client.get_state().odometry
+        finally:
+            for tab in tabs:
+                os.kill(tab, signal.SIGCONT)
+        mode_is(page, "Ready to drive")
+        time.sleep(1.0)
+        now = client.get_state().odometry
+        assert stands is not None
+        assert now is not None
+        assert math.hypot(now.x_m - stands.x_m, now.y_m - stands.y_m) < 0.005
+        sync_api.expect(page.locator("#pose")).to_contain_text(f"x {now.x_m:.2f} m")
+        page.keyboard.up("KeyW")
+        page.keyboard.down("KeyW")
+        assert until(lambda: speed_m_s(client) > MOVES_M_S)
+
+
+def slow_tablet(port: int) -> socket.socket:
+    """A client of the page's WebSocket at full view that has asked for everything, and never reads."""
+    tablet = socket.socket()
+    tablet.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    tablet.connect(("127.0.0.1", port))
+    tablet.sendall(
+        f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
+    )
+    assert b"101" in tablet.recv(64)
+    topics = ["odometry", "wheels", "imu", "ranges", "battery", "link", "safety", "stats"]
+    asked = {
+        "jsonrpc": "2.0",
+        "id": 1,
+        "method": "subscribe",
+        "params": {"topics": topics, "max_rate_hz": 100.0},
+    }
+    line = json.dumps(asked).encode()
+    tablet.sendall(b"\x81" + bytes([0x80 | 126]) + struct.pack(">H", len(line)) + bytes(4) + line)
+    return tablet
+
+
+def test_twenty_tablets_that_do_not_read_cost_the_robot_nothing(page: Any, robot: RunningRobot) -> None:
+    """No control step is missed, the page drives and is shown what happens, and nothing piles up in the daemon."""
+    open_page(page, robot)
+    program = psutil.Process(robot.process.pid)
+    with robot.client() as client:
+        page.keyboard.down("KeyA")
+        before, memory = client.get_stats(), program.memory_info().rss
+        tablets = [slow_tablet(robot.page_port) for _ in range(20)]
+        time.sleep(10.0)
+        after = client.get_stats()
+        sync_api.expect(page.locator("#drivers")).to_have_text("this page (teleop)")
+        mode_is(page, "Ready to drive")
+        assert int(page.locator("#latency").inner_text().removesuffix(" ms")) < 500
+        page.keyboard.up("KeyA")
+        grown = program.memory_info().rss - memory
+    took_s = after.uptime_s - before.uptime_s
+    assert after.control_steps - before.control_steps >= 20 * took_s - 4
+    assert after.telemetry_dropped - before.telemetry_dropped > 20 * 10 * took_s
+    assert grown < 20e6
+    for tablet in tablets:
+        tablet.close()
+
+
+@pytest.fixture
+def khan(tmp_path: Path) -> Iterator[RunningRobot]:
+    """Four wheels and an infrared range finder, without a lidar."""
+    running = RunningRobot(tmp_path, name="khan")
+    yield running
+    running.end()
+
+
+def test_a_robot_with_four_wheels_and_no_lidar_shows_what_it_has(page: Any, khan: RunningRobot) -> None:
+    """KHAN: a row for each wheel, its one range finder, no lidar, map, goal or place; and it drives."""
+    open_page(page, khan)
+    assert page.locator("#robot").inner_text() == "khan"
+    sync_api.expect(page.locator("#wheels tr")).to_have_count(4)
+    sync_api.expect(page.locator("#sensors li")).to_have_count(1)
+    sync_api.expect(page.locator("#sensors li")).to_contain_text("front")
+    for part in ("#map-part", "#goal-part", "#gesture-label", "#costs-label", "#legend-scan", "#legend-map"):
+        sync_api.expect(page.locator(part)).to_be_hidden()
+    with khan.client() as client:
+        page.keyboard.down("KeyD")
+        assert until(lambda: client.get_state().odometry.angular_rad_s < -0.2)
+        page.keyboard.up("KeyD")
+        assert until(lambda: abs(client.get_state().odometry.angular_rad_s) < 0.02)
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
+    """A simulated board on a device of its own, and the device; its cable is pulled by a word."""
+    device = tmp_path / "board"
+    command = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
+    with subprocess.Popen(
+        [*command, "simulate", "--link", str(device)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    ) as program:
+        assert until(device.exists, 20.0)
+        yield program, device
+        program.communicate("quit\n", 20.0)
+
+
+def test_a_pulled_cable_is_told_and_drives_nothing_when_it_is_back(
+    page: Any, board: tuple[subprocess.Popen[str], Path], tmp_path: Path
+) -> None:
+    """In mid-drive: the page tells the fault and the board; plugged in and armed, the old key drives nothing."""
+    program, device = board
+
+    def say(word: str) -> None:
+        assert program.stdin is not None
+        program.stdin.write(word + "\n")
+        program.stdin.flush()
+
+    robot = RunningRobot(tmp_path, device=device)
+    try:
+        open_page(page, robot)
+        with robot.client() as client:
+            page.keyboard.down("KeyW")
+            assert until(lambda: speed_m_s(client) > MOVES_M_S)
+            say("unplug")
+            mode_is(page, "Stopped by a fault")
+            sync_api.expect(page.locator("#mode-reason")).to_contain_text("the link was lost")
+            sync_api.expect(page.locator("#link")).to_contain_text("not connected")
+            say("plug")
+            sync_api.expect(page.locator("#link")).to_have_text("connected")
+            mode_is(page, "Stopped by a fault")
+            page.locator("#arm").click()
+            mode_is(page, "Ready to drive")
+            time.sleep(0.5)
+            assert abs(speed_m_s(client)) < STANDS_M_S
+            page.keyboard.up("KeyW")
+            page.keyboard.down("KeyW")
+            assert until(lambda: speed_m_s(client) > MOVES_M_S)
+    finally:
+        robot.end()
 
 
 def test_a_token_lets_in(page: Any, tmp_path: Path) -> None:
@@ -570,7 +735,7 @@ def test_it_has_no_barrier_that_axe_can_find(
 
 
 def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, served: RunningRobot) -> None:
-    """The list offers the places of the map in use; without a name nothing is asked."""
+    """The list offers the places of the map in use; nothing is asked without a name, or deleted without a yes."""
     daemon = FakeDaemon(page)
     page.goto(served.url)
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
@@ -585,9 +750,24 @@ def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, served: Run
     page.get_by_role("button", name="Save where it stands").click()
     assert until(lambda: daemon.was_asked("save_place"))
     assert daemon.last("save_place") == {"name": "table 3"}
-    page.get_by_role("button", name="Delete").click()
+    delete = page.get_by_role("button", name="Delete", exact=True)
+    delete.click()
+    question = page.get_by_role("alertdialog", name="Delete the place table 3 from the map flat?")
+    sync_api.expect(question).to_be_visible()
+    sync_api.expect(page.get_by_role("button", name="Keep it")).to_be_focused()
+    assert axe.Axe().run(page).response["violations"] == []
+    page.keyboard.press("Escape")  # is the emergency stop, here too
+    assert until(lambda: daemon.was_asked("estop"))
+    page.keyboard.press("Enter")
+    sync_api.expect(question).to_be_hidden()
+    sync_api.expect(delete).to_be_focused()
+    assert not daemon.was_asked("delete_place")
+    delete.click()
+    page.locator("#place").fill("kitchen")  # the question was about another one
+    page.get_by_role("button", name="Delete it").click()
     assert until(lambda: daemon.was_asked("delete_place"))
     assert daemon.last("delete_place") == {"name": "table 3"}
+    sync_api.expect(question).to_be_hidden()
 
 
 def test_poses_are_typed_where_nobody_can_click(page: Any, served: RunningRobot) -> None:

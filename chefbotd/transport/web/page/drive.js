@@ -2,6 +2,7 @@
 
 const REPEAT_MS = 80;
 const MOST_UNANSWERED = 6;
+const STOOD_MS = 500;
 const AHEAD = new Map([["KeyW", [1, 0]], ["ArrowUp", [1, 0]], ["KeyS", [-1, 0]], ["ArrowDown", [-1, 0]],
   ["KeyA", [0, 1]], ["ArrowLeft", [0, 1]], ["KeyD", [0, -1]], ["ArrowRight", [0, -1]]]);
 const [PAD_STOP, PAD_ESTOP, PAD_ENABLE, DEAD_ZONE] = [2, 1, 4, 0.12];
@@ -13,6 +14,7 @@ export class Driver extends EventTarget {
   #pressed = new Set();
   #moving = false;
   #blocked = false; // until everything was let go
+  #ticked = Date.now();
 
   constructor(connection, speeds) {
     super();
@@ -53,7 +55,7 @@ export class Driver extends EventTarget {
 
   #down(event) {
     const typing = event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog");
-    if (event.code === "Escape" && !event.target.closest?.("dialog")) return event.preventDefault(), this.#ask("estop");
+    if (event.code === "Escape" && !event.target.closest?.("dialog:modal")) return event.preventDefault(), this.#ask("estop");
     if (typing) return undefined;
     if (event.ctrlKey || event.metaKey || event.altKey) return this.dead(); // a shortcut, which may keep the key's end to itself
     if (event.code === "Space" && !event.target.closest?.("button, [type=checkbox]")) return event.preventDefault(), this.#ask("stop");
@@ -93,6 +95,10 @@ export class Driver extends EventTarget {
   }
 
   #tick() {
+    // A frozen tab, or a computer that slept, does not know what was let go meanwhile.
+    const stood = Date.now() - this.#ticked > STOOD_MS;
+    this.#ticked = Date.now();
+    if (stood) return this.dead();
     this.#readPad();
     const wanted = this.#wanted();
     if (wanted === null) return this.#release();

@@ -134,7 +134,11 @@ const stop = () => ask("stop");
 $("estop").addEventListener("click", () => { estop(); driver.dead(); });
 $("stop").addEventListener("click", () => { stop(); driver.dead(); });
 let latch = null;  // what the person who presses "arm" has seen
-on("safety", (safety) => { latch = safety.latch; });
+let armed = false;
+on("safety", (safety) => {
+  if (armed && !safety.armed) driver.dead(); // what is still pressed is no wish to go on once it is armed
+  ({ latch, armed } = safety);
+});
 $("arm").addEventListener("click", () => ask("arm", latch === null ? {} : { latch }));
 driver.addEventListener("estop", estop);
 driver.addEventListener("stop", stop);

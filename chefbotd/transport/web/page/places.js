@@ -4,6 +4,7 @@ const $ = (id) => document.getElementById(id);
 
 export class Places {
   #map = null;
+  #doomed = null;
   #poses = new Map();
 
   constructor(ask, say) {
@@ -13,8 +14,10 @@ export class Places {
       this.#named((name) => this.ask("navigate_to", coordinates(name) ?? { place: name }));
     });
     $("place-here").addEventListener("click", () => this.#named((name) => this.#standsAt(name)));
-    $("place-save").addEventListener("click", () => this.#change("save_place"));
-    $("place-delete").addEventListener("click", () => this.#change("delete_place"));
+    $("place-save").addEventListener("click", () => this.#named((name) => this.#change("save_place", name)));
+    $("place-delete").addEventListener("click", () => this.#named((name) => this.#confirm(name)));
+    $("place-keep").addEventListener("click", () => this.#decided());
+    $("place-really").addEventListener("click", () => this.#change("delete_place", this.#decided()));
   }
 
   begin(can) {
@@ -30,6 +33,7 @@ export class Places {
     if (map === this.#map) return;
     this.#map = map;
     $("place-form").hidden = !this.there || !map;
+    $("place-confirm").close();
     if (map) this.#list();
   }
 
@@ -45,8 +49,22 @@ export class Places {
     else this.say(`There is no place ${name} on this map.`);
   }
 
-  #change(method) {
-    this.#named(async (name) => { if (await this.ask(method, { name })) this.#list(); });
+  // Not modal: the emergency stop stays in reach, on its key too.
+  #confirm(name) {
+    this.#doomed = name;
+    $("place-confirm-told").textContent = `Delete the place ${name} from the map ${this.#map}?`;
+    $("place-confirm").show();
+    $("place-keep").focus();
+  }
+
+  #decided() {
+    $("place-confirm").close();
+    $("place-delete").focus();
+    return this.#doomed;
+  }
+
+  async #change(method, name) {
+    if (await this.ask(method, { name })) this.#list();
   }
 
   async #list() {
