@@ -75,7 +75,8 @@ class Costmap:
     """Arrays (rows, columns): distance to the nearest obstacle, cost (infinite: blocked), a zone's speed limit.
 
     ``surcharges`` is what a cell costs by itself, apart from obstacles: 1, more in slow zones and unknown space,
-    infinite where it is blocked whatever is near. ``fixed_m`` are the distances without what was seen since.
+    infinite where it is blocked whatever is near. ``standing_m`` are the distances without people, ``fixed_m`` without
+    all that was seen since.
     """
 
     frame: GridFrame
@@ -83,6 +84,7 @@ class Costmap:
     distance_m: Singles
     costs: Singles
     surcharges: Singles
+    standing_m: Singles
     fixed_m: Singles
     speed_limit_m_s: Floats
 
@@ -117,7 +119,7 @@ def costmap(
     )  # fmt: skip
     costs = np.empty_like(distance_m)
     _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)
-    return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, limits)
+    return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, distance_m, limits)
 
 
 def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
@@ -127,7 +129,7 @@ def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
     distance_m, costs = ground.distance_m.copy(), ground.costs.copy()
     numbers = _numbers(ground.inflation, ground.inflation.unmapped_below_m)
     _stamp(points_m, ground.frame.resolution_m, numbers, ground.surcharges, distance_m, costs)
-    return replace(ground, distance_m=distance_m, costs=costs)
+    return replace(ground, distance_m=distance_m, standing_m=distance_m, costs=costs)
 
 
 def _numbers(inflation: Inflation, blocked_below_m: float) -> Floats:

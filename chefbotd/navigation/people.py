@@ -1,7 +1,8 @@
 """What people cost a path: they are no furniture, and will be elsewhere when the robot comes.
 
 Somebody who walks is expected where he will be when the robot is there; so a path goes by him on the free side, and
-not round where he is now. Somebody who stands for a moment costs as much as a wait for him. Neither ever closes a way.
+not round where he is now. Somebody who stands for a moment costs as much as a wait for him. Neither ever closes a way,
+and neither is passed by grazing a wall: a tight place beside him is as dear as he himself.
 """
 
 import math
@@ -47,11 +48,13 @@ def with_people(
     if not people:
         return costs
     rows = np.array([_row(each) for each in people])
+    inner_m, tight_m = costs.inflation.inner_m, costs.inflation.tight_m
     numbers = np.array(
-        [params.weight, params.room_m, params.foresight_s, params.slack_m, costs.inflation.inner_m, speed_m_s]
+        [params.weight, params.room_m, params.foresight_s, params.slack_m, inner_m, tight_m, speed_m_s]
     )
     distance_m, extra = costs.distance_m.copy(), np.zeros_like(costs.costs)
-    _stamp_people(rows, np.array([x_m, y_m]), numbers, costs.frame.resolution_m, distance_m, extra)
+    here, cell_m = np.array([x_m, y_m]), costs.frame.resolution_m
+    _stamp_people(rows, here, numbers, cell_m, costs.standing_m, distance_m, extra)
     return replace(costs, distance_m=distance_m, costs=costs.costs + extra)
 
 
@@ -65,9 +68,15 @@ def _row(mover: Mover) -> tuple[float, float, float, float, float]:
 
 @kernel
 def _stamp_people(
-    people: Floats, robot: Floats, numbers: Floats, cell_m: float, distance_m: Singles, extra: Singles
+    people: Floats,
+    robot: Floats,
+    numbers: Floats,
+    cell_m: float,
+    standing_m: Singles,
+    distance_m: Singles,
+    extra: Singles,
 ) -> None:
-    weight, room_m, foresight_s, slack_m, inner_m, speed = numbers
+    weight, room_m, foresight_s, slack_m, inner_m, tight_m, speed = numbers
     rows, columns = extra.shape
     for i in range(people.shape[0]):
         x_0, y_0, vx, vy, radius_m = people[i]
@@ -83,6 +92,8 @@ def _stamp_people(
                     apart_m = math.hypot((column + 0.5) * cell_m - x, (row + 0.5) * cell_m - y) - radius_m
                     distance_m[row, column] = min(distance_m[row, column], max(apart_m, 0.5 * cell_m))
                     lacking = min(max(1.0 - (apart_m - inner_m) / room_m, 0.0), 1.0)
+                    if lacking > 0.0 and standing_m[row, column] < inner_m + tight_m:
+                        lacking = 1.0
                     extra[row, column] = max(extra[row, column], weight * lacking)
             if vx == 0.0 and vy == 0.0:
                 break

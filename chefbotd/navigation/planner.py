@@ -228,7 +228,7 @@ def _points(
     corners[0], corners[-1] = (here.x_m, here.y_m), (there.x_m, there.y_m)
     points = resampled(corners, params.spacing_m)
     wide_m = outline.inner_radius_m + params.wide_m
-    smoothed = rounded(points, passable, costs.distance_m, frame.resolution_m, wide_m)
+    smoothed = rounded(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)
     return resampled(smoothed, params.spacing_m)
 
 

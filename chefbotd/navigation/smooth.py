@@ -68,19 +68,24 @@ def resampled(corners: Floats, spacing_m: float) -> Floats:
     return np.stack([np.interp(at, along, corners[:, 0]), np.interp(at, along, corners[:, 1])], axis=1)
 
 
-def rounded(points: Floats, costs: Singles, distance_m: Singles, cell_m: float, wide_m: float) -> Floats:
+def rounded(
+    points: Floats, costs: Singles, distance_m: Singles, standing_m: Singles, cell_m: float, wide_m: float
+) -> Floats:
     """The points with corners rounded and, where it is narrow, moved to the middle; the ends stay.
 
-    Each point moves towards the middle of its neighbours, and away from obstacles nearer than ``wide_m``; not where
-    that takes it into a blocked cell or nearer to an obstacle than it was, unless it is ``wide_m`` away.
+    Each point moves towards the middle of its neighbours, and away from obstacles and people nearer than ``wide_m``;
+    not where that takes it into a blocked cell or nearer to one of these than it was, unless it is ``wide_m`` away.
+    Nobody who walks moves it nearer to what stands (``standing_m``): he will be gone, and the wall will not.
     """
     moved = points.copy()
-    _relax(moved, costs, distance_m, cell_m, wide_m)
+    _relax(moved, costs, distance_m, standing_m, cell_m, wide_m)
     return moved
 
 
 @kernel
-def _relax(points: Floats, costs: Singles, distance_m: Singles, cell_m: float, wide_m: float) -> None:
+def _relax(
+    points: Floats, costs: Singles, distance_m: Singles, standing_m: Singles, cell_m: float, wide_m: float
+) -> None:
     n, step = points.shape[0], 0.5 * cell_m
     for _ in range(ROUNDS):
         for i in range(1, n - 1):
@@ -97,9 +102,12 @@ def _relax(points: Floats, costs: Singles, distance_m: Singles, cell_m: float, w
                 if max(right, left, up, down) < math.inf:
                     to_x += push * (right - left) / cell_m
                     to_y += push * (up - down) / cell_m
+            if costs[int(to_y / cell_m), int(to_x / cell_m)] == math.inf:
+                continue
             there_m = between_cells(distance_m, cell_m, to_x, to_y)
-            blocked = costs[int(to_y / cell_m), int(to_x / cell_m)] == math.inf
-            if not blocked and there_m >= min(here_m, wide_m) - 1e-6:
+            stood_m = between_cells(standing_m, cell_m, x, y)
+            stands_m = between_cells(standing_m, cell_m, to_x, to_y)
+            if there_m >= min(here_m, wide_m) - 1e-6 and stands_m >= min(stood_m, wide_m) - 1e-6:
                 points[i, 0], points[i, 1] = to_x, to_y
 
 

@@ -6,20 +6,25 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.planner import Goal, Path, plan
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.zones import NO_ZONES
-from tests.chefbotd.mapping.slam.flat import box
+from tests.chefbotd.mapping.slam.flat import Floats, box, wall
 from tests.chefbotd.navigation.drives import ROUND
-from tests.chefbotd.navigation.grids import rasterised
+from tests.chefbotd.navigation.grids import rasterised, segment_distance_m
 
 ARC = np.stack([0.2 * np.cos(np.linspace(2, 4, 12)), 0.2 * np.sin(np.linspace(2, 4, 12))], axis=1)
 HERE = Pose2D(1.0, 3.0, 0.2)
 
 
-def costs_after(walked_s: float, stood_s: float, vx: float, vy: float, x_m: float, y_m: float) -> Costmap:
+HALL = box(0, 0, 8.0, 6.0)
+
+
+def costs_after(
+    walked_s: float, stood_s: float, vx: float, vy: float, x_m: float, y_m: float, walls: Floats = HALL
+) -> Costmap:
     """The costs for a robot at (1, 3) in a hall of 8 by 6 m, after somebody walked and stood there."""
-    hall = rasterised(box(0, 0, 8.0, 6.0), 8.0, 6.0)
-    known = Awareness(ROUND, hall, NO_ZONES)
+    known = Awareness(ROUND, rasterised(walls, 8.0, 6.0), NO_ZONES)
     scans = round((walked_s + stood_s) * 10)
     for k in range(scans + 1):
         along_s = min(0.1 * k, walked_s) - walked_s
@@ -54,3 +59,14 @@ def test_nothing_is_remembered_of_who_walked_by() -> None:
     """Where he was a second ago is free at once, though no beam has passed it since."""
     costs = costs_after(5.0, 0.0, -0.5, 0.0, 5.0, 3.0)
     assert cost(costs, 5.6, 3.0) == 1.0
+
+
+@pytest.mark.parametrize(("vy", "y_m"), [(0.1, 3.1), (-0.1, 3.0), (0.0, 3.2)])
+def test_nobody_in_a_doorway_moves_the_path_to_its_post(vy: float, y_m: float) -> None:
+    """A door of 0.91 m leaves 0.27 m on either side of the robot: there are 0.10 m also while somebody comes through."""
+    walls = np.vstack([HALL, wall((1.8, 0.0), (1.8, 2.62)), wall((1.8, 3.53), (1.8, 6.0))])
+    path = plan(
+        ROUND.planner, ROUND.outline, costs_after(3.0, 0.0, -0.4, vy, 2.6, y_m, walls), HERE, Goal(4.0, 2.2)
+    )
+    assert isinstance(path, Path)
+    assert min(segment_distance_m(walls, *point) for point in path.points_m.tolist()) - 0.18 >= 0.10
