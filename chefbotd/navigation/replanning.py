@@ -7,12 +7,15 @@ from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
 from chefbotd.navigation.follower import Phase
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import NoPath
+from chefbotd.navigation.planner import NoPath, Path
 from chefbotd.navigation.reports import StepInput
-from chefbotd.navigation.trips import Trip, blocked_after_m, turn_worth, worth
+from chefbotd.navigation.trips import Trip, blocked_after_m, least_room_m, turn_worth, worth
 
 TURN_S = 4.0
 """The robot does not stop to turn to a better path where somebody will come by within this time."""
+
+CLEARER_M = 0.03
+"""A path that leaves so much more room where the present one is tight is a better one."""
 
 
 class Choice(StrEnum):
@@ -47,7 +50,16 @@ def choice(
         return Choice.TAKE_NEW
     turn = turn_worth(params.follower, found.path, now.pose)
     is_better = worth(costs, found.path) + turn < params.better_share * worth(costs, left)
+    if turn == 0.0 and not is_better:
+        is_better = _is_clearer(costs, found.path, left)
     if not is_better or trip.is_interim:
         return Choice.KEEP
     has_to_wait = turn > 0 and is_in_the_way(params.evade, params.outline, near, TURN_S)
     return Choice.KEEP if has_to_wait else Choice.TAKE_NEW
+
+
+def _is_clearer(costs: Costmap, new: Path, left: Path) -> bool:
+    """Whether a path leaves more room to what stands, where the present one is tight."""
+    tight_m = costs.inflation.tight_m
+    has_m = least_room_m(costs, left)
+    return has_m < tight_m and min(least_room_m(costs, new), tight_m) > has_m + CLEARER_M

@@ -6,13 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.costmap import Costmap, between_cells_at
 from chefbotd.navigation.follower import FollowerParameters, FollowState
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan, turn_rad
 
 NEAR_GOAL_M = 0.9
 """So near to a goal that is taken the robot waits. A free place farther from it may be behind a wall."""
+
+AHEAD_M = 1.5
+"""So much of a path is looked at for how much room it leaves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +92,13 @@ def worth(costs: Costmap, path: Path) -> float:
     """What a path costs."""
     columns, rows = np.floor(path.points_m / costs.frame.resolution_m).astype(np.int64).T
     return float(costs.costs[rows, columns].sum())
+
+
+def least_room_m(costs: Costmap, path: Path) -> float:
+    """The least room beside the outline to what stands, along the next of a path, but for where it begins and ends."""
+    points = path.points_m[2 : max(math.ceil(AHEAD_M / path.spacing_m), 3)]
+    points = points[: max(len(path.points_m) - 8, 0)]
+    if not len(points):
+        return math.inf
+    apart_m = between_cells_at(costs.standing_m, costs.frame.resolution_m, points)
+    return float(apart_m.min()) - costs.inflation.inner_m
