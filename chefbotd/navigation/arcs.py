@@ -20,6 +20,9 @@ from chefbotd.navigation.outline import OutlineParameters, clearance_m
 
 STEP_M, STEP_RAD = 0.025, 0.05
 SWEEP_S = 0.25
+COMING_M = 0.003
+"""What is nearer than it may be must not come nearer than this."""
+
 REACTION_M = 0.05
 """What is so near limits the speed at once; what is farther, only so far as the robot can slow down until then."""
 
@@ -43,6 +46,10 @@ class ArcParameters(Parameters):
     """More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
     foresight_s: float = Field(default=2.5, ge=0, le=10)
     """For so long somebody is expected to walk on as now."""
+    keep_m: float = Field(default=0.13, ge=0, le=5)
+    """So much the robot keeps from what stands, where there is room,"""
+    keep_for_m: float = Field(default=0.35, gt=0, le=10)
+    """along so much of its way: beyond, it will have turned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +71,16 @@ class Surroundings:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows."""
+    """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows.
+
+    ``lacking_m`` is how much less room than ``keep_m`` it leaves to what stands along ``keep_for_m``: the mean of the
+    average and the worst.
+    """
 
     free: float
     room_m: float
     speed_m_s: float
+    lacking_m: float = 0.0
 
 
 def way(
@@ -99,6 +111,15 @@ def standing_only(near: Surroundings) -> Surroundings:
         margin_m=near.margin_m[still],
         velocity_m_s=near.velocity_m_s[still],
     )
+
+
+def turned(near: Surroundings, angle_rad: float) -> Surroundings:
+    """What a robot will have about it that turns on the spot by an angle (CCW positive)."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    turn_back = np.array([[cos, -sin], [sin, cos]])
+    points_m, velocity_m_s = near.points_m @ turn_back, near.velocity_m_s @ turn_back
+    here = near.grid_from_base.compose(Pose2D(0.0, 0.0, angle_rad))
+    return replace(near, points_m=points_m, velocity_m_s=velocity_m_s, grid_from_base=here)
 
 
 def swept(params: ArcParameters, near: Surroundings) -> Surroundings:
@@ -133,6 +154,8 @@ def _numbers(
             max_speed_m_s,
             deceleration_m_s2,
             params.foresight_s,
+            params.keep_m,
+            params.keep_for_m,
         ]
     )
 
@@ -150,50 +173,82 @@ def _way(
     curvature: float,
     horizon_m: float,
     angle_rad: float,
-) -> tuple[float, float, float]:
-    """Free length or angle (0 or more), least room, allowed speed."""
-    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s = numbers
+) -> tuple[float, float, float, float]:
+    """Free length or angle (0 or more), least room, allowed speed, lacking room."""
+    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s, keep_m, keep_for_m = numbers
     on_the_spot = horizon_m == 0.0
     total = angle_rad if on_the_spot else horizon_m
     count = max(math.ceil(abs(total) / (STEP_RAD if on_the_spot else STEP_M)), 1)
-    least = np.empty(points.shape[0])
-    for i in range(points.shape[0]):
-        least[i] = min(margin[i], clearance_m(hull, pad_m, points[i, 0], points[i, 1]) - 0.003)
-    map_here_m = between_cells(fixed_m, cell_m, here[0], here[1])
-    map_least_m = min(map_least_m, map_here_m - 0.003)
+    least = _least_allowed(hull, pad_m, points, margin)
+    map_least_m = min(map_least_m, between_cells(fixed_m, cell_m, here[0], here[1]) - COMING_M)
     cos_0, sin_0 = math.cos(here[2]), math.sin(here[2])
-    room_m, speed = math.inf, most
+    free, room_m, speed = abs(total), math.inf, most
+    lacking_m, most_lacking_m, kept = 0.0, 0.0, 0
     for k in range(1, count + 1):
         s = total * k / count
-        heading = s if on_the_spot else curvature * s
-        if on_the_spot:
-            x, y, time_s = 0.0, 0.0, abs(s)
-        else:
-            half = heading / 2
-            chord = s * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-            x, y, time_s = chord * math.cos(half), chord * math.sin(half), abs(s) / max(most, 0.05)
-        cos, sin = math.cos(heading), math.sin(heading)
-        nearest = math.inf
-        time_s = min(time_s, foresight_s)
-        for i in range(points.shape[0]):
-            dx = points[i, 0] + velocity[i, 0] * time_s - x
-            dy = points[i, 1] + velocity[i, 1] * time_s - y
-            apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx)
-            if apart < least[i]:
-                return abs(total) * (k - 1) / count, max(room_m, 0.0), speed
-            nearest = min(nearest, apart)
+        x, y, heading = (0.0, 0.0, s) if on_the_spot else along_arc(s, curvature)
+        time_s = min(abs(s) if on_the_spot else abs(s) / max(most, 0.05), foresight_s)
+        nearest, standing = _nearest(hull, pad_m, points, velocity, least, x, y, heading, time_s)
+        there_m = math.inf
         if not on_the_spot:
-            there_m = between_cells(
-                fixed_m, cell_m, here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
-            )
-            if there_m < map_least_m:
-                return abs(total) * (k - 1) / count, max(room_m, 0.0), speed
+            grid_x, grid_y = here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
+            there_m = between_cells(fixed_m, cell_m, grid_x, grid_y)
+        if nearest == -math.inf or there_m < map_least_m:
+            free = abs(total) * (k - 1) / count
+            break
         room_m = min(room_m, nearest)
-        share = min(max(nearest, 0.0) / full_room_m, 1.0)
-        allowed = creep + (most - creep) * share
+        if abs(s) <= keep_for_m:
+            lacks_m = max(keep_m - standing, 0.0)
+            lacking_m, most_lacking_m, kept = lacking_m + lacks_m, max(most_lacking_m, lacks_m), kept + 1
+        allowed = creep + (most - creep) * min(max(nearest, 0.0) / full_room_m, 1.0)
         ahead_m = max(abs(s) - REACTION_M, 0.0)
         speed = min(speed, math.sqrt(allowed * allowed + 2 * braking * ahead_m))
-    return abs(total), max(room_m, 0.0), speed
+    return free, max(room_m, 0.0), speed, 0.5 * (lacking_m / max(kept, 1) + most_lacking_m)
+
+
+@kernel
+def along_arc(s: float, curvature: float) -> tuple[float, float, float]:
+    """Where a robot is, and its heading, after a length of an arc (backwards with a negative one) from the origin."""
+    heading = curvature * s
+    half = heading / 2
+    chord = s * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+    return chord * math.cos(half), chord * math.sin(half), heading
+
+
+@kernel
+def _least_allowed(hull: Floats, pad_m: float, points: Floats, margin: Floats) -> Floats:
+    """How near each point may come: what is too near already, no nearer."""
+    least = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        least[i] = min(margin[i], clearance_m(hull, pad_m, points[i, 0], points[i, 1]) - COMING_M)
+    return least
+
+
+@kernel
+def _nearest(
+    hull: Floats,
+    pad_m: float,
+    points: Floats,
+    velocity: Floats,
+    least: Floats,
+    x: float,
+    y: float,
+    heading: float,
+    time_s: float,
+) -> tuple[float, float]:
+    """The least room at a pose and time, to all and to what stands; minus infinity where a point is too near."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    nearest, standing = math.inf, math.inf
+    for i in range(points.shape[0]):
+        dx = points[i, 0] + velocity[i, 0] * time_s - x
+        dy = points[i, 1] + velocity[i, 1] * time_s - y
+        apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx)
+        if apart < least[i]:
+            return -math.inf, -math.inf
+        nearest = min(nearest, apart)
+        if velocity[i, 0] == 0.0 and velocity[i, 1] == 0.0:
+            standing = min(standing, apart)
+    return nearest, standing
 
 
 def stopping_speed(room: float, deceleration: float, delay_s: float) -> float:

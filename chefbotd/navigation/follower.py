@@ -23,6 +23,7 @@ from chefbotd.navigation.arcs import (
     stopping_speed,
     swept,
     turn,
+    turned,
     way,
 )
 from chefbotd.navigation.grid_frame import Floats
@@ -33,6 +34,15 @@ TURN_BRAKING = 0.85
 
 BRAKING, CLOSE_M = 1.5, 0.006
 """Speed falls by this share of the deceleration that is planned with; a goal so near ahead is not driven to any more."""
+
+CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
+"""A metre less of room to what stands is as bad as so many beside the wanted arc; less than ``SLIGHT_M`` is nothing."""
+
+TURN_GAIN_M = 0.015
+"""Where an arc lacks so much more room than a turn on the spot and driving straight on, the robot turns."""
+
+BACK_M = -0.4
+"""So far backwards it looks."""
 
 
 class FollowerParameters(Parameters):
@@ -191,6 +201,9 @@ def _pursue(
     most = params.most_curvature_per_m
     curvature = min(max(2 * y_m / away_m**2, -most), most)
     curvature, found = _free_arc(params, outline, near, curvature, (x_m, y_m))
+    curvature, found = _clear_arc(params, outline, near, curvature, found)
+    if _is_clearer_turned(params, outline, near, bearing_rad, away_m, found):
+        return _turn_by(params, outline, replace(state, phase=Phase.TURNING), bearing_rad, near, last, dt_s)
     free_m = found.free
     if near.velocity_m_s.any() and free_m < _way(params, outline, standing_only(near), curvature).free - 0.05:
         free_m = min(free_m, _way(params, outline, swept(params.arcs, near), curvature).free)
@@ -234,9 +247,60 @@ def _free_arc(
     return chosen
 
 
-def _way(params: FollowerParameters, outline: OutlineParameters, near: Surroundings, curvature: float) -> Way:
-    limit = min(params.max_speed_m_s, params.curve_turn_rad_s / max(abs(curvature), 1e-6))
-    return way(params.arcs, outline, near, curvature, params.arcs.horizon_m, limit, params.deceleration_m_s2)
+def _clear_arc(
+    params: FollowerParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    curvature: float,
+    found: Way,
+    horizon_m: float | None = None,
+) -> tuple[float, Way]:
+    """The same arc, or one a little beside it that leaves more room to what stands, and is as free."""
+    best, chosen = CLEAR_WORTH * found.lacking_m, (curvature, found)
+    if found.lacking_m < SLIGHT_M:
+        return chosen
+    for step in (0.4, 0.8, 1.2, 1.8):
+        off_m = step * params.arcs.keep_for_m**2 / 2
+        for side in (-step, step):
+            tried = curvature + side
+            if abs(tried) > params.most_curvature_per_m:
+                continue
+            other = _way(params, outline, near, tried, horizon_m)
+            worth = CLEAR_WORTH * other.lacking_m + off_m
+            if worth < best and other.free >= min(found.free, 0.6) - 1e-6:
+                best, chosen = worth, (tried, other)
+    return chosen
+
+
+def _is_clearer_turned(
+    params: FollowerParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    bearing_rad: float,
+    away_m: float,
+    found: Way,
+) -> bool:
+    """Whether turning on the spot before driving leaves more room than the arc that was found."""
+    if found.lacking_m < TURN_GAIN_M or abs(bearing_rad) <= params.aligned_rad:
+        return False
+    free_rad = turn(params.arcs, outline, near, bearing_rad).free
+    straight = _way(params, outline, turned(near, bearing_rad), 0.0, away_m)
+    is_clearer = straight.lacking_m + TURN_GAIN_M < found.lacking_m
+    return is_clearer and straight.free >= away_m - 1e-6 and free_rad >= abs(bearing_rad) - 1e-6
+
+
+def _way(
+    params: FollowerParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    curvature: float,
+    horizon_m: float | None = None,
+) -> Way:
+    """An arc forwards, or, backwards, one with a negative horizon."""
+    horizon_m = params.arcs.horizon_m if horizon_m is None else horizon_m
+    most = params.max_speed_m_s if horizon_m > 0 else params.max_reverse_m_s
+    limit = min(most, params.curve_turn_rad_s / max(abs(curvature), 1e-6))
+    return way(params.arcs, outline, near, curvature, horizon_m, limit, params.deceleration_m_s2)
 
 
 def _worth(found: Way, curvature: float, wanted: float, carrot: tuple[float, float]) -> float:
@@ -244,7 +308,8 @@ def _worth(found: Way, curvature: float, wanted: float, carrot: tuple[float, flo
     half = curvature * math.hypot(*carrot) / 2
     chord = math.hypot(*carrot) * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
     off_m = math.hypot(chord * math.cos(half) - carrot[0], chord * math.sin(half) - carrot[1])
-    return min(found.free, 0.6) - 0.8 * off_m + 0.3 * min(found.room_m, 0.2) - 0.02 * abs(curvature - wanted)
+    beside_m = 0.3 * min(found.room_m, 0.2) - CLEAR_WORTH * found.lacking_m
+    return min(found.free, 0.6) - 0.8 * off_m + beside_m - 0.02 * abs(curvature - wanted)
 
 
 def _approach(
@@ -366,7 +431,8 @@ def backwards(
     there = near.grid_from_base.inverse().compose(Pose2D(float(target[0]), float(target[1])))
     away_m = max(math.hypot(there.x_m, there.y_m), 0.05)
     curvature = min(max(2 * there.y_m / away_m**2, -3.0), 3.0) if there.x_m < 0 else 0.0
-    found = way(params.arcs, outline, near, curvature, -0.4, params.max_reverse_m_s, params.deceleration_m_s2)
+    found = _way(params, outline, near, curvature, BACK_M)
+    curvature, found = _clear_arc(params, outline, near, curvature, found, BACK_M)
     stopping = stopping_speed(found.free - 0.02, params.deceleration_m_s2, params.delay_s)
     speed = min(params.max_reverse_m_s, stopping)
     if speed < params.least_speed_m_s:

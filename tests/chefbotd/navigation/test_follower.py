@@ -15,6 +15,7 @@ from chefbotd.navigation.follower import (
     FollowState,
     Phase,
     Track,
+    backwards,
     follow,
     predicted,
     slewed,
@@ -144,6 +145,73 @@ def driven(
         if state.phase is Phase.DONE and abs(twist.linear_m_s) + abs(twist.angular_rad_s) < 1e-6:
             return pose, said
     raise AssertionError(f"never done: {state} at {pose}")
+
+
+def beside(
+    walls: np.ndarray, corners: list[tuple[float, float]], pose: Pose2D, seconds: float = 10.0
+) -> tuple[float, Pose2D]:
+    """The least room to some points while a robot without delay follows a path, and where it ends."""
+    track, state = Track(resampled(np.array(corners), 0.05), None), FollowState()
+    last, least_m = STANDING, np.inf
+    for _ in range(round(seconds / 0.05)):
+        here = predicted(PARAMS, pose, last)
+        done = follow(PARAMS, ROUND, state, track, _seen(walls, here), last, 0.05)
+        state, last = done.state, done.twist
+        pose, least_m = _moved(pose, last), min(least_m, _room_m(walls, pose))
+    return least_m, pose
+
+
+def _seen(walls: np.ndarray, pose: Pose2D) -> Surroundings:
+    back = pose.inverse()
+    cos, sin = math.cos(back.heading_rad), math.sin(back.heading_rad)
+    points = walls @ np.array([[cos, sin], [-sin, cos]]) + [back.x_m, back.y_m]
+    return about([(float(x), float(y)) for x, y in points], pose, 0.015)
+
+
+def _moved(pose: Pose2D, twist: Twist2D) -> Pose2D:
+    turned, moved = twist.angular_rad_s * 0.05, twist.linear_m_s * 0.05
+    return pose.compose(Pose2D(moved * math.cos(turned / 2), moved * math.sin(turned / 2), turned))
+
+
+def _room_m(walls: np.ndarray, pose: Pose2D) -> float:
+    return float(np.hypot(walls[:, 0] - pose.x_m, walls[:, 1] - pose.y_m).min()) - 0.18
+
+
+def test_it_keeps_clear_of_a_wall_that_its_path_is_too_near_to() -> None:
+    """The path is 6 cm beside the wall, as one round somebody may be: the robot stays 0.10 m from it, and comes on."""
+    wall = np.array([(x, 5.24) for x in np.arange(3.0, 9.0, 0.02)])
+    least_m, pose = beside(wall, [(4.0, 5.0), (7.0, 5.0)], Pose2D(4.0, 4.9, 0.1))
+    assert least_m >= 0.10
+    assert pose.x_m > 5.8
+
+
+def test_it_passes_a_narrow_door_nearer_to_the_middle_than_its_path() -> None:
+    """A door 10 cm wider than the robot, the path 3 cm off its middle: 2 cm would be left on that side."""
+    posts = np.array([(5.5, 5.0 + side * (0.23 + 0.02 * k)) for k in range(100) for side in (-1, 1)])
+    least_m, pose = beside(posts, [(4.0, 5.03), (7.0, 5.03)], Pose2D(4.0, 5.1, -0.2))
+    assert least_m > 0.028
+    assert pose.x_m > 6.2
+
+
+def test_it_turns_before_it_drives_where_the_arc_would_take_it_to_a_wall() -> None:
+    """0.14 m from a wall that it half faces, its path along that wall: driving in a bend would take 7 cm of these."""
+    wall = np.array([(x, 5.32) for x in np.arange(3.0, 9.0, 0.02)])
+    least_m, pose = beside(wall, [(5.0, 5.0), (8.0, 5.0)], Pose2D(5.0, 5.0, 0.85))
+    assert least_m >= 0.11
+    assert pose.x_m > 6.2
+
+
+def test_it_backs_out_beside_a_wall_without_coming_nearer_than_it_likes() -> None:
+    """The trail behind it leads to 4 cm from a wall: going back 0.4 m it stays 0.10 m from it."""
+    wall = np.array([(x, 5.34) for x in np.arange(3.0, 7.0, 0.02)])
+    pose, last, least_m = Pose2D(5.0, 5.02, 0.0), STANDING, np.inf
+    trail = np.stack([np.arange(5.0, 4.0, -0.05), 5.02 + np.arange(20) * 0.01], axis=1)
+    for _ in range(90):
+        done = backwards(PARAMS, ROUND, trail, _seen(wall, predicted(PARAMS, pose, last)), last, 0.05)
+        last, pose = done.twist, _moved(pose, done.twist)
+        least_m = min(least_m, _room_m(wall, pose))
+    assert least_m >= 0.10
+    assert pose.x_m < 4.6
 
 
 @given(
