@@ -6,6 +6,8 @@ beside his way is better than standing.
 """
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -14,7 +16,7 @@ from pydantic import Field
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, Surroundings, standing_only, way
+from chefbotd.navigation.arcs import ArcParameters, Surroundings, along_arc, standing_only, way
 from chefbotd.navigation.distance import Flags
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters, clearance_m
@@ -22,6 +24,9 @@ from chefbotd.navigation.outline import OutlineParameters, clearance_m
 CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
 LENGTHS_M = (0.2, 0.35, 0.5, 0.65)
 STEP_S = 0.1
+
+HERE_M, NOISE_M = 0.001, 0.01
+"""So short an arc shows the room that there is now; where that is less than it likes, only noise may take from it."""
 
 
 class EvadeParameters(Parameters):
@@ -35,8 +40,10 @@ class EvadeParameters(Parameters):
     """It moves only if that leaves so much more room than standing."""
     price: float = Field(default=0.04, ge=0, le=10)
     """Each metre of moving has to be worth so many of room."""
+    touch_m: float = Field(default=0.03, ge=0, le=5)
+    """Only who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes,"""
     wall_m: float = Field(default=0.06, ge=0, le=5)
-    """Nobody is evaded by coming nearer than this to what stands."""
+    """and not nearer than this."""
     foresight_s: float = Field(default=2.5, gt=0, le=10)
     """For so long somebody is expected to walk on as now,"""
     passed_s: float = Field(default=4.0, gt=0, le=20)
@@ -63,37 +70,73 @@ def evasion(
     Who stopped for it is made way for only if the robot itself cannot go on (``is_stuck``).
     None: stay, since nobody comes too near, or since no place that can be reached is better.
     """
-    intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
-    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
-    moving: Flags = np.asarray(intent.any(axis=1)) if is_stuck else walks
-    if not moving.any():
-        return None
-    points, velocity, waits = near.points_m[moving], intent[moving], np.logical_not(walks[moving])
-    fastest_m_s = math.sqrt(float((velocity**2).sum(axis=1).max()))
-    if away_m > (params.most_m if fastest_m_s > params.speed_m_s else params.most_if_slower_m):
+    coming = _coming(near, is_stuck=is_stuck)
+    if coming is None or away_m > _most_m(params, coming):
         return None
 
     def least_m(curvature: float, length_m: float, within_s: float) -> float:
         numbers = np.array([outline.pad_m, curvature, length_m, params.speed_m_s, delay_s, within_s])
-        return float(_least_m(outline.hull, points, velocity, waits, numbers))
+        return float(_least_m(outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
+
+    def best(wall_m: float) -> Twist2D | None:
+        most, chosen = max(stay_m, 0.0) + params.gain_m, None
+        for curvature, length_m in _arcs(params, arcs, outline, standing, wall_m):
+            bonus = params.gain_m if length_m * last.linear_m_s > 0 and abs(last.linear_m_s) > 0.02 else 0.0
+            room_m = min(least_m(curvature, length_m, params.passed_s), params.enough_m)
+            worth = room_m + bonus - params.price * abs(length_m)
+            if worth > most:
+                speed_m_s = math.copysign(params.speed_m_s, length_m)
+                most, chosen = worth, Twist2D(speed_m_s, speed_m_s * curvature)
+        return chosen
 
     stay_m = least_m(0.0, 0.0, params.foresight_s)
     if stay_m >= params.room_m:
         return None
     standing = standing_only(near)
-    best, chosen = max(stay_m, 0.0) + params.gain_m, None
+    here_m = way(arcs, outline, standing, 0.0, HERE_M, params.speed_m_s, 1.0).room_m
+    clear = best(min(arcs.keep_m, here_m - NOISE_M))
+    return clear if clear is not None or stay_m >= params.touch_m else best(params.wall_m)
+
+
+@dataclass(frozen=True, slots=True)
+class _Coming:
+    """Points of those who walk, in the robot's frame, how they walk, and who waits until the robot stands."""
+
+    points_m: Floats
+    velocity_m_s: Floats
+    waits: Flags
+
+
+def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
+    """Those to be made way for; None when there is nobody."""
+    intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
+    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+    moving: Flags = np.asarray(intent.any(axis=1)) if is_stuck else walks
+    if not moving.any():
+        return None
+    return _Coming(near.points_m[moving], intent[moving], np.logical_not(walks[moving]))
+
+
+def _most_m(params: EvadeParameters, coming: _Coming) -> float:
+    """So far it goes away at most."""
+    fastest_m_s = math.sqrt(float((coming.velocity_m_s**2).sum(axis=1).max()))
+    return params.most_m if fastest_m_s > params.speed_m_s else params.most_if_slower_m
+
+
+def _arcs(
+    params: EvadeParameters,
+    arcs: ArcParameters,
+    outline: OutlineParameters,
+    standing: Surroundings,
+    wall_m: float,
+) -> Iterator[tuple[float, float]]:
+    """Curvature and length (negative: backwards) of each arc that is free, and stays so far from what stands."""
     for direction, curvature in product((-1.0, 1.0), CURVATURES):
-        bonus = params.gain_m if direction * last.linear_m_s > 0.02 else 0.0
         for length_m in LENGTHS_M:
             arc = way(arcs, outline, standing, curvature, direction * length_m, params.speed_m_s, 1.0)
-            if arc.free < length_m - 1e-6 or arc.room_m < params.wall_m:
+            if arc.free < length_m - 1e-6 or arc.room_m < wall_m:
                 break
-            room_m = min(least_m(curvature, direction * length_m, params.passed_s), params.enough_m)
-            if room_m + bonus - params.price * length_m > best:
-                best = room_m + bonus - params.price * length_m
-                speed_m_s = direction * params.speed_m_s
-                chosen = Twist2D(speed_m_s, speed_m_s * curvature)
-    return chosen
+            yield curvature, direction * length_m
 
 
 def is_in_the_way(
@@ -120,10 +163,7 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
     for k in range(int((foresight_s + there_s) / STEP_S) + 1):
         time_s = k * STEP_S
         s = math.copysign(min(max(time_s - delay_s, 0.0) * speed, abs(length_m)), length_m)
-        heading = curvature * s
-        half = heading / 2
-        chord = s * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-        x, y = chord * math.cos(half), chord * math.sin(half)
+        x, y, heading = along_arc(s, curvature)
         cos, sin = math.cos(heading), math.sin(heading)
         for i in range(points.shape[0]):
             walked_s = max(time_s - there_s, 0.0) if waits[i] else time_s

@@ -1,5 +1,7 @@
 """What a standing robot does when somebody walks towards it."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,61 @@ def test_who_waits_for_a_robot_that_cannot_go_on_is_let_by() -> None:
     """Both would wait for ever; a robot that only turns on the spot goes on by itself."""
     assert evaded(0.62, 0.05, 0.5, waits=True) is not None
     assert evaded(0.62, 0.05, 0.5, waits=True, is_stuck=False) is None
+
+
+def made_way(x_m: float, y_m: float, speed_m_s: float, wall_rad: float, wall_m: float) -> tuple[float, float]:
+    """How near it comes, within 4 s, to a straight wall so far away in that direction, and to who walks at it."""
+    direction = np.array([math.cos(wall_rad), math.sin(wall_rad)])
+    along = np.arange(-2.5, 2.5, 0.04)[:, None] * np.array([-direction[1], direction[0]])
+    wall, person = along + wall_m * direction, np.array([x_m, y_m])
+    walks = -person / np.hypot(*person) * speed_m_s
+    pose, last, least_m, person_m = Pose2D(), STANDING, np.inf, np.inf
+    for _ in range(80):
+        turn = math.atan2(-walks[1], -walks[0])
+        front = (
+            FRONT @ np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]) + person
+        )
+        points = np.vstack([front, wall])
+        velocity = np.zeros_like(points)
+        velocity[: len(front)] = walks
+        back = pose.inverse()
+        cos, sin = math.cos(back.heading_rad), math.sin(back.heading_rad)
+        turned = np.array([[cos, sin], [-sin, cos]])
+        near = Surroundings(
+            points @ turned + [back.x_m, back.y_m], velocity @ turned, np.full(len(points), 0.015), NO_MAP, 0.05,
+            Pose2D(5, 5), velocity @ turned,
+        )  # fmt: skip
+        away_m = math.hypot(pose.x_m, pose.y_m)
+        last = evasion(PARAMS, ARCS, ROUND, near, last, 0.15, away_m, is_stuck=True) or STANDING
+        heading = 0.05 * last.angular_rad_s
+        moved = 0.05 * last.linear_m_s
+        pose = pose.compose(Pose2D(moved * math.cos(heading / 2), moved * math.sin(heading / 2), heading))
+        person = person + 0.05 * walks
+        least_m = min(least_m, wall_m - 0.18 - float(direction @ [pose.x_m, pose.y_m]))
+        person_m = min(person_m, math.dist(person, (pose.x_m, pose.y_m)) - 0.18 - 0.22)
+    return least_m, person_m
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "speed_m_s", "wall_rad", "wall_m"),
+    [(0.3, 0.99, 0.2, 1.76, 0.36), (0.07, -1.34, 0.3, 4.33, 0.37), (0.7, 0.72, 0.2, 2.44, 0.41)],
+)
+def test_it_makes_way_without_coming_near_a_wall(
+    x_m: float, y_m: float, speed_m_s: float, wall_rad: float, wall_m: float
+) -> None:
+    """0.10 m stay beside it to a wall that was 0.18 m, 0.19 m and 0.23 m away, and he passes."""
+    least_m, person_m = made_way(x_m, y_m, speed_m_s, wall_rad, wall_m)
+    assert least_m >= 0.10
+    assert person_m >= 0.12
+
+
+def test_it_goes_near_a_wall_rather_than_being_touched() -> None:
+    """A corridor that leaves 0.08 m on either side: it backs off in it before somebody slow who walks straight at it."""
+    sides = np.array([(x, y) for x in np.arange(-1.5, 1.6, 0.04) for y in (-0.26, 0.26)])
+    points = np.vstack([FRONT + np.array([0.6, 0.0]), sides])
+    velocity = np.zeros_like(points)
+    velocity[: len(FRONT)] = [-0.15, 0.0]
+    near = Surroundings(points, velocity, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5), velocity)
+    twist = evasion(PARAMS, ARCS, ROUND, near, STANDING, 0.15, 0.1, is_stuck=True)
+    assert twist is not None
+    assert twist.linear_m_s < 0.0
