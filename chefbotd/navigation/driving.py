@@ -6,9 +6,10 @@ from dataclasses import replace
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
-from chefbotd.navigation.follower import Followed, Track, follow, predicted
+from chefbotd.navigation.follower import follow
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
+from chefbotd.navigation.steering import Followed, Track, predicted
 from chefbotd.navigation.trips import Trip
 
 TRIED_S = 0.05

@@ -9,7 +9,6 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.driving import can_begin, follow_trip
-from chefbotd.navigation.follower import Followed, Phase
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
@@ -19,6 +18,7 @@ from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, s
 from chefbotd.navigation.replanning import Choice, choice, is_due
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.steering import Followed, Phase
 from chefbotd.navigation.trail import back_out
 from chefbotd.navigation.trips import Trip, find
 

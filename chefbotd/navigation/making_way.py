@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.evade import evasion
-from chefbotd.navigation.follower import slewed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.steering import slewed
 
 CALM_S = 3.0
 """When nobody was evaded for so long, the next one is another."""

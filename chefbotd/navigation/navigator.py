@@ -12,13 +12,13 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.driving import surroundings
-from chefbotd.navigation.follower import slewed
 from chefbotd.navigation.goal_execution import GoalExecution
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, plan
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.steering import slewed
 from chefbotd.navigation.travel import seconds
 from chefbotd.navigation.trips import Trip
 from chefbotd.navigation.zones import NO_ZONES, Zones

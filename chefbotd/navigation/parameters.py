@@ -5,12 +5,12 @@ from pydantic import Field
 from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.costmap import CostParameters
 from chefbotd.navigation.evade import EvadeParameters
-from chefbotd.navigation.follower import FollowerParameters
 from chefbotd.navigation.live import LiveParameters
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.people import PeopleParameters
 from chefbotd.navigation.planner import PlannerParameters
 from chefbotd.navigation.recovery import RecoveryParameters
+from chefbotd.navigation.steering import FollowerParameters
 
 
 class NavigationParameters(Parameters):

@@ -5,10 +5,10 @@ from enum import StrEnum
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
-from chefbotd.navigation.follower import Phase
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import NoPath, Path
 from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.steering import Phase
 from chefbotd.navigation.trips import Trip, blocked_after_m, least_room_m, turn_worth, worth
 
 TURN_S = 4.0

@@ -6,8 +6,8 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.follower import FollowerParameters
 from chefbotd.navigation.planner import Path
+from chefbotd.navigation.steering import FollowerParameters
 
 
 def seconds(params: FollowerParameters, path: Path, grid_from_base: Pose2D, costs: Costmap | None) -> float:

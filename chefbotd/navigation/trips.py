@@ -7,9 +7,9 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import Costmap, between_cells_at
-from chefbotd.navigation.follower import FollowerParameters, FollowState
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan, turn_rad
+from chefbotd.navigation.steering import FollowerParameters, FollowState
 
 NEAR_GOAL_M = 0.9
 """So near to a goal that is taken the robot waits. A free place farther from it may be behind a wall."""

@@ -10,9 +10,9 @@ from chefbotd.cli.serve.results import Disc, Leg
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.navigation.distance import distances_m
-from chefbotd.navigation.follower import FollowerParameters
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
+from chefbotd.navigation.steering import FollowerParameters
 from chefbotd.sim.world import World
 
 STILL_M = 1e-4

@@ -11,12 +11,12 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.states import State as Knows
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.store import MapStore
-from chefbotd.navigation.follower import FollowerParameters
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path
 from chefbotd.navigation.reports import PoseStatus, Seen, Step
+from chefbotd.navigation.steering import FollowerParameters
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen

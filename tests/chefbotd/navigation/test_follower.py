@@ -10,18 +10,10 @@ from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.navigation.arcs import ArcParameters, Surroundings, stopping_speed, turn, way
-from chefbotd.navigation.follower import (
-    FollowerParameters,
-    FollowState,
-    Phase,
-    Track,
-    backwards,
-    follow,
-    predicted,
-    slewed,
-)
+from chefbotd.navigation.follower import backwards, follow
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.smooth import resampled
+from chefbotd.navigation.steering import FollowerParameters, FollowState, Phase, Track, predicted, slewed
 
 ROUND = OutlineParameters(radius_m=0.18)
 OBLONG = OutlineParameters(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))

@@ -8,7 +8,6 @@ import pytest
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import costmap
-from chefbotd.navigation.follower import FollowState
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.input_watch import Missing, watched
 from chefbotd.navigation.planner import Goal, Path
@@ -17,6 +16,7 @@ from chefbotd.navigation.replanning import Choice, choice
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.smooth import headings, resampled
 from chefbotd.navigation.states import End
+from chefbotd.navigation.steering import FollowState
 from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.trips import Trip
 from tests.chefbotd.mapping.slam.flat import box
