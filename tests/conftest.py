@@ -7,6 +7,7 @@
 import gc
 import os
 from collections.abc import Generator, Iterator
+from functools import cache
 from importlib.util import find_spec
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +17,7 @@ import structlog
 from hypothesis import HealthCheck, settings
 
 from tests.budget import FAST_EXAMPLES, IS_FULL, TIER, is_left
-from tests.groups import NEED_NAVIGATION
+from tests.groups import COMPILED, NEED_NAVIGATION, group_of
 
 # How fast examples are made and run says how busy the machine is, and nothing of the code.
 PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -39,6 +40,27 @@ def _log_as_before() -> Iterator[None]:
     before = structlog.get_config()
     yield
     structlog.configure(**before)
+
+
+@cache
+def _compile() -> None:
+    """Compile all that the worker's skills need, or load it from the cache."""
+    from chefbotd.localization import warm as localization
+    from chefbotd.mapping import warm as mapping
+    from chefbotd.navigation import warm as navigation
+    from chefbotd.navigation.outline import OutlineParameters
+    from chefbotd.navigation.parameters import NavigationParameters
+
+    mapping.warm()
+    localization.warm()
+    navigation.warm(NavigationParameters(outline=OutlineParameters(radius_m=0.18)))
+
+
+@pytest.fixture(autouse=True)
+def _compiled_before(request: pytest.FixtureRequest) -> None:
+    """Compiling takes minutes on a busy machine: no test's time limit counts it, whichever test comes first."""
+    if group_of(request.path) == COMPILED:
+        _compile()
 
 
 collect_ignore_glob = [] if find_spec("numba") and find_spec("scipy") else list(NEED_NAVIGATION)
@@ -67,7 +89,10 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With ``TEST_TIER=rest``: leave out what `make test` runs in the same way."""
+    """Compiling counts for no test's time limit. With ``TEST_TIER=rest``: leave out what `make test` runs alike."""
+    for item in items:
+        if group_of(item.path) == COMPILED:
+            item.add_marker(pytest.mark.timeout(func_only=True))
     if TIER == "rest":
         done = [item for item in items if not is_left(item)]
         items[:] = [item for item in items if is_left(item)]

@@ -16,6 +16,9 @@ NEED_NAVIGATION = (
 )
 """Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
 
+COMPILED = "compiled"
+"""The group that these are."""
+
 
 @cache
 def group_of(path: Path) -> str:
@@ -26,4 +29,4 @@ def group_of(path: Path) -> str:
     if "mark.realtime" in path.read_text(encoding="utf-8"):
         return "realtime"
     rooms = {HERE / room for room in NEED_NAVIGATION}
-    return "compiled" if rooms.intersection((path, *path.parents)) else str(path)
+    return COMPILED if rooms.intersection((path, *path.parents)) else str(path)
