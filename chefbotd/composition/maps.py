@@ -60,7 +60,7 @@ def _mapping_and_localization(
 
     finder = LocalizationService(context.bus, context.clock, feed)
     made = MappingService(context.bus, context.clock, feed, stored.use_saved)
-    stored.growing = made.grid
+    stored.growing, stored.made_ready = made.grid, finder.made_ready
     return [mapping(made), localization(finder)]
 
 

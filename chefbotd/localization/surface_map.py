@@ -40,6 +40,8 @@ class SurfaceMapParameters(Parameters):
     depth_cells: float = Field(default=0.25, ge=0, le=1)
     line_m: float = Field(default=0.2, gt=0, le=2)
     """How far on either side along a border the line through it reaches."""
+    most_cells: int = Field(default=6_000_000, ge=1)
+    """A larger map, such as 150 by 100 m of 5 cm, takes more memory than the worker may have."""
 
     @model_validator(mode="after")
     def _occupied_is_above_free(self) -> "SurfaceMapParameters":
@@ -69,8 +71,11 @@ def surface_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> SurfaceMap
     """The map to match against.
 
     Raises:
-        ValueError: the grid has no place where something occupied meets something free.
+        ValueError: the grid has no place where something occupied meets something free, or is too large.
     """
+    if grid.percent.size > params.most_cells:
+        told = f"has {grid.percent.size} cells, at most {params.most_cells} are possible: make it anew with larger cells"
+        raise ValueError(told)
     occupied = grid.percent >= params.occupied_percent
     free = (grid.percent >= 0) & (grid.percent <= params.free_percent)
     surfaces = _placed(grid, *_borders(params, grid.resolution_m, occupied, free))

@@ -249,6 +249,26 @@ def test_a_zone_not_to_be_entered_is_kept_out_of(tmp_path: Path) -> None:
     in_flat(tmp_path, scenario, zones=zones)
 
 
+def test_zones_that_change_in_mid_drive_hold_when_the_map_is_loaded_again(tmp_path: Path) -> None:
+    """The door becomes keep-out while the robot drives to it: it drives on to no other end than that no way is left."""
+
+    async def scenario(drive: Drive) -> None:
+        leg = drive.begin()
+        await drive.until_driving()
+        zones = "keep_out:\n  - {name: door, corners_m: [[0.0, 3.1], [9.0, 3.1], [9.0, 3.6], [0.0, 3.6]]}\n"
+        (drive.folder / "flat.map" / "zones.yaml").write_text(zones)
+        await drive.client.load_map("flat")
+        assert (await drive.client.get_state()).topics["localization"].data.state == "localized"
+        with pytest.raises(GoalUnreachable):
+            await leg
+        assert drive.truth.world_from_base.y_m < 3.1 - 0.15
+        (drive.folder / "flat.map" / "zones.yaml").unlink()
+        await drive.client.load_map("flat")
+        assert "reached" in await drive.begin()
+
+    in_flat(tmp_path, scenario)
+
+
 def test_zones_that_cannot_be_read_let_nothing_drive(tmp_path: Path) -> None:
     """A file that is no zones: where not to go is not known, so goals are refused, and why is said."""
 

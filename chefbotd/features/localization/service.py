@@ -15,6 +15,7 @@ from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.features.localization.methods import LocalizationResult
 from chefbotd.features.worker.service import WorkerService
+from chefbotd.worker.requests import OnProgress
 from chefbotd.worker.skills.localization_messages import (
     LOCATED,
     SKILL,
@@ -31,7 +32,7 @@ SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
 LONG_S: Final = 60.0
-"""For making a large map ready."""
+"""For each step of making a large map ready."""
 
 AWAY: Final = ("restarting", "unavailable", "stopped")
 
@@ -42,11 +43,16 @@ TOLD_EVERY_S: Final = 1.0
 class LocalizationService:
     """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose."""
 
+    UNRECORDED = frozenset({"_reports"})
+
     def __init__(self, bus: Bus, clock: Clock, feed: WorkerService) -> None:
         self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
         self._map: MapLoaded | None = None
-        self._is_mapping = False
-        self._has_to_tell = asyncio.Event()
+        self._is_mapping = self._was_unloaded = False
+        self._has_to_tell, self._has_told = asyncio.Event(), asyncio.Event()
+        self._has_told.set()
+        self._reports: list[OnProgress] = []
+        self._problem = ""  # why the map cannot be used
         self._told: LocalizationChanged | None = None
         self._jumps = 0
         self._worker.add_listener(SKILL, self._take_told)
@@ -64,6 +70,15 @@ class LocalizationService:
         """Search everywhere."""
         return await self._ask(Localize(), SHORT_S)
 
+    async def made_ready(self, report: OnProgress) -> str:
+        """Wait until the skill uses the map in use, if there is a worker; why it cannot, empty where it can."""
+        self._reports.append(report)
+        try:
+            await self._has_told.wait()
+        finally:
+            self._reports.remove(report)
+        return self._problem
+
     async def run(self) -> None:
         """Tell the skill which map to use: when that changes, and each time that a worker has become ready."""
         while True:
@@ -71,19 +86,30 @@ class LocalizationService:
             self._has_to_tell.clear()
             if self._worker.is_ready:
                 await self._tell_map()
+            if not self._has_to_tell.is_set():
+                self._has_told.set()
 
     async def _tell_map(self) -> None:
-        used = None if self._is_mapping else self._map
+        used, self._problem = None if self._is_mapping else self._map, ""
         try:
+            if self._was_unloaded:  # the next map may have its name and version
+                self._was_unloaded = False
+                await self._ask(UseNone(), LONG_S)
             await self._ask(UseNone() if used is None else UseMap(used.name, used.version), LONG_S)
         except Refused as problem:
-            log.error("localization has no map", reason=str(problem))
-            self._publish(self._clock.now_s(), state="unknown", name=None, reason=str(problem))
+            self._problem = str(problem)
+            log.error("localization has no map", reason=self._problem)
+            self._publish(self._clock.now_s(), state="unknown", name=None, reason=self._problem)
+
+    def _report(self, done: float, total: float, text: str) -> None:
+        for report in self._reports:
+            report(done, total, text)
 
     async def _ask(
         self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float
     ) -> LocalizationResult:
-        answer = LOCATED.decode(await self._worker.request(SKILL, request, deadline_s=deadline_s))
+        told = await self._worker.request(SKILL, request, deadline_s=deadline_s, on_progress=self._report)
+        answer = LOCATED.decode(told)
         self._take(answer)
         return LocalizationResult(state=answer.state, map=answer.map)
 
@@ -91,10 +117,11 @@ class LocalizationService:
 
     def _take_map(self, event: MapLoaded) -> None:
         self._map = event
+        self._has_told.clear()
         self._has_to_tell.set()
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
-        self._map = None
+        self._map, self._was_unloaded = None, True
         self._has_to_tell.set()
 
     def _take_mapping(self, event: MappingChanged) -> None:

@@ -4,7 +4,8 @@ import asyncio
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from chefbotd.core.commands import RefusalKind
@@ -35,17 +36,14 @@ async def run_import(order: Order, report: Report) -> int:
     )
     assert process.stdout is not None  # noqa: S101 - it is a pipe
     told: dict[str, Any] = {}
-    latest = [(0.0, 1.0, "starts the program that imports it")]
-    repeating = asyncio.create_task(_repeat(latest, report))
     try:
-        async for line in process.stdout:
-            told = json.loads(line)
-            if "text" in told:
-                latest[:] = [(told["done"], told["total"], told["text"])]
-                report(*latest[0])
-        code = await process.wait()
+        with repeated(report, "starts the program that imports it") as tell:
+            async for line in process.stdout:
+                told = json.loads(line)
+                if "text" in told:
+                    tell(told["done"], told["total"], told["text"])
+            code = await process.wait()
     finally:
-        repeating.cancel()
         if process.returncode is None:
             process.kill()
             await process.wait()
@@ -58,9 +56,23 @@ async def run_import(order: Order, report: Report) -> int:
     )
 
 
-async def _repeat(latest: list[tuple[float, float, str]], report: Report) -> None:
-    """Say now and then that it is still at work, so that a client goes on waiting."""
-    while True:
-        await asyncio.sleep(REPEAT_S)
-        for progress in latest:
-            report(*progress)
+@contextmanager
+def repeated(report: Report, text: str) -> Iterator[Report]:
+    """Yields what reports; meanwhile the last report, ``text`` at first, is repeated, so that a client waits on."""
+    latest = (0.0, 1.0, text)
+
+    async def repeat() -> None:
+        while True:
+            await asyncio.sleep(REPEAT_S)
+            report(*latest)
+
+    def tell(done: float, total: float, text: str) -> None:
+        nonlocal latest
+        latest = done, total, text
+        report(*latest)
+
+    repeating = asyncio.create_task(repeat())
+    try:
+        yield tell
+    finally:
+        repeating.cancel()

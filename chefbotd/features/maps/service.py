@@ -17,7 +17,7 @@ from chefbotd.core.events.maps import MapLoaded, MapUnloaded
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.entries import entries_of
 from chefbotd.features.maps import parts
-from chefbotd.features.maps.importer import Report, run_import
+from chefbotd.features.maps.importer import Report, repeated, run_import
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
 from chefbotd.features.maps.summary import summary
 from chefbotd.features.maps.whereabouts import Whereabouts
@@ -37,7 +37,8 @@ MOST_THREADS = 4
 class MapsService:
     """The maps of a store; ``in_use`` is the name of the map in use.
 
-    ``growing`` gives the map that is being made, where one can be. What waits for the disk runs in threads of its own.
+    ``growing`` gives the map that is being made, where one can be. ``made_ready`` waits until the way is found on the map
+    in use, and says why it cannot be. What waits for the disk runs in threads of its own.
     """
 
     def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
@@ -45,6 +46,7 @@ class MapsService:
         self._entries = entries_of(clock)
         self._whereabouts = Whereabouts(bus)
         self.growing: Callable[[], Awaitable[MapChanged]] | None = None
+        self.made_ready: Callable[[Report], Awaitable[str]] | None = None
         self._threads = ThreadPoolExecutor(MOST_THREADS, "maps")
         self._order = asyncio.Lock()
         self._cells = parts.Cache()
@@ -77,22 +79,26 @@ class MapsService:
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
 
     async def load(self, name: str, progress: Progress) -> MapInUse:
-        """Use a map; what somebody put there or has edited is imported first."""
+        """Use a map, and wait until the way can be found on it; what somebody put there or has edited is imported first."""
         name = map_name(name)
-        async with self._order:
-            ignored = await self._import_edited(name, progress)
-            used = await self._use(name)
-        if ignored is None:
-            return used
-        return used.model_copy(update={"warning": "; ".join(filter(None, (ignored, used.warning)))})
+        return await self._entries.outside(lambda: self._loaded(name, progress.report))
 
-    async def _import_edited(self, name: str, progress: Progress) -> str | None:
+    async def _loaded(self, name: str, report: Report) -> MapInUse:
+        with repeated(report, "waiting for the disk") as tell:
+            async with self._order:
+                ignored = await self._import_edited(name, tell)
+                used = await self._use(name)
+            problem = "" if self.made_ready is None else await self.made_ready(tell)
+        warning = "; ".join(filter(None, (ignored, used.warning, problem))) or None
+        return used.model_copy(update={"warning": warning})
+
+    async def _import_edited(self, name: str, report: Report) -> str | None:
         """Take in what somebody put there or has edited; why not, if it is no map and a saved version is whole."""
         if not await self._in_thread(self.store.needs_import, name):
             return None
         try:
             yaml = self.store.folder / f"{name}.yaml"
-            await self._import(yaml, name, "edited files", progress.report, keeps_graph=True)
+            await self._import(yaml, name, "edited files", report, keeps_graph=True)
         except MapStoreError as problem:
             if (await self._in_thread(self.store.describe, name)).manifest is None:
                 raise

@@ -12,16 +12,17 @@ from chefbotd.localization.localizer import (
     Odometry,
     Report,
     advanced,
-    localization_map,
     localize,
     set_pose,
     step,
 )
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.pyramid import pyramid
 from chefbotd.localization.saved import SavedPose
 from chefbotd.localization.searching import LocalizationMap
 from chefbotd.localization.states import HAS_POSE, State
+from chefbotd.localization.surface_map import surface_map
 from chefbotd.localization.warm import warm
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose
@@ -34,7 +35,7 @@ from chefbotd.worker.skills.localization_messages import LocalizationSkillParame
 from chefbotd.worker.skills.on_map import require_on_map
 from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
 from chefbotd.worker.skills.silence import Silence
-from chefbotd.worker.skills.skill import Job, Struct
+from chefbotd.worker.skills.skill import Done, Job, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -84,7 +85,10 @@ class LocalizationSkill:
 
     @property
     def used(self) -> tuple[str, int] | None:
-        """The map in use, and its version; ``grid`` has its cells, ``report`` and ``seen`` what the last scan told."""
+        """The map in use, and its version: another object each time that it was asked for.
+
+        ``grid`` has its cells, ``report`` and ``seen`` what the last scan told.
+        """
         return self._map
 
     @property
@@ -173,7 +177,7 @@ class LocalizationSkill:
         """One request."""
         match messages.REQUEST.decode(body):
             case messages.UseMap() as request:
-                self._use(request.name, request.version)
+                return self._using(request.name, request.version)
             case messages.UseNone():
                 self._keep()
                 self._rest()
@@ -188,15 +192,29 @@ class LocalizationSkill:
                 self._now, self._mount = localize(self._now), MountCheck()
         return self._standing()
 
-    def _use(self, name: str, version: int) -> None:
+    def _using(self, name: str, version: int) -> Job:
+        """Make a map ready, in steps; one that is ready is only told to be in use anew, and the pose stays."""
+        if self._map == (name, version):
+            self._map = name, version
+            return self._standing()
         try:
+            yield Done(0.0, 3.0, "reading the map")
             grid = self._read_map(name)
-            within = localization_map(self._localization, grid)
-        except ValueError as problem:
+            yield Done(1.0, 3.0, "finding its walls")
+            surfaces = surface_map(self._localization.surfaces, grid)
+            yield Done(2.0, 3.0, "preparing the search")
+            within = LocalizationMap(surfaces, pyramid(surfaces))
+        except (ValueError, Refused) as problem:
+            self._keep()
             self._rest()
-            raise Refused(
-                RefusalKind.MAP_UNREADABLE, f"nobody can find the way on {name!r}: {problem}"
-            ) from problem
+            kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
+            raise Refused(kind, f"nobody can find the way on {name!r}: {problem}") from problem
+        self._change_to(name, version, grid, within)
+        return self._standing()
+
+    def _change_to(self, name: str, version: int, grid: OccupancyGrid, within: LocalizationMap) -> None:
+        """Find the way on another map, or version; the pose that was kept for it is tried first."""
+        self._keep()
         self._rest()
         self._within, self._map, self.grid = within, (name, version), grid
         kept = self._pose_file.read()

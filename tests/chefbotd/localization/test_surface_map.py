@@ -85,3 +85,9 @@ def test_thresholds_must_be_apart() -> None:
     """Free is below occupied, and the values are named."""
     with pytest.raises(ValueError, match="got 70 and 60"):
         SurfaceMapParameters(free_percent=70, occupied_percent=60)
+
+
+def test_a_map_that_is_too_large_is_refused_with_its_size() -> None:
+    """120 by 120 cells, where 14,000 are allowed."""
+    with pytest.raises(ValueError, match="has 14400 cells, at most 14000 are possible"):
+        surface_map(SurfaceMapParameters(most_cells=14_000), half_plane(0.4, 0.3))

@@ -4,11 +4,13 @@ import asyncio
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from chefbotd.client.errors import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
 from chefbotd.worker.skills.localization_messages import POSE_FILE
@@ -44,6 +46,27 @@ def test_it_finds_itself_on_the_map_that_is_loaded(tmp_path: Path) -> None:
             assert off_m(s.poses[-1].map_from_base, 29) < 0.03
             place = await s.client.call("save_place", name="here")
             assert math.dist((place["x_m"], place["y_m"]), TRUTH[29][:2]) < 0.03
+
+    run_virtual(play())
+
+
+def test_load_map_ends_when_the_way_can_be_found_on_it_and_says_why_where_it_cannot(tmp_path: Path) -> None:
+    """Its steps are told, and set_pose may follow at once; a map without walls is in use with a warning."""
+    stored(tmp_path)
+    save(MapStore(tmp_path, 3), "meadow", OccupancyGrid(0.05, Pose2D(), np.zeros((90, 70), np.int8)))
+
+    async def play() -> None:
+        async with scene(tmp_path) as s:
+            told: list[str] = []
+            used = await s.client.load_map("flat", lambda done, total, text: told.append(text))
+            assert used.warning is None
+            assert told[-3:] == ["reading the map", "finding its walls", "preparing the search"]
+            assert (await s.client.set_pose(*map(float, TRUTH[0]))).map == "flat"
+            used = await s.client.load_map("meadow")
+            assert used.warning is not None
+            assert "nobody can find the way on 'meadow'" in used.warning
+            told_of = await s.data("localization")
+            assert (told_of.state, told_of.map) == ("unknown", None)
 
     run_virtual(play())
 

@@ -6,14 +6,17 @@ import math
 import os
 import zlib
 from collections.abc import Awaitable, Callable
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.client import CallError, Client
-from chefbotd.clock import LoopClock
+from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
 from chefbotd.core.geometry import CERTAIN, Pose2D
@@ -35,6 +38,7 @@ from tests.budget import sample
 from tests.chefbotd.maps.test_store import grid, same
 
 Scenario = Callable[[Client], Awaitable[None]]
+NOT_TOLD: Any = SimpleNamespace(report=lambda done, total, text: None)
 
 
 def with_daemon(folder: Path, scenario: Scenario) -> None:
@@ -262,7 +266,7 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
         bus = Bus()
         events = bus.subscribe(MapLoaded, MapUnloaded)
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
-        await service.load("flat", None)  # type: ignore[arg-type]
+        await service.load("flat", NOT_TOLD)
         await service.rename("flat", "home")
         await service.delete("home")
         assert service.in_use is None
@@ -275,6 +279,34 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
         assert (told[0].folder, told[0].version) == (str(tmp_path), 1)
 
     asyncio.run(run())
+
+
+def test_loading_waits_for_whoever_makes_the_map_ready_and_says_so_all_the_time(tmp_path: Path) -> None:
+    """He takes 7 s for a large map, longer than a client waits for what is silent; what he cannot do is a warning."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    told: list[tuple[float, str]] = []
+
+    async def made_ready(report: Callable[[float, float, str], None]) -> str:
+        report(1.0, 3.0, "finding its walls")
+        await asyncio.sleep(7.0)
+        return "nobody can find the way on it"
+
+    async def run() -> None:
+        service = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3)
+        service.made_ready = made_ready
+        now_s = asyncio.get_running_loop().time
+        progress: Any = SimpleNamespace(report=lambda done, total, text: told.append((now_s(), text)))
+        begun_s = now_s()
+        used = await service.load("flat", progress)
+        assert used.warning == "nobody can find the way on it"
+        times_s = [begun_s, *(at_s for at_s, _ in told), now_s()]
+        assert max(after - before for before, after in pairwise(times_s)) < 1.5
+        count = len(told)
+        await asyncio.sleep(3.0)
+        assert len(told) == count
+
+    run_virtual(run())
+    assert {text for _, text in told} == {"finding its walls"}
 
 
 def test_a_map_that_mapping_goes_on_with_keeps_its_name_and_stays(tmp_path: Path) -> None:
@@ -350,7 +382,7 @@ def test_where_the_robot_stands_becomes_a_place_if_that_is_known(
     async def run() -> None:
         bus, clock = Bus(), LoopClock()
         service = MapsService(bus, clock, MapStore(tmp_path), 3)
-        await service.load("flat", None)  # type: ignore[arg-type]
+        await service.load("flat", NOT_TOLD)
         if told is not None:
             bus.publish(pose_told(clock.now_s() - age_s, told))
         if mapping is not None:
@@ -384,7 +416,7 @@ def test_the_map_that_is_being_made_is_sent_where_no_other_is_named(
         bus = Bus()
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
         service.growing = growing
-        await service.load("flat", None)  # type: ignore[arg-type]
+        await service.load("flat", NOT_TOLD)
         bus.publish(mapping_told("mapping", None))
         first = await service.part(None, 0)
         assert (first.name, first.version, first.saved_at_s, first.parts > 2) == (None, 5, None, True)
