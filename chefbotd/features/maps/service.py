@@ -37,8 +37,8 @@ MOST_THREADS = 4
 class MapsService:
     """The maps of a store; ``in_use`` is the name of the map in use.
 
-    ``growing`` gives the map that is being made, where one can be. ``made_ready`` waits until the way is found on the map
-    in use, and says why it cannot be. What waits for the disk runs in threads of its own.
+    ``growing`` gives the map that is being made, where one can be. ``made_ready`` waits until the way can be found on
+    the map in use, and says why it cannot. What waits for the disk runs in threads of its own.
     """
 
     def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
@@ -79,7 +79,7 @@ class MapsService:
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
 
     async def load(self, name: str, progress: Progress) -> MapInUse:
-        """Use a map, and wait until the way can be found on it; what somebody put there or has edited is imported first."""
+        """Use a map, and wait until the way can be found on it; what somebody has edited is imported first."""
         name = map_name(name)
         return await self._entries.outside(lambda: self._loaded(name, progress.report))
 

@@ -97,7 +97,10 @@ def test_a_map_is_imported_loaded_and_sent(tmp_path: Path) -> None:
         assert (only.columns, only.rows, only.source) == (11, 7, str(yaml))
 
     with_daemon(tmp_path / "maps", first)
-    assert reports[0] == (0.0, 2.0, "reading")
+    of_program = [
+        told for told in reports if "starts" not in told[2]
+    ]  # which a busy machine takes a while for
+    assert of_program[0] == (0.0, 2.0, "reading")
     assert reports[-1] == (2.0, 2.0, "saved")
     with_daemon(tmp_path / "maps", second)
 
