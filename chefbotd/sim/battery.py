@@ -1,15 +1,16 @@
 """The battery: its charge, its voltage under load, and what the board's ADC reads of it."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
-import numpy as np
-
+from chefbotd.core.record import Record
 from chefbotd.sim.plant import Supply
 from chefbotd.sim_parameters.battery import BatteryParameters
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
-CHARGE_SHARE = np.linspace(0.0, 1.0, 11)
-REST_VOLTAGE_V = np.array([10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73])
+# Tenths of the charge, from empty to full.
+REST_VOLTAGE_V = (10.50, 11.51, 11.66, 11.81, 11.96, 12.10, 12.24, 12.37, 12.50, 12.62, 12.73)
+TENTHS = tuple(pairwise(REST_VOLTAGE_V))
 ADC_MAX = 4095
 
 
@@ -21,8 +22,7 @@ class Divider:
     ratio: float = 4.0
 
 
-@dataclass(frozen=True, slots=True)
-class Battery:
+class Battery(Record, frozen=True):
     """A battery with ``charge_share`` (0 to 1) left in it."""
 
     parameters: BatteryParameters
@@ -36,7 +36,10 @@ class Battery:
     @property
     def supply(self) -> Supply:
         """The battery as the motors see it."""
-        rest_v = float(np.interp(self.charge_share, CHARGE_SHARE, REST_VOLTAGE_V))
+        tenths = 10 * self.charge_share
+        number = min(int(tenths), 9)
+        below_v, above_v = TENTHS[number]
+        rest_v = below_v + (above_v - below_v) * (tenths - number)
         return Supply(rest_v, self.parameters.resistance_ohm, self.parameters.electronics_current_a)
 
     def drained(self, current_a: float, duration_s: float) -> "Battery":

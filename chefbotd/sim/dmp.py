@@ -3,7 +3,7 @@
 from collections import deque
 from typing import NamedTuple
 
-from chefbotd.sim.arrays import Vector
+from chefbotd.sim.plant import Wheels
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Motion
 
@@ -46,7 +46,7 @@ class MotionProcessor:
             return None
         return self._samples.popleft() if waiting else None
 
-    def _watch(self, from_s: float, to_s: float, before_rad: Vector, after_rad: Vector) -> None:
+    def _watch(self, from_s: float, to_s: float, before_rad: Wheels, after_rad: Wheels) -> None:
         while self._next_s <= to_s:
             self._samples.append(Sample(self._next_s, self._robot.motion))
             self._next_s += self._period_s

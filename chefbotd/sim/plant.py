@@ -7,14 +7,19 @@ The motor is the textbook one without inductance (Lynch and Park, *Modern Roboti
 which makes the wheels a linear system between two friction forces. It is solved exactly (matrix
 exponential), so a step of any length is stable; dry friction is then found as the torque, within its bounds,
 that stops each wheel. Wheels come in the order of the chassis, however many there are on a side.
+
+A step is written with plain numbers: with two or four wheels, numpy's calls cost more than the sums.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from math import copysign
+from operator import mul
+from typing import TypeAlias
 
 import numpy as np
 
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.scrub import Scrub
@@ -22,9 +27,14 @@ from chefbotd.sim_parameters.motor import GRAVITY_M_S2, BodyParameters, MotorPar
 
 FRICTION_SWEEPS = 8
 
+Wheels: TypeAlias = tuple[float, ...]
+"""A number for each wheel, in the order of the chassis."""
 
-@dataclass(frozen=True, slots=True)
-class Supply:
+Rows: TypeAlias = tuple[Wheels, ...]
+"""A matrix."""
+
+
+class Supply(Record, frozen=True):
     """What feeds the bridges: a voltage behind a resistance, and what the electronics take of it."""
 
     open_circuit_v: float
@@ -32,12 +42,11 @@ class Supply:
     base_load_a: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WheelState:
+class WheelState(Record, frozen=True):
     """Angle turned since power-on and speed of every wheel, forward positive."""
 
-    angle_rad: Vector
-    velocity_rad_s: Vector
+    angle_rad: Wheels
+    velocity_rad_s: Wheels
 
 
 class _Propagator:
@@ -49,9 +58,9 @@ class _Propagator:
         responses = step_s / inertias
         if damping_n_m_s > 0:
             responses = -np.expm1(-rates * step_s) / damping_n_m_s
-        self.decay: Vector = axes @ np.diag(np.exp(-rates * step_s)) @ axes.T
-        self.gain: Vector = axes @ np.diag(responses) @ axes.T
-        self.own_gain: Vector = np.diag(self.gain).copy()
+        self.decay = _rows(axes @ np.diag(np.exp(-rates * step_s)) @ axes.T)
+        self.gain = _rows(axes @ np.diag(responses) @ axes.T)
+        self.own_gain = [row[wheel] for wheel, row in enumerate(self.gain)]
 
 
 class Plant:
@@ -65,8 +74,9 @@ class Plant:
             raise ValueError(f"step_s must be positive, got {step_s}")
         self.step_s = step_s
         self._dead_zone_share = motor.dead_zone_share
-        self._twist_from_wheels = _twist_from_wheels(body, chassis)
-        inertia = _inertia(motor, body, self._twist_from_wheels)
+        twist_from_wheels = _twist_from_wheels(body, chassis)
+        self._linear_from_wheels, self._angular_from_wheels = _rows(twist_from_wheels)
+        inertia = _inertia(motor, body, twist_from_wheels)
         self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
         self._stall_n_m_per_v = motor.torque_constant_n_m_a / motor.resistance_ohm
         magnetic = self._stall_n_m_per_v * self._back_emf_v_s
@@ -75,17 +85,18 @@ class Plant:
         wheels = len(chassis.wheels)
         radii_m, load_n = _radii_m(body, chassis), body.mass_kg * GRAVITY_M_S2 / wheels
         self._static_to_kinetic = motor.static_to_kinetic_friction
-        self._kinetic_n_m = motor.dry_friction_n_m + body.rolling_resistance * load_n * radii_m
-        self._spinning_n_m = body.grip * load_n * radii_m
+        rolling_n = body.rolling_resistance * load_n
+        self._kinetic_n_m = [motor.dry_friction_n_m + rolling_n * radius_m for radius_m in radii_m]
+        self._spinning_n_m = [body.grip * load_n * radius_m for radius_m in radii_m]
         self._scrub = Scrub(chassis, body.wheelbase_m, radii_m, body.grip * load_n)
-        self._open = np.zeros(wheels)
+        self._open: Wheels = (0.0,) * wheels
 
     @property
     def standing(self) -> WheelState:
         """Wheels at rest at angle 0."""
         return WheelState(self._open, self._open)
 
-    def pulse_width(self, shares: Sequence[float]) -> Vector:
+    def pulse_width(self, shares: Sequence[float]) -> Wheels:
         """The signed share of the supply that each wheel's bridge passes on for its PWM share (-1 to 1).
 
         Pulses inside the dead zone are too short to switch.
@@ -95,10 +106,12 @@ class Plant:
         """
         if len(shares) != len(self._open):
             raise ValueError(f"{len(shares)} PWM shares for {len(self._open)} wheels")
-        asked, dead = np.asarray(shares, dtype=np.float64), self._dead_zone_share
-        return np.copysign(np.clip((np.abs(asked) - dead) / (1 - dead), 0.0, 1.0), asked)
+        dead = self._dead_zone_share
+        return tuple(
+            [copysign(min(max((abs(asked) - dead) / (1 - dead), 0.0), 1.0), asked) for asked in shares]
+        )
 
-    def load(self, state: WheelState, pulse_width: Vector | None, supply: Supply) -> tuple[float, float]:
+    def load(self, state: WheelState, pulse_width: Wheels | None, supply: Supply) -> tuple[float, float]:
         """The voltage left of the supply, and the current drawn from it, electronics included.
 
         A bridge draws ``pulse_width`` times its motor's current, so both follow in closed form; braking into
@@ -106,14 +119,14 @@ class Plant:
         """
         conductance = back_emf_a = 0.0
         if pulse_width is not None:
-            conductance = float(pulse_width @ pulse_width) / self._resistance_ohm
-            back_emf_a = float(pulse_width @ state.velocity_rad_s) * self._back_emf_v_s / self._resistance_ohm
+            conductance = _dot(pulse_width, pulse_width) / self._resistance_ohm
+            back_emf_a = _dot(pulse_width, state.velocity_rad_s) * self._back_emf_v_s / self._resistance_ohm
         unloaded_v = supply.open_circuit_v - supply.resistance_ohm * (supply.base_load_a - back_emf_a)
         terminal_v = unloaded_v / (1 + supply.resistance_ohm * conductance)
         return terminal_v, supply.base_load_a + conductance * terminal_v - back_emf_a
 
     def step(
-        self, state: WheelState, pulse_width: Vector | None, terminal_v: float, skid: float = 0.0
+        self, state: WheelState, pulse_width: Wheels | None, terminal_v: float, skid: float = 0.0
     ) -> WheelState:
         """The state ``step_s`` later.
 
@@ -125,47 +138,73 @@ class Plant:
             skid: share of the wheels' grip that is overcome because the robot is held by something.
         """
         velocity = state.velocity_rad_s
-        if not velocity.any() and (pulse_width is None or not pulse_width.any()):
+        if not any(velocity) and (pulse_width is None or not any(pulse_width)):
             return state
         if pulse_width is None:
-            propagator, free = self._coasting, self._coasting.decay @ velocity
+            propagator, free = self._coasting, _times(self._coasting.decay, velocity)
         else:
-            torque = (self._stall_n_m_per_v * terminal_v) * pulse_width
-            propagator = self._driven
-            free = propagator.decay @ velocity + propagator.gain @ torque
+            propagator, n_m = self._driven, self._stall_n_m_per_v * terminal_v
+            driven = _times(propagator.gain, [n_m * share for share in pulse_width])
+            free = [a + b for a, b in zip(_times(propagator.decay, velocity), driven, strict=True)]
         after = self._rub(propagator, velocity, free, skid)
-        return WheelState(state.angle_rad + (0.5 * self.step_s) * (velocity + after), after)
+        half_s = 0.5 * self.step_s
+        turned = zip(state.angle_rad, velocity, after, strict=True)
+        return WheelState(tuple([angle + half_s * (old + new) for angle, old, new in turned]), after)
 
-    def _rub(self, propagator: _Propagator, velocity: Vector, free: Vector, skid: float) -> Vector:
+    def _rub(self, propagator: _Propagator, velocity: Wheels, free: list[float], skid: float) -> Wheels:
         """Velocities after dry friction, given those without it."""
-        kinetic = self._kinetic_n_m + (
-            skid * self._spinning_n_m + self._scrub.torque_n_m(self.twist(velocity))
-        )
-        after: Vector = free - propagator.gain @ np.copysign(kinetic, velocity)
-        if (after * velocity).min() > 0:
+        resistances = (self._kinetic_n_m, self._spinning_n_m, self._scrub.torque_n_m(self.twist(velocity)))
+        kinetic = [dry + skid * spinning + scrub for dry, spinning, scrub in zip(*resistances, strict=True)]
+        slowed = _times(propagator.gain, map(copysign, kinetic, velocity))
+        after = tuple([a - b for a, b in zip(free, slowed, strict=True)])
+        if min(map(mul, after, velocity)) > 0:
             return after
-        limit = np.where(velocity == 0, kinetic * self._static_to_kinetic, kinetic)
+        more = self._static_to_kinetic
+        limit = [torque if speed else torque * more for torque, speed in zip(kinetic, velocity, strict=True)]
         return _stick_or_slide(propagator, free, limit)
 
-    def twist(self, wheel_velocity_rad_s: Vector) -> Twist2D:
+    def twist(self, wheel_velocity_rad_s: Sequence[float]) -> Twist2D:
         """How the robot moves over free ground; a side moves with the mean of its rims."""
-        linear, angular = self._twist_from_wheels @ wheel_velocity_rad_s
-        return Twist2D(float(linear), float(angular))
+        return Twist2D(
+            _dot(self._linear_from_wheels, wheel_velocity_rad_s),
+            _dot(self._angular_from_wheels, wheel_velocity_rad_s),
+        )
 
 
-def _stick_or_slide(propagator: _Propagator, free: Vector, limit: Vector) -> Vector:
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    total: float = sum(map(mul, a, b))
+    return total
+
+
+def _times(rows: Rows, column: Iterable[float]) -> list[float]:
+    """A matrix by a vector."""
+    values = tuple(column)
+    return [sum(map(mul, row, values)) for row in rows]
+
+
+def _rows(matrix: Vector) -> Rows:
+    return tuple([tuple(row) for row in matrix.tolist()])
+
+
+def _stick_or_slide(propagator: _Propagator, free: list[float], limit: list[float]) -> Wheels:
     """Projected Gauss-Jacobi: a wheel whose friction need not reach its limit to stop it, stands."""
-    torque = np.zeros_like(limit)
+    gain, own_gain = propagator.gain, propagator.own_gain
+    torque, moving = [0.0] * len(free), free
     for _ in range(FRICTION_SWEEPS):
-        residual = free - propagator.gain @ torque
-        torque = np.minimum(np.maximum(torque + residual / propagator.own_gain, -limit), limit)
-    return np.where(np.abs(torque) < limit, 0.0, free - propagator.gain @ torque)
+        before = torque
+        wheels = zip(torque, moving, own_gain, limit, strict=True)
+        torque = [min(max(was + speed / own, -most), most) for was, speed, own, most in wheels]
+        if torque == before:
+            break
+        moving = [a - b for a, b in zip(free, _times(gain, torque), strict=True)]
+    rubbed = zip(torque, moving, limit, strict=True)
+    return tuple([0.0 if abs(rubs) < most else speed for rubs, speed, most in rubbed])
 
 
-def _radii_m(body: BodyParameters, chassis: Chassis) -> Vector:
+def _radii_m(body: BodyParameters, chassis: Chassis) -> list[float]:
     """The wheels' real radii."""
     left, right = body.left_radius_multiplier, body.right_radius_multiplier
-    return np.array([wheel.radius_m * (left if wheel.is_left else right) for wheel in chassis.wheels])
+    return [wheel.radius_m * (left if wheel.is_left else right) for wheel in chassis.wheels]
 
 
 def _twist_from_wheels(body: BodyParameters, chassis: Chassis) -> Vector:

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from chefbotd.sim.arrays import Vector
+from chefbotd.sim.plant import Wheels
 
 LEVELS = (0b00, 0b10, 0b11, 0b01)
 """The lines of an encoder that turns forward: A, worth 2, before B, worth 1."""
@@ -37,9 +37,9 @@ class EdgeRecorder:
         self._edges: tuple[deque[Edge], ...] = tuple(deque() for _ in counts_per_rad)
         self._totals = [0] * len(self._counts_per_rad)
 
-    def watch(self, from_s: float, to_s: float, before_rad: Vector, after_rad: Vector) -> None:
+    def watch(self, from_s: float, to_s: float, before_rad: Wheels, after_rad: Wheels) -> None:
         """The wheels turned so in this time, each evenly."""
-        wheels = zip(before_rad.tolist(), after_rad.tolist(), self._counts_per_rad, self._edges, strict=True)
+        wheels = zip(before_rad, after_rad, self._counts_per_rad, self._edges, strict=True)
         for before, after, per_rad, edges in wheels:
             edges.extend(_edges(from_s, to_s, before * per_rad, after * per_rad))
 

@@ -7,19 +7,18 @@ the second. So when and how often the robot is advanced never changes what it do
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.sim.arrays import Vector
+from chefbotd.core.record import Record
 from chefbotd.sim.battery import Battery
 from chefbotd.sim.crowd import Crowd
-from chefbotd.sim.plant import Plant, WheelState
+from chefbotd.sim.plant import Plant, Wheels, WheelState
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import BodyParameters
 
-Watcher = Callable[[float, float, Vector, Vector], None]
+Watcher = Callable[[float, float, Wheels, Wheels], None]
 """Told of every step: from and to which time, and the wheels' angles before and after."""
 
 STRAIGHT_RAD = 1e-9
@@ -27,8 +26,7 @@ TRAIL_S = 0.5
 TOUCH_M = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RobotState:
+class RobotState(Record, frozen=True):
     """Everything about the robot at one step.
 
     ``free_m`` is how far it can certainly move before it touches a wall; ``skid`` is the share of its motion that a
@@ -74,7 +72,7 @@ class Robot:
             )
         self._plant, self._body, self._world = plant, body, world
         self._crowd = crowd or Crowd((), (), seed=0)
-        self._pulse_width: Vector | None = None
+        self._pulse_width: Wheels | None = None
         idle_v, _ = plant.load(plant.standing, None, battery.supply)
         self._now = self._before = RobotState(
             start, STANDING, plant.standing, battery, idle_v, clearance_m - body.radius_m
@@ -104,23 +102,24 @@ class Robot:
     def advance(self, to_s: float) -> None:
         """Advance the robot to this time, at which the readings below are taken; never back."""
         self._read_s = max(to_s, self._read_s)
-        while self._steps * self._plant.step_s < self._read_s:
-            self._crowd.step(self._plant.step_s, self._now.world_from_base, self._body.radius_m)
+        step_s = self._plant.step_s
+        while self._steps * step_s < self._read_s:
+            self._crowd.step(step_s, self._now.world_from_base, self._body.radius_m)
             self._before, self._now = self._now, self._step(self._now)
             self._steps += 1
             self._leave_trail(self._now.world_from_base)
             for watcher in self._watchers:
-                to_step_s = self._steps * self._plant.step_s
-                angles = self._before.wheels.angle_rad, self._now.wheels.angle_rad
-                watcher(to_step_s - self._plant.step_s, to_step_s, *angles)
+                to_step_s = self._steps * step_s
+                watcher(
+                    to_step_s - step_s, to_step_s, self._before.wheels.angle_rad, self._now.wheels.angle_rad
+                )
 
     @property
-    def wheel_angles_rad(self) -> Vector:
+    def wheel_angles_rad(self) -> Wheels:
         """How far each wheel has turned since power-on."""
-        behind_s = self._steps * self._plant.step_s - self._read_s
-        now, before = self._now.wheels.angle_rad, self._before.wheels.angle_rad
-        angles: Vector = now - (now - before) * (behind_s / self._plant.step_s)
-        return angles
+        behind = (self._steps * self._plant.step_s - self._read_s) / self._plant.step_s
+        steps = zip(self._now.wheels.angle_rad, self._before.wheels.angle_rad, strict=True)
+        return tuple([now - (now - before) * behind for now, before in steps])
 
     @property
     def state(self) -> RobotState:
@@ -159,7 +158,10 @@ class Robot:
     ) -> RobotState:
         """The robot after its wheels have turned: as far as the walls let it."""
         step_s, before = self._plant.step_s, state.world_from_base
-        twist = self._plant.twist((wheels.angle_rad - state.wheels.angle_rad) / step_s)
+        if wheels is state.wheels and state.twist == STANDING and not len(self._world.discs):
+            return RobotState(before, STANDING, wheels, battery, terminal_v, state.free_m)
+        rolled = zip(wheels.angle_rad, state.wheels.angle_rad, strict=True)
+        twist = self._plant.twist([(after - earlier) / step_s for after, earlier in rolled])
         wanted = before.compose(arc(twist, step_s))
         pose, free_m = self._let_through(state, wanted)
         touches_disc = False

@@ -59,7 +59,7 @@ class Sketch:
         chassis = wiring.chassis
         self._motor_signs = [wheel.motor_sign for wheel in chassis.wheels]
         per_rad = chassis.counts_per_turn / math.tau
-        self._counts_per_rad = np.array([wheel.encoder_sign * per_rad for wheel in chassis.wheels])
+        self._counts_per_rad = [wheel.encoder_sign * per_rad for wheel in chassis.wheels]
         self._now_s = self._started_s = self._previous_s = 0.0
         self._micros_at_start = parameters.boot_micros
         self._counts_at_boot = self._counted()
@@ -69,7 +69,7 @@ class Sketch:
             self._processor = MotionProcessor(wiring.robot, parameters.cycle_s)
         self._edges: EdgeRecorder | None = None
         if wiring.variant.speaks(QuadratureEdges):
-            self._edges = EdgeRecorder(self._counts_per_rad.tolist(), parameters.edge_buffer)
+            self._edges = EdgeRecorder(self._counts_per_rad, parameters.edge_buffer)
             wiring.robot.watch(self._edges.watch)
         self.duty: tuple[int, ...] = (0,) * len(self._counts_at_boot)
         self._asked = self.duty
@@ -226,8 +226,8 @@ class Sketch:
 
     def _counted(self) -> tuple[int, ...]:
         """Encoder edges since power-on."""
-        counts = self._robot.wheel_angles_rad * self._counts_per_rad
-        return tuple(math.floor(count) for count in counts)
+        turned = zip(self._robot.wheel_angles_rad, self._counts_per_rad, strict=True)
+        return tuple([math.floor(angle * per_rad) for angle, per_rad in turned])
 
     def _counts(self) -> tuple[int, ...]:
         """Encoder edges since the board booted, as int32."""

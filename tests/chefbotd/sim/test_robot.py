@@ -50,7 +50,7 @@ def test_pose_agrees_with_the_wheels() -> None:
     robot.advance(3.0)
     robot.drive((-0.3, 0.3))
     robot.advance(4.0)
-    left, right = (robot.wheel_angles_rad - before) * 0.045
+    left, right = [0.045 * (now - then) for now, then in zip(robot.wheel_angles_rad, before, strict=True)]
     assert robot.truth(0.0).world_from_base.heading_rad == pytest.approx((right - left) / 0.3)
 
 
