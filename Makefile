@@ -16,6 +16,9 @@ CLOCK ?= both
 TIER ?= full
 FUZZ_OPTIONS := -max_total_time=$(FUZZ_S) -artifact_prefix=build/fuzz/ -verbosity=0 -print_final_stats=1
 
+# Bytecode is kept and shared, whatever the environment says: without it, each of the tests' processes compiles it all anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Tests that need the real clock share a worker, which mostly waits: so one more than there are cores. JOBS=0: one process.
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
