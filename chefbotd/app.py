@@ -174,7 +174,7 @@ class Daemon:
         """Add what the process itself counts, and have every part add its own."""
         metrics = self.metrics
         metrics.counters(
-            "bus_dropped", "Events that a full inbox gave up.", "event", lambda: self.bus.drops()
+            "bus_dropped", "Events that full inboxes dropped.", "event", lambda: self.bus.drops()
         )
         metrics.counters(
             "service_failures",

@@ -125,7 +125,7 @@ class Client(Methods, MapMethods, NavigationMethods, RecordingMethods, Topics):
             async with asyncio.timeout(timeout_s):
                 await self._connected_again.wait()
         except TimeoutError:
-            raise CallTimeout(f"not connected again within {timeout_s:g} s") from None
+            raise CallTimeout(f"no connection again within {timeout_s:g} s") from None
         if not self.connected:
             raise ConnectionLost(str(self._connection.wire.lost))
 

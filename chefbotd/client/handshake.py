@@ -123,7 +123,9 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
         raise (ConnectionLost if wire.has_reason else NoGreeting)(str(loss)) from None
     protocol = str(params.get("protocol"))
     if protocol.partition(".")[0] != PROTOCOL_MAJOR:
-        raise IncompatibleProtocol(f"the daemon speaks {protocol}, we {PROTOCOL_MAJOR}.x")
+        raise IncompatibleProtocol(
+            f"the daemon speaks protocol {protocol}, and this client {PROTOCOL_MAJOR}.x"
+        )
     try:
         told = {field.name: params[field.name] for field in fields(Hello)}  # a newer daemon may say more
         return Hello(**{**told, "capabilities": tuple(told["capabilities"])})

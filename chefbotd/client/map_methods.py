@@ -140,7 +140,7 @@ def _image(parts: list[models.MapPart]) -> MapImage:
     except (ValueError, zlib.error) as error:
         raise ProtocolError(f"get_map: the cells cannot be unpacked: {error}") from error
     if len(cells) != expected:
-        raise ProtocolError(f"get_map: {expected} cells were told, {len(cells)} or more came")
+        raise ProtocolError(f"get_map: {expected} cells were expected, but at least {len(cells)} arrived")
     return MapImage(
         first.name,
         first.version,

@@ -31,7 +31,7 @@ def check_device(port: PortFound) -> Finding:
         return ok("device", f"{port.device} is there")
     return problem(
         "device",
-        f"there is no {port.device}; {port.others}",
+        f"the device {port.device} does not exist; {port.others}",
         "plug the board in (a charging cable has no data lines), then set [link] device to its /dev/serial/by-id name",
     )
 
@@ -69,27 +69,27 @@ def check_holder(port: PortFound, *, daemon_answers: bool) -> Finding:
 def check_baud(configured: int, heard: int | None, *, heard_anything: bool) -> Finding:
     """Whether the board talks at the configured rate; ``heard`` is the one at which it does, where any is."""
     if heard == configured:
-        return ok("baud", f"the board talks at {configured} baud")
+        return ok("baud", f"the board sends valid lines at {configured} baud")
     if heard is not None:
         return problem(
             "baud",
-            f"at {configured} baud there is only garbage, at {heard} the board is understood",
+            f"at {configured} baud there is only garbage, but at {heard} the board sends valid lines",
             f"set [link] baud = {heard}",
         )
     if heard_anything:
         return problem(
             "baud",
-            f"no board was understood, neither at {configured} baud nor at the other usual rates",
-            "is it this port? What does the sketch give to Serial.begin?",
+            f"no valid line was received at {configured} baud or at the other usual rates",
+            "is this the right port? Which rate does the sketch pass to Serial.begin?",
         )
-    return skipped("baud", "nothing was heard, at any rate")
+    return skipped("baud", "nothing was received at any baud rate")
 
 
 def check_governor(governors: Sequence[str]) -> Finding:
     """Whether the processor is slowed down to save power."""
     if not governors:
         return skipped(
-            "cpu_governor", "this computer tells of none (a virtual machine, or its own firmware decides)"
+            "cpu_governor", "this computer reports none (a virtual machine, or its firmware decides)"
         )
     kinds = ", ".join(sorted(set(governors)))
     if "powersave" not in governors:
@@ -104,7 +104,7 @@ def check_governor(governors: Sequence[str]) -> Finding:
 def check_time_sync(synchronized: bool | None) -> Finding:
     """Whether the wall clock is right; only log files and recordings need it."""
     if synchronized is None:
-        return skipped("time_sync", "this computer does not tell whether its clock is synchronized")
+        return skipped("time_sync", "this computer does not report whether its clock is synchronized")
     if synchronized:
         return ok("time_sync", "the computer's clock is synchronized")
     return warning(
@@ -139,7 +139,7 @@ def check_socket(where: str, answer: str, refusal: str) -> Finding:
     """Whether a daemon answers at an address; ``answer`` is what it said of itself, ``refusal`` why it does not."""
     if answer:
         return ok("socket", f"a daemon answers at {where}: {answer}")
-    return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the board itself")
+    return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
 
 
 def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:
@@ -148,6 +148,6 @@ def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:
         return problem(
             "configuration",
             f"the daemon drives {robot!r}, and {told} describes {wanted_robot!r}",
-            "give the daemon's own with --config: what follows compares with a wrong one",
+            "give the daemon's own with --config: the findings below compare with the wrong configuration",
         )
     return ok("configuration", f"the robot is compared with {told} ({wanted_robot})")

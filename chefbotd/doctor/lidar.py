@@ -92,21 +92,22 @@ def check_motion(name: str, before: ScanTaken, after: ScanTaken, motion: Pose2D)
     turned = abs(motion.heading_rad) >= LEAST_TURNED_RAD
     check = f"lidar_turn {name}" if turned else f"lidar_forward {name}"
     if not turned and math.hypot(motion.x_m, motion.y_m) < LEAST_MOVED_M:
-        return skipped(check, "odometry hardly moved, so the scans cannot be held against it")
+        return skipped(check, "odometry hardly moved, so the scans cannot be compared with it")
     fit = fit_motion(before, after, motion)
     told = f"moved back by odometry, its scans lie {fit.configured_m * 100:.1f} cm apart"
     better = fit.best_m < BETTER_SHARE * fit.configured_m
     if better and fit.mirrored:
         return problem(
             check,
-            f"{told}, mirrored only {fit.best_m * 100:.1f} cm: it turns the other way round",
-            "set upside_down the other way for this [[lidar]] (or the encoders' sides are exchanged: see 'turn')",
+            f"{told}, mirrored only {fit.best_m * 100:.1f} cm: it spins in the opposite direction",
+            "invert upside_down for this [[lidar]] (or the encoders' sides are exchanged: see 'turn')",
         )
     if better and abs(fit.offset_rad) > WRONG_RAD:
         yaw_rad = wrap_angle(before.base_from_lidar.heading_rad + fit.offset_rad)
         return problem(
             check,
-            f"{told}, turned by {math.degrees(fit.offset_rad):+.0f}° only {fit.best_m * 100:.1f} cm: it looks elsewhere",
+            f"{told}, turned by {math.degrees(fit.offset_rad):+.0f}° "
+            f"only {fit.best_m * 100:.1f} cm: its mount_yaw_rad is wrong",
             f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]",
         )
     if fit.configured_m >= FAR_M / 2:
@@ -124,15 +125,15 @@ def check_ahead(name: str, before: ScanTaken, after: ScanTaken, ahead_m: float) 
             "nothing new was seen",
             f"place something as high as the lidar and as wide as a hand {ahead_m:g} m ahead, and look again",
         )
-    told = f"what was placed ahead appears at {math.degrees(bearing_rad):+.0f}° (0° is ahead, + is left)"
+    told = f"the object placed ahead appears at {math.degrees(bearing_rad):+.0f}° (0° is ahead, + is left)"
     if abs(bearing_rad) <= WRONG_RAD:
         return ok(check, told)
     yaw_rad = wrap_angle(before.base_from_lidar.heading_rad - bearing_rad)
     return problem(
         check,
-        f"{told}: the lidar looks elsewhere than its mount says",
+        f"{told}: the configured mount of the lidar is wrong",
         f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]"
-        + (", it sits the wrong way round" if abs(bearing_rad) > math.pi - WRONG_RAD else ""),
+        + (", it is mounted the wrong way round" if abs(bearing_rad) > math.pi - WRONG_RAD else ""),
     )
 
 
@@ -158,7 +159,7 @@ def check_lidar(name: str, condition: str, reason: str, scans_hz: float, covered
         return problem(
             check,
             f"{name} is {condition.replace('_', ' ')}: {reason or 'no reason is told'}",
-            "its power and its plug; 'chefbotctl ports --listen' finds its port",
+            "check its power and its plug; 'chefbotctl ports --listen' finds its port",
         )
     told = f"{name} sends {scans_hz:.1f} turns a second, {covered:.0%} of its beams measure"
     if not scans_hz:

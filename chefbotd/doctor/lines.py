@@ -6,7 +6,7 @@ from chefbotd.core.record import Record
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
 
 GARBLED_SHARE = 0.1
-"""At a wrong baud rate most bytes are no text."""
+"""At a wrong baud rate most bytes are not text."""
 
 DAMAGED_SHARE, MUCH_DAMAGED_SHARE = 0.01, 0.1
 """Of all lines; a cable in order damages none in hours."""
@@ -70,7 +70,7 @@ class LinesHeard(Record, frozen=True):
 
     @property
     def is_garbled(self) -> bool:
-        """Whether the bytes are no text, as at a wrong baud rate."""
+        """Whether the bytes are not text, as at a wrong baud rate."""
         return self.bytes > 0 and self.garbled_share > GARBLED_SHARE and not self.is_board
 
     @property
@@ -84,16 +84,16 @@ def check_heard(heard: LinesHeard) -> Finding:
     if not heard.bytes:
         return problem(
             "lines",
-            f"nothing was heard for {heard.seconds:.1f} s",
+            f"nothing was received for {heard.seconds:.1f} s",
             "is the board powered (its LED), does its sketch run, and is this its port? Press its reset button once",
         )
     if heard.is_garbled:
-        share = f"{heard.garbled_share:.0%} of {heard.bytes} bytes are no text"
+        share = f"{heard.garbled_share:.0%} of {heard.bytes} bytes are not text"
         return problem("lines", f"{share}: {heard.sample}", "the baud rate is wrong: see above")
     if not heard.is_board:
         return problem(
             "lines",
-            f"text came, and hardly a line of a board: {heard.sample}",
+            f"text was received, but hardly any valid line of a board: {heard.sample}",
             "this is the port of another device: 'chefbotctl ports --listen' finds the board",
         )
     told = ", ".join(
@@ -113,7 +113,7 @@ def check_heard(heard: LinesHeard) -> Finding:
 def check_damaged(heard: LinesHeard) -> Finding:
     """How many lines are damaged, and how."""
     if not heard.is_board:
-        return skipped("damaged_lines", "no board was heard")
+        return skipped("damaged_lines", "nothing was received from a board")
     bad = sum(heard.damaged.values())
     share = bad / (heard.frames + bad)
     if not bad:
@@ -134,13 +134,13 @@ def check_damaged(heard: LinesHeard) -> Finding:
 def check_clock(heard: LinesHeard) -> Finding:
     """Whether the board's clock keeps time with ours."""
     if not heard.is_board:
-        return skipped("board_clock", "no board was heard")
+        return skipped("board_clock", "nothing was received from a board")
     if "t" not in heard.kinds:
-        return ok("board_clock", "the board tells no time (no 't' lines): the daemon goes by its own clock")
+        return ok("board_clock", "the board sends no time (no 't' lines), so the daemon uses its own clock")
     if heard.clock_ppm is None or heard.clock_s < LEAST_CLOCK_S:
         return skipped(
             "board_clock",
-            "the 't' lines came too few or too unevenly to compare clocks",
+            "the 't' lines are too few or too irregular to compare the clocks",
             "listen longer: --seconds 20",
         )
     way = "fast" if heard.clock_ppm > 0 else "slow"
@@ -162,8 +162,9 @@ def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
     return [
         problem(
             "motors_left_on",
-            f"the motors were on (s {told}) though no daemon runs",
-            "keep clear; whatever drove the robot ended without stopping it: 'journalctl -u chefbotd -n 50' may say why",
+            f"the motors were on (s {told}) although no daemon is running",
+            "keep clear; the last program that drove the robot did not stop it: "
+            "'journalctl -u chefbotd -n 50' may say why",
         )
     ]
 
@@ -171,12 +172,12 @@ def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
 def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
     """Whether the motors are off and the wheels stand while nobody drives."""
     if not heard.is_board:
-        return skipped("at_rest", "no board was heard")
+        return skipped("at_rest", "nothing was received from a board")
     if any(heard.duty):
         told = " ".join(f"{duty:g}" for duty in heard.duty)
         return problem(
             "at_rest",
-            f"the board says that its motors are on (s {told}), and nobody asked for that",
+            f"the board says that its motors are on (s {told}), although nothing commanded them",
             "keep clear of the wheels; 'chefbotctl estop', or cut the motors' power",
         )
     turned = [abs(count) / counts_per_turn * 6.283 for count in heard.counted]
@@ -187,4 +188,4 @@ def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
             f"the encoders counted {told} while nobody drove",
             "was the robot moved? If not, an encoder's wire is loose or picks up noise",
         )
-    return ok("at_rest", "the motors are off, and the wheels stand")
+    return ok("at_rest", "the motors are off, and the wheels stand still")

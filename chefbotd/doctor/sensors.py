@@ -51,7 +51,7 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
     check = f"{kind} {name}"
     if beams is None or not beams.statuses:
         return problem(
-            check, f"{name} told nothing", "does the sketch read it, and does its configuration fit?"
+            check, f"{name} told nothing", "does the sketch read it, and is its configuration right?"
         )
     total, seen = sum(beams.statuses.values()), beams.statuses.get("ok", 0)
     told = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in beams.statuses.items())
@@ -60,8 +60,8 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
     if beams.statuses.get("too_far") == total:
         return skipped(
             check,
-            f"nothing stands within the reach of {name}, or it is unplugged (of {total}: {told})",
-            "hold a book 30 cm before it, and look again",
+            f"nothing is within the range of {name}, or it is unplugged (of {total}: {told})",
+            "hold a book 30 cm in front of it, and run the doctor again",
         )
     return warning(
         check,
@@ -81,7 +81,7 @@ def check_beam_ahead(name: str, before_m: float | None, after_m: float | None) -
     return problem(
         check,
         told,
-        "does it look ahead, and is it plugged in where the configuration says?",
+        "does it point ahead, and is it connected to the configured input?",
     )
 
 
@@ -95,9 +95,7 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
         return skipped("imu", "no [imu] is configured")
     if not attitudes:
         if sends_imu:
-            return problem(
-                "imu", "its lines come, and none was understood", "see the finding on damaged lines"
-            )
+            return problem("imu", "its lines arrive, but none is valid", "see the finding on damaged lines")
         return warning(
             "imu",
             "no 'i' lines come",
@@ -117,7 +115,7 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
 def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
     """The robot was turned to the left: the IMU's heading grows, as much as odometry's."""
     if imu_rad is None:
-        return skipped("imu_turn", "the IMU tells no heading")
+        return skipped("imu_turn", "the IMU reports no heading")
     told = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, odometry {math.degrees(odometry_rad):+.0f}°"
     if imu_rad < -TURNED_RAD:
         return problem(
@@ -125,7 +123,9 @@ def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
         )
     if imu_rad < TURNED_RAD:
         return problem(
-            "imu_turn", f"{told}: the IMU hardly noticed", "its z axis does not point up, or it hangs"
+            "imu_turn",
+            f"{told}: the IMU hardly measured the turn",
+            "its z axis does not point up, or it has frozen",
         )
     if odometry_rad > TURNED_RAD and abs(imu_rad / odometry_rad - 1) > AGREEMENT:
         return warning(
@@ -139,7 +139,7 @@ def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
 def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
     """The robot's front was lifted: the IMU's nose goes up."""
     if flat is None or lifted is None or flat.nose_up is None or lifted.nose_up is None:
-        return skipped("imu_tilt", "the IMU tells no attitude")
+        return skipped("imu_tilt", "the IMU reports no attitude")
     rise = lifted.nose_up - flat.nose_up
     told = f"with its front lifted, the IMU says nose {'up' if rise > 0 else 'down'} by {_degrees(rise)}°"
     if rise > LIFTED_SHARE:
@@ -151,7 +151,9 @@ def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
             "turn it round, or set [imu] mount_heading_rad = 3.14",
         )
     return problem(
-        "imu_tilt", f"{told}: it did not notice", "its x axis points to a side, or it was not lifted enough"
+        "imu_tilt",
+        f"{told}: it did not measure the tilt",
+        "its x axis points to a side, or it was not lifted enough",
     )
 
 

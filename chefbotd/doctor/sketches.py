@@ -53,7 +53,7 @@ def recognise(heard: LinesHeard) -> Guess:
 def check_sketch(heard: LinesHeard) -> Finding:
     """Which sketch this seems to be, and what is to be known of it."""
     if not heard.is_board:
-        return skipped("sketch", "no board was heard")
+        return skipped("sketch", "nothing was received from a board")
     guess = recognise(heard)
     if guess.sketch is None:
         return warning(
@@ -68,7 +68,7 @@ def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
     """Whether the configuration fits the sketch that was recognised."""
     guess = recognise(heard) if heard.is_board else None
     if guess is None:
-        return skipped("configured_board", "no board was heard")
+        return skipped("configured_board", "nothing was received from a board")
     if heard.wheels and heard.wheels != expected.wheels:
         return problem(
             "configured_board",
@@ -76,7 +76,7 @@ def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
             f"set [robot] wire = {heard.wire!r}, and describe its wheels",
         )
     if guess.sketch is None:
-        return skipped("configured_board", "the sketch is not known")
+        return skipped("configured_board", "the sketch could not be identified")
     row = SKETCHES[guess.sketch]
     wrong, advice = _against(row, expected, published=guess.sketch is not SketchName.KHAN)
     if wrong:
@@ -92,17 +92,20 @@ def _against(row: SketchParameters, expected: Expected, *, published: bool) -> t
     wrong, advice = [], []
     if published and expected.max_duty != row.pwm_full_scale:
         wrong.append(
-            f"full on is {row.pwm_full_scale} for this sketch, [drive] max_duty says {expected.max_duty}"
+            f"the full scale of this sketch is {row.pwm_full_scale}, but [drive] max_duty is {expected.max_duty}"
         )
         advice.append(
             f"set max_duty = {row.pwm_full_scale} and scale the gains with it, or measure: 'chefbotctl doctor --motors'"
         )
     if expected.board_buffer_bytes > row.receive_buffer_bytes:
         wrong.append(
-            f"its receive buffer holds {row.receive_buffer_bytes} bytes, [link] board_buffer_bytes says "
+            f"its receive buffer holds {row.receive_buffer_bytes} bytes, but [link] board_buffer_bytes is "
             f"{expected.board_buffer_bytes}"
         )
-        advice.append(f"set board_buffer_bytes = {row.receive_buffer_bytes}: it obeys pieces of what is lost")
+        advice.append(
+            f"set board_buffer_bytes = {row.receive_buffer_bytes}: "
+            "when the buffer overflows, it obeys the pieces of damaged commands"
+        )
     return wrong, advice
 
 
@@ -129,8 +132,8 @@ def _reason(heard: LinesHeard) -> str:
 
 
 NOTES: Mapping[SketchName, str] = {
-    SketchName.TIVA: "; an echo that is missing silences it for up to a second",
-    SketchName.TIVA_BARE: "; it tells neither time nor a banner: 'Reset Done' is the only sign of its restart",
+    SketchName.TIVA: "; a missing echo silences it for up to a second",
+    SketchName.TIVA_BARE: "; it sends no time and no banner, so 'Reset Done' is the only sign of a restart",
     SketchName.DUEMILANOVE: (
         "; its reset command does not restart it, its buffer holds 63 bytes, and a duty above 255 loses its high bits"
     ),

@@ -74,8 +74,8 @@ def check_push(wheels: Sequence[WheelSetting], turned_rad: Speeds) -> list[Findi
         return [
             problem(
                 "encoders",
-                "no wheel counted anything as the robot was pushed",
-                "was it pushed on its wheels, by 30 cm? If so, the encoders have no 5 V, or their plugs are out",
+                "no encoder counted while the robot was pushed",
+                "was it pushed on its wheels, by 30 cm? If so, the encoders lack 5 V, or are unplugged",
             )
         ]
     return [_check_pushed(wheel, turned_rad.get(wheel.name, 0.0)) for wheel in wheels]
@@ -94,14 +94,14 @@ def _check_pushed(wheel: WheelSetting, turned_rad: float) -> Finding:
     return problem(
         check,
         f"{told}: its encoder counts nothing",
-        "look at the encoder's plug, its 5 V and its two wires A and B",
+        "check the encoder's plug, its 5 V and its two wires A and B",
     )
 
 
 def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> Finding:
     """Whether the counts make the right distance."""
     if real_m <= 0:
-        return skipped("distance", "nobody measured how far it went")
+        return skipped("distance", "the distance was not measured")
     ratio = odometry_m / real_m
     told = f"odometry says {odometry_m:.3f} m, you measured {real_m:.3f} m"
     if not ratio > 0:
@@ -126,7 +126,9 @@ def check_turn(turned_rad: float, wheels: Sequence[WheelSetting], by_wheel_rad: 
         return problem(
             "turn", f"{told}: the left and right encoders are exchanged ({sides})", "exchange their plugs"
         )
-    return problem("turn", f"{told}: it noticed nothing", "was it turned so far? If so, look at the encoders")
+    return problem(
+        "turn", f"{told}: the encoders measured nothing", "was it turned that far? If so, check the encoders"
+    )
 
 
 def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
@@ -135,11 +137,11 @@ def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     check = f"motor {wheel.name}"
     if not any(sample.duty[wheel.name] for sample in run.samples):
         return skipped(
-            check, f"{wheel.name} was not driven{_because(run)}", "see to that, and ask the doctor again"
+            check, f"{wheel.name} was not driven{_because(run)}", "fix that, and run the doctor again"
         )
     own = run.turned_rad(wheel.name)
     others = [each.name for each in wheels if each is not wheel and _outran(run.turned_rad(each.name), own)]
-    told = f"{wheel.name} was asked to turn forward: its encoder says {own:+.2f} rad"
+    told = f"{wheel.name} was driven forward: its encoder reports {own:+.2f} rad"
     if run.seen:
         told += f", you saw {_seen(run.seen)}"
     if others:
@@ -204,12 +206,13 @@ def _still(check: str, told: str, run: WheelRun) -> Finding:
         return problem(
             check,
             f"{told}: its encoder counts nothing",
-            "look at the encoder's plug, its 5 V and wires A and B",
+            "check the encoder's plug, its 5 V and wires A and B",
         )
     return problem(
         check,
         f"{told} at a duty of {most}: it does not turn{_because(run)}",
-        "has the bridge power (battery, emergency switch, its enable pin), are the motor's wires in, is it blocked?",
+        "check the bridge's power (battery, emergency switch, enable pin), the motor's wires, "
+        "and whether the wheel is blocked",
     )
 
 
@@ -261,7 +264,7 @@ def check_scale(
         return skipped("duty_scale", "no wheel turned enough to tell", "see the findings on the motors")
     scale = median(scales)
     known = min(KNOWN_SCALES, key=lambda each: abs(math.log(each / scale)))
-    told = f"by the wheels' speeds a duty of about {scale:.0f} is full on, [drive] max_duty is {max_duty}"
+    told = f"the wheels' speeds suggest a full scale of about {scale:.0f}, but [drive] max_duty is {max_duty}"
     if 1 / SCALE_RATIO < max_duty / scale < SCALE_RATIO:
         return ok("duty_scale", told)
     gains = (

@@ -68,5 +68,5 @@ def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], 
 
 def _add(known: dict[str, Any], more: dict[str, Any], what: str) -> None:
     if taken := sorted(known.keys() & more.keys()):
-        raise ValueError(f"{what} {', '.join(taken)} belongs to another feature already")
+        raise ValueError(f"{what} {', '.join(taken)} already belongs to another feature")
     known.update(more)

@@ -1,7 +1,7 @@
 """Whether what comes in is a board at all: an open port says little, a wrong one says something else.
 
 A board that talks is judged by the share of its lines that are frames; a line in ten is plenty on the worst cable, and
-no other device comes near it. At a wrong baud rate most bytes are no text.
+no other device comes near it. At a wrong baud rate most bytes are not text.
 """
 
 from enum import StrEnum
@@ -71,11 +71,11 @@ class HealthWatch:
 
 def _judge(new: Heard, waited_s: float, sample: bytes) -> Health:
     if not new.bytes:
-        reason = f"nothing heard for {waited_s:.1f} s: is the board powered, and does its program run?"
+        reason = f"nothing received for {waited_s:.1f} s: is the board powered, and does its program run?"
         return Health(Condition.SILENT, reason)
     if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
         return Health(Condition.HEALTHY, "")
-    found = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; heard: {show(sample)}"
+    found = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
     if _garbled_share(sample) > GARBLED_SHARE:
         return Health(Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {found}")
     return Health(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {found}")

@@ -39,7 +39,7 @@ class LinkParameters(Parameters):
     ``rts`` are the states of these lines while open: some boards reset when they change. With ``hang_up_on_close`` the
     kernel drops DTR when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to
     ``reconnect_longest_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
-    which no board was heard for ``health_after_s`` is said to be unhealthy; the ultrasonic alone may silence one for a
+    which no board is heard for ``health_after_s`` is reported unhealthy; the ultrasonic alone may silence one for a
     second. At most ``setpoints_per_s`` motor commands are written.
 
     ``board_buffer_bytes`` is what the board keeps of what it has not read yet; what it may have no room for is not sent.
@@ -80,7 +80,7 @@ class BriefSerial(serial.Serial):  # type: ignore[misc]
             if self.out_waiting:
                 self.reset_output_buffer()
         except (OSError, termios.error):
-            log.debug("the device was gone before its output was")
+            log.debug("the device disappeared before all output was written")
 
 
 class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
@@ -131,7 +131,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         if data:
             self._protocol.data_received(data)
         else:
-            self._close(OSError("device reports readiness to read but returned no data: was it unplugged?"))
+            self._close(OSError("the device is ready to read but returned no data: was it unplugged?"))
 
     def unread_bytes(self) -> int:
         """How many bytes have come in and wait to be read; none from a lost device."""
@@ -174,7 +174,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
                 self._drop_in_kernel()
                 self._sent(words, LAST_WORDS_S)
         except (OSError, termios.error):
-            log.debug("the device was gone before the shutdown stop")
+            log.debug("the device disappeared before the shutdown stop")
         self.abort()
 
     def set_dtr(self, state: bool) -> None:
@@ -182,7 +182,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         try:
             self.serial.dtr = state
         except (AttributeError, OSError, termios.error):
-            log.debug("the device has no DTR, or was gone before")
+            log.debug("the device has no DTR line, or disappeared")
 
     def flush(self) -> None:
         """Drop what is unsent here."""
@@ -199,7 +199,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         try:
             self.serial.reset_output_buffer()
         except (OSError, termios.error):
-            log.debug("the device was gone before its output was")
+            log.debug("the device disappeared before all output was written")
 
     def _sent(self, words: bytes, within_s: float) -> bool:
         """Whether the device takes the words, and has nothing unsent, in time."""

@@ -28,9 +28,9 @@ def ports_there(by_id: Path = BY_ID) -> str:
         names = {}
     found = sorted(port.device for port in list_ports.comports())
     if not found:
-        return "no serial port is there: is the board plugged in and powered?"
+        return "no serial port was found: is the board plugged in and powered?"
     told = [f"{names[Path(port)]} ({port})" if Path(port) in names else port for port in found]
-    return f"serial ports there: {', '.join(told)}"
+    return f"available serial ports: {', '.join(told)}"
 
 
 def permission_advice(device: str) -> str:
@@ -39,10 +39,10 @@ def permission_advice(device: str) -> str:
         status = Path(device).stat()
         group = grp.getgrgid(status.st_gid).gr_name
     except (OSError, KeyError):
-        return "is it yours to use?"
+        return "is this user allowed to use it?"
     if status.st_gid in os.getgroups() or group == "root":
-        return f"{device} is not for your group {group} to read and write: see its udev rule"
+        return f"{device} does not allow your group {group} to read and write: check its udev rule"
     return (
-        f"it is for the group {group}: 'sudo usermod -aG {group} $USER', then log out and in again "
+        f"only members of the group {group} may use it: run 'sudo usermod -aG {group} $USER', then log out and in again "
         f"(a service: SupplementaryGroups={group})"
     )

@@ -13,15 +13,15 @@ from chefbotd.link.restart_watch import RestartWatch
 log = structlog.get_logger(component="link")
 
 REASONS = {
-    ResetStage.STOPPING: "waiting until the board says that its motors are told to stop, and its wheels stand",
-    ResetStage.ASKED: "the board was asked to restart",
+    ResetStage.STOPPING: "waiting until the board confirms the stop and the wheels stand still",
+    ResetStage.ASKED: "the board was told to restart",
     ResetStage.RESTARTED: "the board has restarted; 'arm' allows motion again",
     ResetStage.NOT_RESTARTED: (
         "the board answered 'Reset Done' and went on without a restart, as the sketch for the Arduino does: "
         "nothing was lost and the robot may be driven; to restart it, press its button or pull its cable"
     ),
     ResetStage.NO_ANSWER: (
-        "the board has not restarted: the robot may be driven if the board still talks; else press its button "
+        "the board has not restarted: the robot may be driven if the board still sends data; otherwise press its button "
         "or pull its cable"
     ),
     ResetStage.LINK_LOST: "the link was lost before the board was back",
@@ -83,7 +83,7 @@ class Restarts:
             if self._reset.stage is ResetStage.ASKED:
                 self._end(ResetStage.NOT_RESTARTED)
             else:
-                log.warning("the board said 'Reset Done' unasked, and went on")
+                log.warning("the board sent 'Reset Done' without being asked, and continued")
         return cause
 
     def noticed(self, now_s: float, cause: str) -> None:

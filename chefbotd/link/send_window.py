@@ -99,8 +99,8 @@ class SendWindow:
         if not self.echo_is_stuck(now_s):
             return ""
         return (
-            f"the board says that {self._echo} is in force, {self.newest} was sent: what makes a wheel faster is "
-            "held back until its 's' lines follow; does it read what it is sent?"
+            f"the board reports duty {self._echo}, but {self.newest} was sent: commands that speed a "
+            "wheel up are held back until its 's' lines match; does the board receive what it is sent?"
         )
 
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:

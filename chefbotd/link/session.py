@@ -149,7 +149,7 @@ class BoardSession(asyncio.Protocol):
         )
         if not healthy:
             log.warning(
-                "this does not sound like the board", condition=health.condition, reason=health.reason
+                "the link to the board is not healthy", condition=health.condition, reason=health.reason
             )
 
     def report_not_opened(self, reason: str) -> None:

@@ -70,9 +70,9 @@ def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
         return ""
     degrees = round(math.degrees(check.turned_rad))
     return (
-        f"by the {_named(lidars)} the robot drives elsewhere than its wheels say: it seems to be turned by about "
-        f"{180 if degrees == -180 else degrees} degrees against its configuration (mount_yaw_rad), or wheels have "
-        "the wrong sign"
+        f"the {_named(lidars)} and the wheels disagree about where the robot drives: "
+        f"the lidar seems to be turned by about {180 if degrees == -180 else degrees} degrees "
+        "against its configuration (mount_yaw_rad), or wheels have the wrong sign"
     )
 
 

@@ -80,7 +80,7 @@ def surface_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> SurfaceMap
     free = (grid.percent >= 0) & (grid.percent <= params.free_percent)
     surfaces = _placed(grid, *_borders(params, grid.resolution_m, occupied, free))
     if not len(surfaces.points):
-        raise ValueError("a map to find the way on has walls beside free space, but this one has none")
+        raise ValueError("a map for localization needs walls beside free space, but this one has none")
     rows, columns = np.nonzero(free)
     centers = np.stack([columns + 0.5, rows + 0.5], axis=1) * grid.resolution_m
     free_cells = transform(_origin(grid), centers).astype(np.float32)

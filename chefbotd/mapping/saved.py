@@ -67,7 +67,7 @@ def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
     except KeyError as missing:
         raise NotASavedState(f"a saved state has an array {missing}, which is missing") from missing
     except (IndexError, TypeError) as error:
-        raise NotASavedState(f"the arrays of a saved state fit together, but: {error}") from error
+        raise NotASavedState(f"the arrays of the saved state do not fit together: {error}") from error
 
 
 def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:

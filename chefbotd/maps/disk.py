@@ -94,7 +94,7 @@ def locked(folder: Path) -> Iterator[None]:
                 if time.monotonic() > ends_s:
                     raise MapStoreError(
                         RefusalKind.STORAGE_FAILED,
-                        f"another program has been saving in {folder} for too long",
+                        f"another program has locked {folder} for too long",
                     ) from None
                 time.sleep(LOCK_PERIOD_S)
         yield

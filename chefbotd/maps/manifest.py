@@ -83,5 +83,5 @@ def parse_manifest(data: bytes) -> Manifest:
         raise NotAManifest(f"{where + ': ' if where else ''}{problem['msg']}") from error
     for name in manifest.files:
         if "/" in name or name in ("", ".", "..", MANIFEST):
-            raise NotAManifest(f"files: {name!a} is no file's name")
+            raise NotAManifest(f"files: {name!a} is not a file name")
     return manifest

@@ -64,7 +64,7 @@ class MapStore:
     def describe(self, name: str, *, thorough: bool = False) -> StoredMap:
         """What is known of a map; ``thorough`` reads every byte, so that damage which changes no size is found too."""
         own = self._own(name)
-        with told(f"look at the map {name!r}", own):
+        with told(f"inspect the map {name!r}", own):
             if numbers := tuple(number for number, _ in versions(own)):
                 found, damage = latest(own, thorough=thorough)
                 return StoredMap(name, None if found is None else found.manifest, numbers, damage)
@@ -95,7 +95,7 @@ class MapStore:
 
     def needs_import(self, name: str) -> bool:
         """Whether NAME.yaml and NAME.pgm are somebody else's: put there, or changed after they were saved."""
-        with told(f"look at the map {name!r}", self.folder):
+        with told(f"inspect the map {name!r}", self.folder):
             return edited(self.folder, self._own(name), map_name(name))
 
     # writing
@@ -112,7 +112,7 @@ class MapStore:
 
     def autosave(self, contents: Mapping[str, Content], extent: Extent, source: str) -> Version:
         """Write what is being mapped; the version before it is kept."""
-        with self._changing("save the map that is being made"):
+        with self._changing("save the unfinished map"):
             version = add(self._disk, self._autosaved, contents, extent, source)
             prune(self._disk, self._autosaved, 2)
         return version
@@ -123,12 +123,12 @@ class MapStore:
 
     def look_at_autosave(self) -> tuple[Version | None, dict[int, str]]:
         """The latest autosave that is whole, if there is one, and what is wrong with newer ones, by their numbers."""
-        with told("read the map that was being made", self._autosaved):
+        with told("read the unfinished map", self._autosaved):
             return latest(self._autosaved, thorough=True)
 
     def discard_autosave(self) -> None:
         """Forget what was being mapped: it has been saved, or nobody wants it."""
-        with self._changing("remove the map that was being made"):
+        with self._changing("remove the unfinished map"):
             if self._autosaved.is_dir():
                 discard(self._disk, self._autosaved)
 
@@ -163,7 +163,7 @@ class MapStore:
 
     def repair(self) -> None:
         """Finish or remove what a process that was killed has left; done before each change too."""
-        with self._changing("look at the maps"):
+        with self._changing("inspect the maps"):
             pass
 
     def change_beside(self, name: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
@@ -216,7 +216,7 @@ class MapStore:
 
     def _unknown(self, name: str) -> MapStoreError:
         names = self.names()
-        there = f"there are {', '.join(names)}" if names else "there is none at all"
+        there = f"there are {', '.join(names)}" if names else "there are none"
         return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!r}; {there}")
 
     def _require_own(self, name: str) -> None:
@@ -224,7 +224,7 @@ class MapStore:
             return
         if name in self.names():
             raise MapStoreError(
-                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was put there by somebody else: load it first"
+                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was not saved by chefbotd: load it first"
             )
         raise self._unknown(name)
 

@@ -116,7 +116,7 @@ def _mean(values: Sequence[float], wheels: tuple[int, ...]) -> float:
     if len(wheels) == 1:
         return values[wheels[0]]
     if not wheels:
-        raise ValueError("every wheel of a side is left out: nothing says how far it rolled")
+        raise ValueError("every wheel of a side is excluded, so the distance that it rolled is unknown")
     return sum([values[i] for i in wheels]) / len(wheels)
 
 

@@ -118,9 +118,9 @@ class GoalExecution:
         """From where the robot may not be at all there is no way: look again when the pose is sure."""
         if self._unsure_since_s is None:
             self._unsure_since_s = now.now_s
-        self.reason = f"stands, for it is not sure where it is: {found.reason}"
+        self.reason = f"waits, because it is not sure of its pose: {found.reason}"
         if now.now_s - self._unsure_since_s >= self._params.lost_s:
-            told = f"for {self._params.lost_s:.0f} s it was not sure where the robot is"
+            told = f"for {self._params.lost_s:.0f} s the pose of the robot was uncertain"
             self.end(End.LOST, f"lost: {told}: {found.reason}")
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:

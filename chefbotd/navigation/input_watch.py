@@ -40,7 +40,7 @@ def watched(params: NavigationParameters, last: Missing, now: StepInput, scan_st
     if now.now_s - scan_stamp_s < params.scan_silent_s:
         return Watched(Missing(), is_over=is_found or last.without_scan_s is not None)
     without_scan_s = now.dt_s + (last.without_scan_s or 0.0)
-    missing, stands = Missing(without_scan_s=without_scan_s), "stands, for no scan arrives"
+    missing, stands = Missing(without_scan_s=without_scan_s), "waits, because no scan arrives"
     if without_scan_s < params.scan_fault_s:
         return Watched(missing, stands, is_over=is_found)
     told = f"fault: no scan arrived for {params.scan_fault_s:.0f} s"
@@ -49,8 +49,8 @@ def watched(params: NavigationParameters, last: Missing, now: StepInput, scan_st
 
 def _lost(params: NavigationParameters, last: Missing, now: StepInput) -> Watched:
     since_s = now.now_s if last.lost_since_s is None else last.lost_since_s
-    missing, stands = Missing(lost_since_s=since_s), "stands, for it does not know where it is"
+    missing, stands = Missing(lost_since_s=since_s), "waits, because its pose is not known"
     if now.now_s - since_s < params.lost_s:
         return Watched(missing, stands)
-    told = f"lost: for {params.lost_s:.0f} s it was not known where the robot is"
+    told = f"lost: for {params.lost_s:.0f} s the pose of the robot was not known"
     return Watched(missing, stands, End.LOST, told)

@@ -103,7 +103,7 @@ class Navigator:
         if self._known is None:
             raise NoMapError("there is no map to navigate on: load or make one first")
         if not queue:
-            self.cancel("a new goal took its place")
+            self.cancel("a new goal replaced it")
         self._queue, numbers = added(self._queue, goals)
         if self._execution is None:
             self._execute_next()

@@ -100,7 +100,7 @@ def plan(
     if nearest is None and not _reached(params, costs, here).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
-            f"{told}: the robot itself stands in an obstacle or a zone to be kept out of, at {at}, and cannot leave it"
+            f"{told}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
         )
     if nearest is None:
         return NoPath(f"{told}, and there is no free place near it that can be reached")

@@ -48,7 +48,7 @@ def checked(
     told, waits = f"something is in the way{in_the_way.where}", ""
     since_s = last.blocked_since_s
     if since_s is None:
-        since_s, waits = now.now_s, f"waits, for {told}"
+        since_s, waits = now.now_s, f"waits, because {told}"
     blocked = replace(last, blocked_since_s=since_s)
     patience_s = params.recovery.walker_s if in_the_way.walks else params.recovery.stuck_s
     if now.now_s - since_s >= patience_s:
@@ -64,5 +64,5 @@ def _moved(params: NavigationParameters, found: Checked, now: StepInput) -> Chec
     if moved_m > MOVED_M or turned_rad > MOVED_RAD:
         return replace(found, progress=replace(last, moved_s=now.now_s, pose=now.pose))
     if now.now_s - last.moved_s > params.idle_s:
-        return replace(found, stuck="the robot does not come on")
+        return replace(found, stuck="the robot makes no progress")
     return found

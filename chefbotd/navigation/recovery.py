@@ -42,11 +42,11 @@ class Rung(StrEnum):
 
 ORDER = tuple(Rung)
 SAID = {
-    Rung.LOOK: "stands and looks again",
+    Rung.LOOK: "stops and looks again",
     Rung.BACK_OUT: "backs out the way it came",
-    Rung.OTHER_WAY: "looks for another way round",
+    Rung.OTHER_WAY: "looks for another path",
     Rung.WAIT: "waits for the way to become free",
-    Rung.ASK: "asks for the way to be cleared",
+    Rung.ASK: "asks people to clear the way",
 }
 
 

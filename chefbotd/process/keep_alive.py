@@ -1,6 +1,6 @@
 """What systemd is told while the daemon runs: that it makes progress (``WatchdogSec=``), and a status line.
 
-The word for the watchdog is kept back while the control loop takes no step, or while bytes of the board wait that
+The word for the watchdog is kept back while the control loop has stopped, or while bytes of the board wait that
 nobody reads; systemd then ends the daemon and starts it again. A pulled cable or a silent board is no such case: what
 is not there cannot be read, and a restart would not bring it back.
 """
@@ -84,7 +84,7 @@ class KeepAlive:
         unheard = self._had_unread and unread > 0 and bytes_in == self._bytes_in
         self._acted_s, self._bytes_in, self._had_unread = acted_s, bytes_in, unread > 0
         if stands:
-            return "the control loop takes no step"
+            return "the control loop has stopped"
         return f"{unread} bytes of the board wait, and nobody reads them" if unheard else ""
 
 

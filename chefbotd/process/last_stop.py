@@ -14,7 +14,7 @@ import termios
 import time
 
 GOODBYE = b"goodbye\n"
-BEWARE = "the motors could not be told to stop. Cut their power if the wheels turn"
+BEWARE = "the motors could not be stopped. Cut their power if the wheels turn"
 STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
 

@@ -42,7 +42,7 @@ class LatchFile:
         state = GateState() if self._path is None else _read(self._path)
         if state.mode is not Mode.ARMED:
             log.warning(
-                "begins as the last daemon ended",
+                "starting in the state in which the last daemon ended",
                 mode=str(state.mode),
                 fault=state.fault,
                 reason=state.reason,
@@ -62,7 +62,9 @@ class LatchFile:
             new.replace(self._path)
             self._written = text
         except OSError as error:
-            self._complain("the latch cannot be written: a restart may forget it", error)
+            self._complain(
+                "the latch file cannot be written: a restart may forget an e-stop or a fault", error
+            )
 
     def end(self) -> None:
         """The daemon ends in order: what is armed leaves no word, all else stays for the next one."""
@@ -71,7 +73,7 @@ class LatchFile:
         try:
             self._path.unlink(missing_ok=True)
         except OSError as error:
-            self._complain("the latch cannot be removed: the next start will be disarmed", error)
+            self._complain("the latch file cannot be removed: the next start will be disarmed", error)
 
     def _complain(self, event: str, error: OSError) -> None:
         if not self._complained:
@@ -93,5 +95,5 @@ def _read(path: Path) -> GateState:
     except FileNotFoundError:
         return GateState()
     except (OSError, ValueError) as error:
-        log.warning("the latch cannot be read: begins disarmed", path=str(path), error=str(error))
+        log.warning("the latch file cannot be read: starting disarmed", path=str(path), error=str(error))
         return latch.UNREADABLE

@@ -84,7 +84,7 @@ class Reloader:
         before = self._settings
         merged = before.model_copy(update={name: getattr(wanted, name) for name in CHANGEABLE})
         if wrong := "; ".join(check(merged)):
-            raise SettingsError(f"together with what only a restart changes: {wrong}")
+            raise SettingsError(f"does not fit the settings that only a restart changes: {wrong}")
         keyring = self._target.load_keyring(before)
         keys = list(_differences("", _plain(before), _plain(wanted)))
         mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]

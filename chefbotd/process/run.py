@@ -124,7 +124,7 @@ async def _serve_real(settings: Settings, as_service: AsService) -> None:
     daemon = build(settings, clock=SystemClock(), start_writer=_start_writer(settings))
     if folder is None:
         log.info(
-            "an e-stop or a fault does not outlive the daemon: neither [latch] folder nor RuntimeDirectory= is set"
+            "a restart forgets an e-stop or a fault: neither [latch] folder nor RuntimeDirectory= is set"
         )
     async with stop_guard(settings):
         await _serve(daemon, settings, as_service)
@@ -167,7 +167,7 @@ def _start_writer(settings: Settings) -> StartWriter | None:
     if not settings.recording.enabled:
         return None
     if not (find_spec("mcap") and find_spec(LIBRARIES[settings.recording.compression])):
-        log.info("nothing is recorded: pip install 'chefbotd[recording]'")
+        log.info("nothing is recorded, because the extra is missing: pip install 'chefbotd[recording]'")
         return None
     from chefbotd.recording.writer import WriterThread
 

@@ -51,9 +51,7 @@ class _Guard:
         """See to it that there is one, for as long as the system has room for it."""
         while (process := await asyncio.shield(self._starting)) is not None:
             code = await process.wait()
-            log.warning(
-                "what stops the motors should chefbotd be killed has ended; it starts anew", code=code
-            )
+            log.warning("the stop guard has ended, and is started again", code=code)
             await asyncio.sleep(AGAIN_S)
             self._starting = self._start()
 
@@ -89,5 +87,7 @@ async def _started(link: LinkParameters, stop: bytes) -> Process | None:
             start_new_session=True,
         )
     except OSError as error:
-        log.warning("nobody stops the motors should chefbotd be killed", error=str(error))
+        log.warning(
+            "the stop guard cannot start, so nothing stops the motors if chefbotd is killed", error=str(error)
+        )
         return None

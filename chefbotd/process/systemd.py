@@ -21,7 +21,7 @@ def notify(state: str) -> bool:
             sender.connect(address)
             sender.sendall(state.encode())
     except OSError as error:
-        log.warning("systemd cannot be told", state=state, error=str(error))
+        log.warning("systemd cannot be notified", state=state, error=str(error))
         return False
     return True
 

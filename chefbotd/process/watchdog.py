@@ -79,10 +79,8 @@ class Watchdog:
                 self._intervene(stood_s)
 
     def _intervene(self, stood_s: float) -> None:
-        outcome = "the watchdog stopped the motors" if self._stop() else "the board took no stop"
+        outcome = "the watchdog stopped the motors" if self._stop() else "the board accepted no stop"
         if not self._control.is_driving:
             return
-        reason = (
-            f"the control loop stood still for {stood_s:.2f} s and {outcome}; its log may say what held it up"
-        )
+        reason = f"the control loop did not run for {stood_s:.2f} s and {outcome}; the log may say why"
         self._report(Fault(FaultKind.LOOP_BLOCKED, reason))

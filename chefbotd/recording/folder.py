@@ -60,7 +60,7 @@ class RecordingFolder:
             return None
         return (
             f"only {free_bytes / MEGABYTE:.0f} MB of the disk are free, "
-            f"and {self._parameters.min_free_mb:g} MB are to stay so ([recording] min_free_mb)"
+            f"and {self._parameters.min_free_mb:g} MB must stay free ([recording] min_free_mb)"
         )
 
     def make_room(self, current: Path | None) -> int:

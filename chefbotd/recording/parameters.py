@@ -20,8 +20,8 @@ class RecordingParameters(Parameters):
     auto_start: bool = Field(
         False, description="record from the daemon's start on; only such a file can be replayed"
     )
-    rotate_mb: float = Field(256.0, ge=0.1, le=1e6, description="then another file goes on")
-    rotate_minutes: float = Field(30.0, gt=0.0, le=1e5, description="then another file goes on")
+    rotate_mb: float = Field(256.0, ge=0.1, le=1e6, description="then a new file begins")
+    rotate_minutes: float = Field(30.0, gt=0.0, le=1e5, description="then a new file begins")
     min_free_mb: float = Field(
         500.0,
         ge=0.0,
@@ -32,20 +32,18 @@ class RecordingParameters(Parameters):
         2000.0,
         ge=1.0,
         le=1e7,
-        description="of files that began by themselves; the oldest of them are removed",
+        description="of automatic recordings; the oldest are removed",
     )
     ring_s: float = Field(120.0, ge=0.0, le=3600.0, description="the last seconds, kept in memory; 0: none")
     ring_mb: float = Field(16.0, ge=0.1, le=4096.0, description="compressed, and no more than this")
-    after_fault_s: float = Field(3.0, ge=0.0, le=60.0, description="what follows a fault belongs to its file")
-    exclude: frozenset[str] = Field(frozenset(), description="classes of events that are left out")
+    after_fault_s: float = Field(3.0, ge=0.0, le=60.0, description="how long after a fault its file goes on")
+    exclude: frozenset[str] = Field(frozenset(), description="classes of events that are not recorded")
     compression: Literal["zstd", "lz4"] = "zstd"
     chunk_s: float = Field(
         1.0, ge=0.05, le=60.0, description="a kill or a power cut loses this much at most,"
     )
     sync_s: float = Field(5.0, ge=0.0, le=600.0, description="and a power cut this much more")
-    queue_mb: float = Field(
-        16.0, ge=0.1, le=4096.0, description="what may wait for a disk that is slow or hangs"
-    )
+    queue_mb: float = Field(16.0, ge=0.1, le=4096.0, description="the buffer for a slow or hanging disk")
 
 
 def folder_of(

@@ -28,7 +28,7 @@ RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 MAX_CHUNK_BYTES = 256_000_000
 """Ours have a second in them; other programs' mostly 1 to 4 MB."""
 
-CUT = "it has no end: its writer was killed, its disk was full, or the file was cut"
+CUT = "its end is missing: its writer was killed, its disk was full, or the file was cut"
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 
@@ -117,7 +117,7 @@ class RecordingReader:
                 raise
             self.problem = f"it is damaged or was cut: {error}"
         if self.problem is None and not ended:
-            self.problem = "it was not finished: its writer was ended before"
+            self.problem = "it was not finished: its writer was stopped"
 
     def _note(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
@@ -194,6 +194,6 @@ def _check(path: Path) -> int:
         raise UnreadableRecording(f"{path} is empty, expected a recording (.mcap)")
     if start != MAGIC:
         short = start != MAGIC[: len(start)]
-        what = "is no MCAP file" if short else f"ends after {size} bytes: nothing was recorded"
+        what = "is not an MCAP file" if short else f"ends after {size} bytes: nothing was recorded"
         raise UnreadableRecording(f"{path} {what}, expected a recording (.mcap)")
     return size

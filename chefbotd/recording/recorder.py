@@ -129,7 +129,7 @@ class Recorder:
         if self._file is not None:
             raise RecordingError(
                 RefusalKind.ALREADY_RECORDING,
-                f"{self._file.path.name} is being recorded: stop_recording ends it",
+                f"{self._file.path.name} is being recorded: send stop_recording first",
             )
         name = file_name(name) if name is not None else "recording"
         self._require_room()

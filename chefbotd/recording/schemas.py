@@ -12,7 +12,7 @@ POSE: Mapping[str, Any] = {
 NUMBERS: Mapping[str, Any] = {"type": "array", "items": {"type": ["number", "null"]}}
 SCAN: Mapping[str, Any] = {
     "title": "ScanMeasured",
-    "description": "A whole turn of a lidar, mounted at base_from_lidar; readings that are none are 0.",
+    "description": "A whole turn of a lidar, mounted at base_from_lidar; invalid readings are 0.",
     "type": "object",
     "properties": {
         "stamp_s": {"type": "number"},

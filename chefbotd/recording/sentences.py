@@ -63,4 +63,4 @@ SENTENCES: Mapping[str, Callable[[Any], Sentence]] = {
     "EventsDropped": lambda event: (ERROR, "recording", f"{event.count} events are missing: {event.reason}"),
     "ServiceFailed": lambda event: (ERROR, "daemon", event.reason),
 }
-"""By the event's class. What is said twice in a row by the same one is written once."""
+"""By the event's class. What appears twice in a row by the same one is written once."""

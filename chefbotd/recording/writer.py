@@ -181,7 +181,7 @@ class WriterThread(_Queue):
         try:
             recorder = self._recorder = self._make()
         except Exception as error:
-            log.error("the recorder cannot be made", error=repr(error), exc_info=error)
+            log.error("the recorder cannot start", error=repr(error), exc_info=error)
             return
         while True:
             try:

@@ -37,8 +37,8 @@ class RecordingFiles:
         found = self._about.get("configuration", {}).get("json")
         if not found:
             raise NotReplayable(
-                f"{self._paths[0]}: there is no configuration in it, so it is no recording of chefbotd, "
-                "or it was cut off at its beginning"
+                f"{self._paths[0]}: contains no configuration, so chefbotd did not record it, "
+                "or its beginning is missing"
             )
         return found
 

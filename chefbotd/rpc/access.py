@@ -42,7 +42,7 @@ class Keyring:
                 role, token = _entry(line.split(), f"{name}, line {number}")
                 tokens[token] = role
         if not tokens:
-            raise AccessError(f"{name}: holds no token; make one: {MAKE_ONE.format(path=name)}")
+            raise AccessError(f"{name}: contains no token; create one: {MAKE_ONE.format(path=name)}")
         return cls(tokens)
 
     def exchange(self, other: "Keyring") -> None:
@@ -127,7 +127,7 @@ def _read(path: Path, *, private: bool) -> str:
 
 def _require_private(status: os.stat_result, path: Path) -> None:
     if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise AccessError(f"{path}: others than its owner have access to it; run: chmod 600 {path}")
+        raise AccessError(f"{path}: users other than its owner can read it; run: chmod 600 {path}")
 
 
 def _tls(parameters: ApiParameters) -> ssl.SSLContext | None:

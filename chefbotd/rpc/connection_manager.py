@@ -155,7 +155,7 @@ class ConnectionManager:
 
     def _make_room(self, session: Session) -> bool:
         """Disconnect a client; False for one that is neither connected nor in its handshake."""
-        failure = Failure(ErrorKind.TOO_MANY_CLIENTS, "gave way to a newcomer")
+        failure = Failure(ErrorKind.TOO_MANY_CLIENTS, "replaced by a new client")
         connection, cancel = self._sessions[session], self._handshakes.get(session)
         if connection is not None:
             connection.end(failure, at_once=True)
@@ -211,7 +211,7 @@ class ConnectionManager:
                 continue
             session.role = role_of_digest(session.token_digest)
             if session.role is None and not connection.closing:
-                connection.end(Failure(ErrorKind.WRONG_TOKEN, "this token opens nothing here any more"))
+                connection.end(Failure(ErrorKind.WRONG_TOKEN, "this token is no longer valid"))
 
     def _connections(self) -> list[Connection]:
         return [connection for connection in self._sessions.values() if connection is not None]

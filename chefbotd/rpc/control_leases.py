@@ -59,7 +59,7 @@ class ControlLeases:
         if holder is not None and holder is not session:
             raise Unserved(
                 ErrorKind.LEASE_HELD,
-                f"{source} is driven by {holder}; take_control takes it over",
+                f"{source} is controlled by {holder}; send take_control to take over",
                 {"source": source, "holder": str(holder)},
             )
         if holder is not None:

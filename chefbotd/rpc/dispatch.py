@@ -111,7 +111,7 @@ class Dispatcher:
         """Say what is wrong, and end a connection that is hopeless: one that has only ever spoken another protocol."""
         session = caller.session
         if failure.kind in WASTED and not session.admit_error(self._clock.now_s()):
-            failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this went on for too long", failure.id)
+            failure = Failure(ErrorKind.FLOODING, f"{failure.message}; this happened too often", failure.id)
         if ERRORS[failure.kind].closes or (foreign and not session.proven):
             caller.end(failure)
         elif wants_answer:
@@ -200,15 +200,15 @@ class Dispatcher:
         elif age_s > self._command_timeout_s:
             kind = ErrorKind.TOO_OLD
             message = (
-                f"this {method} waited for up to {age_s:.2f} s, more than the {self._command_timeout_s:g} s for which "
-                "a command moves the robot; send it again if it still holds"
+                f"this {method} waited for up to {age_s:.2f} s, longer than the {self._command_timeout_s:g} s for which "
+                "a command moves the robot; send it again if it is still wanted"
             )
         else:
             return
         raise self._void(session, method, kind, message)
 
     def _overtaken(self, method: str) -> str:
-        return f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it still holds"
+        return f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it is still wanted"
 
     def _void(self, session: Session, method: str, kind: ErrorKind, message: str) -> Unserved:
         """Count and log a command that is not carried out; what its client is told."""
@@ -225,7 +225,8 @@ class Dispatcher:
             raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
         if session.stops_only and (method is None or not method.when_crowded):
             raise Unserved(
-                ErrorKind.TOO_MANY_CLIENTS, f"{session.stops_only}; this place is kept for stop and estop"
+                ErrorKind.TOO_MANY_CLIENTS,
+                f"{session.stops_only}; this connection is reserved for stop and estop",
             )
         hurried = method is not None and method.urgent
         if not hurried and not session.admit_request(self._clock.now_s()):

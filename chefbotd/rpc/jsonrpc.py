@@ -65,41 +65,40 @@ ERRORS: Mapping[str, ErrorClass] = {
     ErrorKind.NOT_UTF8: ErrorClass(-32700, "the line is not UTF-8"),
     ErrorKind.NON_FINITE_NUMBER: ErrorClass(-32700, "NaN, Infinity, or a number beyond a double"),
     ErrorKind.HUGE_INTEGER: ErrorClass(-32700, "an integer that does not fit 64 bits"),
-    ErrorKind.DUPLICATE_KEY: ErrorClass(-32700, "an object says a key twice"),
+    ErrorKind.DUPLICATE_KEY: ErrorClass(-32700, "an object has a key twice"),
     ErrorKind.TOO_DEEP: ErrorClass(-32700, f"nested deeper than {MAX_DEPTH}"),
     ErrorKind.LONE_SURROGATE: ErrorClass(-32700, "an escape that is half of a surrogate pair"),
     ErrorKind.REQUEST_TOO_LARGE: ErrorClass(
-        -32600, "a longer line than is taken; the connection is closed", closes=True
+        -32600, "the line is too long; the connection is closed", closes=True
     ),
-    ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but no JSON-RPC 2.0 request"),
+    ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but not a JSON-RPC 2.0 request"),
     ErrorKind.METHOD_NOT_FOUND: ErrorClass(-32601, "no such method"),
     ErrorKind.INVALID_PARAMS: ErrorClass(
         -32602, "a parameter is missing, unknown, or of the wrong type or range"
     ),
     ErrorKind.UNKNOWN_TOPIC: ErrorClass(-32602, "no such topic on this robot"),
     ErrorKind.INTERNAL: ErrorClass(-32603, "a fault in the daemon; it is in the log"),
-    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(
-        -32000, "no room for another client; the connection is closed", closes=True
-    ),
-    ErrorKind.UNAUTHENTICATED: ErrorClass(-32020, "this daemon asks for a token; send authenticate first"),
+    ErrorKind.TOO_MANY_CLIENTS: ErrorClass(-32000, "too many clients; the connection is closed", closes=True),
+    ErrorKind.UNAUTHENTICATED: ErrorClass(-32020, "this daemon requires a token; send authenticate first"),
     ErrorKind.WRONG_TOKEN: ErrorClass(
-        -32021, "the token opens nothing here; the connection is closed", closes=True
+        -32021, "the token is not valid; the connection is closed", closes=True
     ),
     ErrorKind.FORBIDDEN: ErrorClass(-32022, "the client's role does not include this method"),
     ErrorKind.LEASE_HELD: ErrorClass(-32023, "another client has control of this source of commands"),
     ErrorKind.RATE_LIMITED: ErrorClass(-32024, "too many requests a second; this one was not carried out"),
     ErrorKind.FLOODING: ErrorClass(
-        -32025, "too much that could not be served; the connection is closed", closes=True
+        -32025, "too many requests that could not be served; the connection is closed", closes=True
     ),
     ErrorKind.TIMED_OUT: ErrorClass(
         -32026, "the client took too long; the connection is closed", closes=True
     ),
     ErrorKind.OVERTAKEN: ErrorClass(
         -32027,
-        "a stop was carried out that came after this command, or may have; send it again if it still holds",
+        "a stop was carried out that came after this command, or may have; send it again if it is still wanted",
     ),
     ErrorKind.TOO_OLD: ErrorClass(
-        -32028, "the command waited for longer than one moves the robot; send it again if it still holds"
+        -32028,
+        "the command waited longer than a command remains in force; send it again if it is still wanted",
     ),
     ErrorKind.TOO_MANY_JOBS: ErrorClass(-32030, "too many requests of this client are running"),
     ErrorKind.NO_SUCH_JOB: ErrorClass(-32031, "no such request of this client is running"),
@@ -107,32 +106,33 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.DISARMED: ErrorClass(-32001, "the robot is disarmed; send arm first"),
     RefusalKind.ESTOPPED: ErrorClass(-32002, "the emergency stop is latched; send arm to release it"),
     RefusalKind.STOPPED: ErrorClass(
-        -32029, "another client's stop holds this source until its driver lets go or sends arm"
+        -32029, "another client's stop blocks this source until its driver releases the controls or sends arm"
     ),
     RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
     RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
     RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),
     RefusalKind.WORKER_UNAVAILABLE: ErrorClass(
-        -32050, "the process that maps and plans is not there; the topic worker says why"
+        -32050, "the worker process is not available; the topic worker says why"
     ),
     RefusalKind.NOT_MAPPING: ErrorClass(-32051, "no map is being made; send start_mapping"),
     RefusalKind.ALREADY_MAPPING: ErrorClass(-32052, "another map is being made; finish or discard it first"),
-    RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside of what this robot takes"),
-    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "no change of gains is left to take back"),
+    RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside the range of this robot"),
+    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "there is no change of gains to undo"),
     RefusalKind.BAD_NAME: ErrorClass(-32040, "a map or a place cannot have this name"),
     RefusalKind.UNKNOWN_MAP: ErrorClass(-32041, "no map of this name is stored"),
     RefusalKind.MAP_EXISTS: ErrorClass(-32042, "another map has this name"),
-    RefusalKind.MAP_UNREADABLE: ErrorClass(-32043, "a file is missing or damaged, or is no map"),
+    RefusalKind.MAP_UNREADABLE: ErrorClass(-32043, "a file is missing, damaged or not a map"),
     RefusalKind.NO_MAP_LOADED: ErrorClass(-32044, "no map is in use; send load_map"),
     RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
-    RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "it is not known where in the map the robot is"),
-    RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk refused; what was stored before is as it was"),
+    RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "the robot's pose in the map is not known"),
+    RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk failed; what was stored before is unchanged"),
     RefusalKind.ALREADY_RECORDING: ErrorClass(
-        -32053, "something is being recorded; send stop_recording first"
+        -32053, "a recording is in progress; send stop_recording first"
     ),
     RefusalKind.NOT_RECORDING: ErrorClass(-32054, "nothing is being recorded; send start_recording"),
     RefusalKind.LATCHED_AGAIN: ErrorClass(
-        -32055, "the robot was stopped again after what this arm was to clear; look why, then arm"
+        -32055,
+        "the robot was stopped again by something newer than this arm was sent for; find out why, then send arm",
     ),
 }
 
@@ -168,7 +168,7 @@ def parse(line: bytes | bytearray) -> Request | Failure:
     except _Unacceptable as problem:
         return Failure(problem.kind, str(problem))
     except UnicodeDecodeError as problem:
-        return Failure(ErrorKind.NOT_UTF8, f"byte {problem.start} is no UTF-8")
+        return Failure(ErrorKind.NOT_UTF8, f"byte {problem.start} is not UTF-8")
     except json.JSONDecodeError as problem:
         return Failure(ErrorKind.PARSE_ERROR, f"not JSON: {problem}")
     return _request(message)
@@ -196,7 +196,7 @@ def _refuse_lone_surrogates(message: object) -> None:
     try:
         json.dumps(message, ensure_ascii=False).encode()
     except UnicodeEncodeError:
-        raise _Unacceptable(ErrorKind.LONE_SURROGATE, "half of a surrogate pair is no text") from None
+        raise _Unacceptable(ErrorKind.LONE_SURROGATE, "half of a surrogate pair is not text") from None
 
 
 def _without_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -204,7 +204,7 @@ def _without_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
     if len(members) != len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise _Unacceptable(ErrorKind.DUPLICATE_KEY, f"{twice!a} is said twice")
+        raise _Unacceptable(ErrorKind.DUPLICATE_KEY, f"{twice!a} appears twice")
     return members
 
 
@@ -220,7 +220,7 @@ def _finite_float(text: str) -> float:
 
 
 def _refuse_constant(text: str) -> NoReturn:
-    raise _Unacceptable(ErrorKind.NON_FINITE_NUMBER, f"{text[:24]} is no finite number")
+    raise _Unacceptable(ErrorKind.NON_FINITE_NUMBER, f"{text[:24]} is not a finite number")
 
 
 _DECODER = json.JSONDecoder(
@@ -258,7 +258,7 @@ def _envelope_problem(message: dict[str, Any]) -> str | None:
     if not isinstance(message.get("method"), str):
         return f"method must be a string, got {message.get('method')!a}"
     if not isinstance(message.get("params", {}), dict):
-        return "params must be an object: parameters go by name"
+        return "params must be an object of named parameters"
     if unknown := sorted(message.keys() - _MEMBERS):
         return f"unknown member {unknown[0]!a}"
     return None

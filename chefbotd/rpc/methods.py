@@ -54,7 +54,7 @@ class ServerMethods:
         session, keyring = caller.session, self._keyring
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
         if role is None:
-            raise Unserved(ErrorKind.WRONG_TOKEN, "this token opens nothing here")
+            raise Unserved(ErrorKind.WRONG_TOKEN, "this token is not valid")
         session.role = role
         session.token_digest = None if keyring is None else digest(params.token.get_secret_value())
         log.info("client_authenticated", client=str(session), role=str(role))
@@ -148,7 +148,7 @@ def _state_model(known: tuple[tuple[str, type[models.TopicData]], ...]) -> type[
     return create_model(
         "State",
         __base__=models.Result,
-        __doc__="The link, the gate, and the latest value of each topic that has had one.",
+        __doc__="The link, the safety state, and the latest value of each topic that has one.",
         stamp_s=(float, ...),
         **fields,
         topics=(dict[str, models.TopicState], ...),
@@ -186,6 +186,6 @@ def method_table(
     table.update({each.name: each for each in (*methods_of(own), *methods_of(jobs or Jobs()))})
     table["get_state"] = replace(table["get_state"], result=state_model(fanout.topics))
     if taken := sorted(table.keys() & methods.keys()):
-        raise ValueError(f"the server itself has the method {', '.join(taken)}")
+        raise ValueError(f"the server already has the method {', '.join(taken)}")
     table.update(methods)
     return table

@@ -26,41 +26,47 @@ class ApiParameters(Parameters):
     arm_role: Role = Field(Role.DRIVE, description="who may arm")
 
     max_clients: int = Field(128, ge=1, le=4096)
-    max_clients_per_address: int = Field(112, ge=1, le=4096, description="so that one leaves room for others")
+    max_clients_per_address: int = Field(
+        112, ge=1, le=4096, description="so that one client leaves room for others"
+    )
     reserved_stop_connections: int = Field(
-        8, ge=0, le=16, description="kept for stop and estop where there is no room otherwise"
+        8, ge=0, le=16, description="reserved for stop and estop when all others are taken"
     )
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
     backlog_bytes: int = Field(
-        65_536, ge=4096, le=131_072, description="requests that wait for a client that reads no answers"
+        65_536, ge=4096, le=131_072, description="answers that may wait for a client that does not read"
     )
-    requests_per_turn: int = Field(32, ge=1, le=1024, description="of all clients; then the rest has a turn")
+    requests_per_turn: int = Field(32, ge=1, le=1024, description="of all clients; then everything else runs")
     requests_per_s: float = Field(
         2000.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
     )
-    requests_burst: int = Field(2000, ge=1, le=1_000_000, description="how many may come at once")
+    requests_burst: int = Field(2000, ge=1, le=1_000_000, description="the largest burst")
     write_buffer_bytes: int = Field(
         32_768, ge=4096, le=1 << 24, description="unread output before telemetry waits"
     )
     outbox_bytes: int = Field(
-        131_072, ge=4096, le=1 << 24, description="waiting telemetry before the oldest goes"
+        131_072, ge=4096, le=1 << 24, description="waiting telemetry before the oldest is dropped"
     )
     stuck_s: float = Field(
-        5.0, gt=0.0, le=600.0, description="a client that reads nothing for so long is cut off"
+        5.0, gt=0.0, le=600.0, description="a client that reads nothing for so long is disconnected"
     )
-    authenticate_s: float = Field(5.0, gt=0.0, le=600.0, description="time for TLS, and then for the token")
+    authenticate_s: float = Field(
+        5.0, gt=0.0, le=600.0, description="the limit for TLS, and then for the token"
+    )
     request_s: float = Field(
         10.0, gt=0.0, le=600.0, description="from a request's first byte to its line end"
     )
     idle_s: float = Field(600.0, gt=0.0, le=1e6, description="without a request and without a subscription")
-    lease_s: float = Field(3.0, ge=0.1, le=600.0, description="control is free again so long after a drive")
+    lease_s: float = Field(
+        3.0, ge=0.1, le=600.0, description="control is released so long after the last command"
+    )
 
     @field_validator("host")
     @classmethod
     def _guarded_off_loopback(cls, host: str, info: ValidationInfo) -> str:
         if not is_loopback(host) and not (info.data.get("token_file") or info.data.get("token_credential")):
             raise ValueError(
-                "beyond this computer the socket needs a token: set api.token_file (or api.token_credential), "
+                "a socket that other computers can reach needs a token: set api.token_file (or api.token_credential), "
                 "and better api.tls_certificate and api.tls_key too; or listen on 127.0.0.1"
             )
         return host

@@ -116,7 +116,7 @@ class RpcServer:
     def exchange_tokens(self, keyring: Keyring) -> None:
         """Other tokens open the socket from now on; raises ``ValueError`` where none is asked for."""
         if self._keyring is None:
-            raise ValueError("a daemon that was started without tokens asks for none")
+            raise ValueError("tokens cannot be added to a daemon that was started without them")
         self._keyring.exchange(keyring)
         self.connections.check_tokens(self._keyring.role_of_digest)
 
@@ -128,16 +128,18 @@ class RpcServer:
             "clients_refused", "Connections that were refused or ended.", "error", lambda: connections.refused
         )
         metrics.counters(
-            "handler_faults", "Requests that broke their handler.", "method", lambda: dispatcher.faults
+            "handler_faults", "Requests whose handler failed.", "method", lambda: dispatcher.faults
         )
         metrics.counters(
             "void_commands",
-            "Commands that came before a stop or waited too long.",
+            "Commands that a stop overtook or that waited too long.",
             "error",
             lambda: dispatcher.void,
         )
         metrics.counter(
-            "telemetry_dropped", "Events that slow clients lost.", lambda: connections.drops.total()
+            "telemetry_dropped",
+            "Events that were dropped for slow clients.",
+            lambda: connections.drops.total(),
         )
 
     async def _tick(self) -> None:

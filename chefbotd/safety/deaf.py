@@ -102,9 +102,9 @@ CONFIRMED = 3
 
 
 def _explain(told_s: float, fastest_m_s: float, echoes_motion: bool) -> Fault:
-    echo = ", and its echo says that the motors are driven" if echoes_motion else ""
+    echo = ", and its echo shows a duty other than zero" if echoes_motion else ""
     reason = (
-        f"the board does not listen: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told to "
+        f"the board ignores commands: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told to "
         f"stand{echo}. Cut the motors' power; then check the board, its cable and the motors' driver"
     )
     return Fault(FaultKind.BOARD_DEAF, reason)

@@ -97,7 +97,7 @@ def _explain(state: EchoState) -> Fault:
     shown = " ".join(f"{value:g}" for value in state.shown)
     said = " ".join(map(str, state.said[0][1])) if state.said else "nothing"
     reason = (
-        f"the board says that it carries out {shown!r}, which it was not told (last: {said!r}): check the cable, "
+        f"the board echoes {shown!r}, which it was not sent (last: {said!r}): check the cable, "
         "that nobody else writes to the port, and the sketch's receive buffer"
     )
     return Fault(FaultKind.ECHO_MISMATCH, reason)

@@ -172,7 +172,7 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
         known = ", ".join(sorted(parameters.sources))
         raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {known}")
     if state.mode is not Mode.ARMED:
-        raise Refused(_REFUSALS[state.mode], f"the robot is {state.mode} ({state.reason}); 'arm' comes first")
+        raise Refused(_REFUSALS[state.mode], f"the robot is {state.mode} ({state.reason}); send 'arm' first")
     return replace(state, commands=(*release(state, command.source).commands, command))
 
 

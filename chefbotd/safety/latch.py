@@ -17,12 +17,12 @@ MAX_REASON_CHARACTERS = 1000
 
 UNCLEAN_SHUTDOWN = GateState(
     Mode.DISARMED,
-    "the daemon before this one did not end in order; arm when the robot may move",
+    "the previous daemon did not shut down properly; send arm when the robot may move",
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 UNREADABLE = GateState(
     Mode.DISARMED,
-    "what the daemon before this one left word of cannot be read, the log says why; arm when the robot may move",
+    "the state of the previous daemon cannot be read, and the log says why; send arm when the robot may move",
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 

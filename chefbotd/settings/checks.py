@@ -48,7 +48,7 @@ def _wheels(settings: Settings) -> Iterator[str]:
     if wheels != named:
         yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
     if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
-        yield f"no wheel can be named {ALL_WHEELS!r}: set_pid means every wheel by it"
+        yield f"no wheel can be named {ALL_WHEELS!r}: set_pid uses it for every wheel"
 
 
 def _lines(settings: Settings) -> Iterator[str]:

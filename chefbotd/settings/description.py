@@ -98,7 +98,7 @@ class Description:
 
 def _told(error: Exception) -> str:
     if isinstance(error, AttributeError | TypeError):
-        return "an element lacks an attribute that it needs"
+        return "an element lacks a required attribute"
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -114,7 +114,7 @@ def _problem_of_tree(model: Any, root: str) -> str | None:
     for joint in model.joints:
         for link in (joint.parent, joint.child):
             if link not in model.link_map:
-                return f"joint {joint.name!r} names the link {link!r}, which there is not"
+                return f"joint {joint.name!r} names the link {link!r}, which does not exist"
         if joint.child in parents:
             return f"link {joint.child!r} is the child of two joints"
         parents[joint.child] = joint.parent

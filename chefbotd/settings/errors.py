@@ -71,7 +71,7 @@ def dotted(values: object, loc: Keys) -> str:
 
 def _expectation(kind: str, message: str) -> str:
     if kind == "extra_forbidden":
-        return "there is no such key"
+        return "unknown key"
     if kind == "missing":
         return "this key is required"
     message = message.removeprefix("Value error, ")
@@ -83,7 +83,7 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     if kind != "extra_forbidden":
         return ""
     if renamed := RENAMED.get(loc):
-        return f", it is called {renamed} now"
+        return f", it is now called {renamed}"
     section, known = _model_at(model, loc[:-1]), []
     if section is not None:
         known = [field.alias or name for name, field in section.model_fields.items()]

@@ -102,7 +102,9 @@ def _edited(path: Path, before: str, gains: Gains) -> str:
     except (ValueError, TOMLKitError) as error:
         raise SettingsError(f"{path}: cannot be edited: {error}") from error
     if not is_right:
-        raise SettingsError(f"{path}: cannot be edited: its gains are written in too uncommon a way")
+        raise SettingsError(
+            f"{path}: cannot be edited: its gains are written in a form that is not supported"
+        )
     return after
 
 
@@ -134,7 +136,7 @@ def _temporary(path: Path) -> IO[bytes]:
         )
     except OSError as error:
         raise OSError(
-            error.errno, f"no file can be made in its folder: {error.strerror}", str(path)
+            error.errno, f"cannot create a file in its folder: {error.strerror}", str(path)
         ) from error
 
 

@@ -110,7 +110,7 @@ class PtyBoard:
         if self._link_path is None:
             return
         if self._link_path.exists() and not self._link_path.is_symlink():
-            raise FileExistsError(f"{self._link_path} is no symbolic link: not replaced")
+            raise FileExistsError(f"{self._link_path} is not a symbolic link, so it is not replaced")
         fresh = self._link_path.with_name(f".{self._link_path.name}.{os.getpid()}")
         try:
             fresh.symlink_to(device)

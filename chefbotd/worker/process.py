@@ -283,7 +283,7 @@ class Worker:
                     for handler in self._on_ready:
                         handler()
             case messages.Unavailable():
-                log.warning("the worker cannot work here", reason=message.reason)
+                log.warning("the worker is not available", reason=message.reason)
                 self._set(Happened.UNAVAILABLE, reason=message.reason)
                 self._end(message.reason)
 

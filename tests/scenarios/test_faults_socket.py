@@ -119,7 +119,7 @@ def test_one_drives_and_everyone_can_see_who():
     async def scenario(robot: SimulatedRobot) -> None:
         async with another(robot, "Ann") as ann, another(robot, "Bob") as bob:
             await drive(ann, 0.2, 1.0)
-            with pytest.raises(CallError, match="driven by Ann") as caught:
+            with pytest.raises(CallError, match="controlled by Ann") as caught:
                 await bob.drive(-0.2, 0.0)
             assert caught.value.kind == "lease_held"
             holder = (await safety(robot))["control"]
@@ -127,7 +127,7 @@ def test_one_drives_and_everyone_can_see_who():
             assert str(await bob.take_control()).startswith("Ann")
             await asyncio.sleep(0.5)
             assert abs(speed_m_s(robot)) < 0.02
-            with pytest.raises(CallError, match="driven by Bob"):
+            with pytest.raises(CallError, match="controlled by Bob"):
                 await ann.drive(0.2, 0.0)
             await drive(bob, -0.2, 1.0)
             assert speed_m_s(robot) == pytest.approx(-0.2, rel=0.05)

@@ -111,7 +111,7 @@ def test_a_deaf_board_is_told_in_every_mode(robot_name: str, twist: tuple[float,
 
     with capture_logs() as log:
         on_robot(story, robot_name)
-    said = "safety mode changed" if way == "stop" else "the robot moves though it must not"
+    said = "safety mode changed" if way == "stop" else "the robot moves although it must stand"
     assert [entry for entry in log if entry["event"] == said and entry["fault"] == "board_deaf"]
 
 

@@ -60,7 +60,7 @@ def test_a_killed_worker_leaves_the_robot_standing_and_the_next_one_goes_on(tmp_
         await asyncio.sleep(0.5 + 0.5)
         assert drive.speed_m_s < 0.005
         paused = next(event for event in drive.told if event.state == "paused")
-        assert "stands until its worker is back: it was killed" in paused.reason
+        assert "waits until its worker is back: it was killed" in paused.reason
         assert "reached" in await leg
         assert len(drive.children) == 2
 
@@ -127,7 +127,7 @@ def test_an_estop_ends_the_goal_as_a_fault(tmp_path: Path) -> None:
         await drive.client.estop("a child")
         with pytest.raises(GoalFault, match="a child"):
             await leg
-        with pytest.raises(CallError, match="'arm' comes first"):
+        with pytest.raises(CallError, match="send 'arm' first"):
             await drive.begin()
         await drive.client.arm()
         assert "reached" in await drive.begin()
@@ -374,7 +374,7 @@ def test_a_goal_that_is_sent_while_a_person_drives_begins_when_he_has_let_go(tmp
             await drive.client.drive(0.0, 0.3, "teleop")
             await asyncio.sleep(0.1)
         assert drive.told[-1].state == "paused"
-        assert drive.told[-1].reason == "paused, for teleop took over"
+        assert drive.told[-1].reason == "paused, because teleop has control"
         assert "reached" in await leg
         assert not any(event.state == "recovering" for event in drive.told)
 

@@ -149,7 +149,7 @@ def test_a_guard_that_is_killed_itself_is_told_and_started_again(tmp_path: Path)
                 await asyncio.sleep(PERIOD_S)
             await drive_until_told(program.board, client)
             await _killed_and_stopped(program)
-        assert "it starts anew" in program.log.read_text()
+        assert "is started again" in program.log.read_text()
 
     asyncio.run(scenario())
 
@@ -164,7 +164,7 @@ def test_a_guard_outlives_every_signal_that_can_be_caught(tmp_path: Path):
                 os.kill(guard, number)
             await drive_until_told(program.board, client)
             await _killed_and_stopped(program)
-        assert "it starts anew" not in program.log.read_text()
+        assert "is started again" not in program.log.read_text()
 
     asyncio.run(scenario())
 
@@ -262,6 +262,9 @@ def test_a_guard_that_cannot_be_started_is_said_and_holds_up_nothing(tmp_path: P
     async def scenario() -> None:
         async with driving(tmp_path, NO_GUARD) as (program, _):
             assert program.board.told_to_move
-        assert "nobody stops the motors should chefbotd be killed" in program.log.read_text()
+        assert (
+            "the stop guard cannot start, so nothing stops the motors if chefbotd is killed"
+            in program.log.read_text()
+        )
 
     asyncio.run(scenario())

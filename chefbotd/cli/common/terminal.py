@@ -14,4 +14,4 @@ def need_terminal() -> None:
     streams = {"standard input": sys.stdin, "standard output": sys.stdout, "standard error": sys.stderr}
     elsewhere = [name for name, stream in streams.items() if not stream.isatty()]
     if elsewhere:
-        raise ProgramError(Exit.USAGE, f"this needs a terminal, and there is none on {', '.join(elsewhere)}")
+        raise ProgramError(Exit.USAGE, f"this needs a terminal, but there is none on {', '.join(elsewhere)}")

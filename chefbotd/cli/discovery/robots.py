@@ -54,7 +54,7 @@ def address_of(name: str, run: Runner) -> Address:
     if found.port is None:
         raise ProgramError(
             Exit.CANNOT_CONNECT,
-            f"{name} has a page, but its socket is for its own computer only: set api.host there",
+            f"{name} has a page, but its socket accepts only clients on its own computer: set api.host there",
         )
     return Address(found.addresses[0], found.port)
 

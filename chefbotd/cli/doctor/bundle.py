@@ -138,6 +138,6 @@ def write_bundle(
                 for recording in recordings:
                     archive.add(recording, f"{folder}/{recording.name}")
     except FileExistsError as error:
-        raise ProgramError(Exit.FAILED, f"{path}: already there, and not overwritten") from error
+        raise ProgramError(Exit.FAILED, f"{path}: already exists, and is not overwritten") from error
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{path}: cannot be written: {error.strerror}") from error

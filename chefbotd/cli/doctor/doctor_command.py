@@ -62,7 +62,7 @@ def doctor(
 
     context: CommandContext = ctx.obj
     if bundle is not None and bundle.exists():
-        raise ProgramError(Exit.FAILED, f"{bundle}: already there, and not overwritten")
+        raise ProgramError(Exit.FAILED, f"{bundle}: already exists, and is not overwritten")
     settings, told = asyncio.run(_settings(path, device, context.address))
     diagnosis = _diagnosis(settings, context.as_json, quiet=quiet)
     diagnosis.seconds, diagnosis.motors, diagnosis.wanted_device = seconds, motors, device

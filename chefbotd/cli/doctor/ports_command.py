@@ -46,7 +46,7 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> N
 def _show(found: "list[SerialPort]") -> None:
     if not found:
         echo(
-            "No serial port is there: is the board plugged in (a charging cable has no data lines), and powered?"
+            "No serial port was found: is the board plugged in (a charging cable has no data lines), and powered?"
         )
         return
     rows = [

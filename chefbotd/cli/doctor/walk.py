@@ -99,8 +99,8 @@ def require_same(wanted: str | None, held: str, where: str) -> None:
     if wanted is not None and Path(wanted).resolve() != Path(held).resolve():
         raise ProgramError(
             Exit.USAGE,
-            f"--port {wanted}: the daemon at {where} drives {held}, and the doctor would look at that; leave it out, "
-            "end the daemon, or name another address by --connect",
+            f"--port {wanted}: the daemon at {where} uses {held}, which the doctor would examine; omit --port, "
+            "stop the daemon, or give another address with --connect",
         )
 
 

@@ -112,7 +112,7 @@ class CourseDriver:
                     marks = [await self._follow(events, legs, index) for index in range(len(legs))]
             except TimeoutError as error:
                 limit = f"{self._parameters.time_limit_s:g} s"
-                raise ProgramError(Exit.NOT_DONE, f"the course was not done within {limit}") from error
+                raise ProgramError(Exit.NOT_DONE, f"the course was not finished within {limit}") from error
             finally:
                 await release_source(self._robot)
             seconds = loop.time() - began_s

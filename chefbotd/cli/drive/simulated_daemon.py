@@ -87,7 +87,7 @@ async def _listening(process: Process, address: Address, log: IO[str]) -> None:
                     raise _failure(f"chefbotd ended with exit code {process.returncode}", log)
                 await asyncio.sleep(RETRY_S)
     except TimeoutError:
-        raise _failure(f"chefbotd did not listen within {LISTENING_PATIENCE_S:g} s", log) from None
+        raise _failure(f"chefbotd did not start to listen within {LISTENING_PATIENCE_S:g} s", log) from None
 
 
 async def _accepts(address: Address) -> bool:

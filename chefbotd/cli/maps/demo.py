@@ -144,7 +144,7 @@ class Demo:
     async def _why_stuck(self, robot: Client) -> str:
         safety = (await robot.get_state()).safety
         held_by = safety.limited_by or (safety.reason if safety.mode != "armed" else "nobody knows what")
-        return f"{self._tour.doing}: no nearer for {STUCK_S:g} s, held by {held_by}"
+        return f"{self._tour.doing}: no progress for {STUCK_S:g} s, blocked by {held_by}"
 
     def _say(self, doing: str) -> None:
         self._tour.doing = doing

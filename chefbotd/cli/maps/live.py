@@ -60,7 +60,7 @@ def _cells(part: MapData) -> "np.ndarray[tuple[int, ...], np.dtype[np.int8]]":
     except (ValueError, zlib.error) as error:
         raise ProtocolError(f"map: the cells cannot be unpacked: {error}") from error
     if len(data) != expected:
-        raise ProtocolError(f"map: {expected} cells were told, {len(data)} or more came")
+        raise ProtocolError(f"map: {expected} cells were expected, but at least {len(data)} arrived")
     return np.frombuffer(data, np.int8).reshape(part.part_rows, part.part_columns).copy()
 
 

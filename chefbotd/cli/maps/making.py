@@ -63,7 +63,7 @@ def discard(context: CommandContext, yes: bool) -> None:
     if not (yes or context.as_json):
         click.confirm("Forget the map that is being made?", abort=True, err=True)
     told = _run(context, lambda robot: robot.discard_mapping())
-    output.say(context.as_json, told.model_dump(), "The map is forgotten.")
+    output.say(context.as_json, told.model_dump(), "The map is discarded.")
 
 
 @click.command()

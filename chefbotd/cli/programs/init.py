@@ -31,7 +31,7 @@ def init(robot: str, folder: Path) -> None:
     config, urdf = folder / source.name, folder / f"{source.stem}.urdf"
     texts = {config: source.read_text(encoding="utf-8"), urdf: urdf_of(load_valid(source))}
     if there := [str(path) for path in texts if path.exists()]:
-        raise ProgramError(Exit.FAILED, f"{', '.join(there)}: already there, and not overwritten")
+        raise ProgramError(Exit.FAILED, f"{', '.join(there)}: already exists, and is not overwritten")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path, text in texts.items():

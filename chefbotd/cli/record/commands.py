@@ -26,7 +26,7 @@ def record(context: CommandContext, name: str | None, seconds: float | None, rin
     from chefbotd.cli.record import recording
 
     if ring and seconds is not None:
-        raise click.UsageError("--ring writes what is over already: it takes no --for")
+        raise click.UsageError("--ring saves what has already happened, so it takes no --for")
     if ring:
         recording.save_ring(context, name)
     else:

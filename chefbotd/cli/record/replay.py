@@ -95,7 +95,7 @@ def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
         yield f"Note: {replayed.problem}; replayed up to there"
     yield from _told_of_beginning(outcome)
     if outcome.lost:
-        yield f"Note: {outcome.lost} events are missing in the recording"
+        yield f"Note: {outcome.lost} events are missing from the recording"
     for problem in outcome.problems:
         yield f"Note: {problem}"
     if outcome.problem_count > len(outcome.problems):

@@ -137,7 +137,7 @@ class Serve:
     def _found(self, took_s: float, *, turned: bool) -> Found:
         told, true = self._scene.tracker.pose, self._truth.pose
         if told is None or true is None:
-            raise ProgramError(Exit.NOT_DONE, "nothing tells where the robot is")
+            raise ProgramError(Exit.NOT_DONE, "the pose of the robot is not known")
         off_m = math.dist((told.x_m, told.y_m), (true.x_m, true.y_m))
         return Found(took_s, off_m, abs(wrap_angle(told.heading_rad - true.heading_rad)), turned)
 

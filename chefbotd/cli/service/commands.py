@@ -126,7 +126,7 @@ def _require_root(program: Path, root: Path, *, dry_run: bool) -> None:
     if dry_run or root != Path("/") or os.geteuid() == 0:
         return
     typed = shlex.join(["sudo", str(program), *sys.argv[1:]])
-    raise ProgramError(Exit.FAILED, f"only root may do this; type: {typed}")
+    raise ProgramError(Exit.FAILED, f"only root may do this; run: {typed}")
 
 
 def _require_reachable(program: Path) -> None:
@@ -145,5 +145,6 @@ def _require_reachable(program: Path) -> None:
         closed = next((each for each in real.parents if not each.stat().st_mode & 0o001), None)
         if closed is not None:
             raise ProgramError(
-                Exit.FAILED, f"{closed} is closed to other users, and the service is one: {ADVICE}"
+                Exit.FAILED,
+                f"{closed} cannot be read by other users, and the service runs as another user: {ADVICE}",
             )

@@ -15,7 +15,7 @@ class LocalizationChanged(Record, frozen=True):
     """How localization stands: ``state`` is unknown, searching, localized, doubtful or lost; ``map`` is the one in use.
 
     While it searches, ``alternatives`` are all places where the robot may be, and ``searched`` is the share of the
-    search that is done. ``jumps`` counts how often the told pose had to jump: what was planned before is void then.
+    search that is done. ``jumps`` counts how often the published pose jumped: what was planned before is void then.
     """
 
     stamp_s: float

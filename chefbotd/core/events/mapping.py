@@ -44,7 +44,7 @@ class MapChanged(Record, frozen=True):
 class MappingChanged(Record, frozen=True):
     """How the map stands that is being made: ``state`` is idle, mapping, paused or finishing.
 
-    ``name`` is the map that is gone on with. ``unfinished``: one that was never finished lies on the disk; ``warning``
+    ``name`` is the map that is being extended. ``unfinished``: one that was never finished lies on the disk; ``warning``
     says what is lost of it, if anything is.
     """
 

@@ -49,7 +49,7 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     metrics.counter("lines_out", "Lines to the board.", lambda: session.lines_out)
     metrics.counter(
         "setpoints_replaced",
-        "Duties that gave way to newer ones before they were sent.",
+        "Duties that newer ones replaced before they were sent.",
         lambda: session.setpoints_replaced,
     )
     metrics.counter("link_opens", "Connections of the serial port.", lambda: session.opens)
@@ -63,5 +63,5 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
         lambda: clock.relation.jitter_s,
     )
     metrics.counter(
-        "board_clock_suspects", "Stamps of the board that were not believed.", lambda: clock.suspects
+        "board_clock_suspects", "Timestamps of the board that were rejected.", lambda: clock.suspects
     )

@@ -19,7 +19,7 @@ class LinkData(TopicData):
     device: str
     reason: str
     healthy: bool | None = Field(
-        default=False, description="whether a board talks; null until it can be told"
+        default=False, description="whether a board is talking; null until it is known"
     )
     condition: str = Field(
         default="down",

@@ -55,7 +55,7 @@ def _data(health: Health) -> DepthCamerasData:
 def _add_metrics(metrics: Metrics, cameras: Sequence[DepthCamera]) -> None:
     metrics.counters(
         "depth_scans",
-        "Depth images that were made scans.",
+        "Depth images that were converted to scans.",
         "camera",
         lambda: {each.parameters.name: each.scans for each in cameras},
     )

@@ -73,11 +73,11 @@ def driving(
 def _add_metrics(metrics: Metrics, service: DriveService, quadrature: QuadratureService) -> None:
     metrics.counter("control_steps", "Steps of the control loop.", lambda: service.steps)
     metrics.histogram("control_step_s", "How long a step of the control loop takes.", service.step_times)
-    metrics.counters("faults", "Faults that ended the permission to move.", "fault", lambda: service.faults)
+    metrics.counters("faults", "Faults that disarmed the robot.", "fault", lambda: service.faults)
     metrics.counter("internal_errors", "Steps that failed.", lambda: service.internal_errors)
     metrics.counter(
         "encoder_readings_refused",
-        "Encoder readings that were not believed.",
+        "Encoder readings that were rejected.",
         lambda: service.readings_refused,
     )
     metrics.counter(

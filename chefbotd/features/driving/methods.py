@@ -47,7 +47,7 @@ class SetWheelVelocitiesParams(Params):
         if len(self.name) != len(self.velocity_rad_s):
             raise ValueError(f"{len(self.name)} names for {len(self.velocity_rad_s)} velocities")
         if repeated := sorted({name for name in self.name if self.name.count(name) > 1}):
-            raise ValueError(f"each wheel once, repeated: {', '.join(map(ascii, repeated))}")
+            raise ValueError(f"each wheel may be named once, repeated: {', '.join(map(ascii, repeated))}")
         return self
 
     def by_name(self) -> dict[str, float]:
@@ -70,14 +70,14 @@ class ArmParams(Params):
     """What is to be cleared."""
 
     latch: int | None = Field(
-        None, ge=0, description="the number that the topic safety told with it; null: whatever has latched"
+        None, ge=0, description="the latch number from the topic safety; null: the newest"
     )
 
 
 class EstopParams(StopParams):
     """Why, for the people who will ask; a reason that is no text, or empty, is none."""
 
-    reason: Annotated[str, Field(description=f"cut to {MAX_REASON_CHARACTERS} characters")] = NO_REASON
+    reason: Annotated[str, Field(description=f"truncated to {MAX_REASON_CHARACTERS} characters")] = NO_REASON
 
     @field_validator("reason", mode="before")
     @classmethod
@@ -97,7 +97,7 @@ class Limited(Done):
 
     limited_by: str | None = Field(
         None,
-        description="null where it is carried out as it was asked; what holds it up now is told by safety",
+        description="null where it is carried out as requested; the topic safety tells what limits it now",
     )
 
 
@@ -248,7 +248,7 @@ class SafetyData(TopicData):
     control: dict[str, str] = Field(
         description="for each source that someone has control of, the client's name"
     )
-    fault: str | None = Field(None, description="stable name of the fault that has latched")
+    fault: str | None = Field(None, description="name of the latched fault; names never change")
     limited_by: str | None = Field(None, description="what keeps the command from being followed as given")
     latch: int = Field(
         0,
@@ -287,7 +287,7 @@ def safety_data(state: SafetyState | None) -> SafetyData:
     """The gate's state and who drives; as long as the gate has not spoken nothing may move."""
     event, control = (state.gate, dict(state.holders)) if state is not None else (None, {})
     if event is None:
-        reason = "the gate has not reported yet"
+        reason = "the safety state is not known yet"
         return SafetyData(mode="unknown", reason=reason, source=None, armed=False, control=control)
     return SafetyData(
         mode=event.mode,

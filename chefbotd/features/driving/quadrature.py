@@ -69,7 +69,7 @@ class QuadratureService:
             if wheel not in told or quadrature.misses_edges(before[wheel], self._states[wheel])
         ]
         if doubtful or len(bursts) < len(event.bursts):
-            self._log.warning("edges of the encoders were lost: no reading", wheels=doubtful)
+            self._log.warning("encoder edges were lost, so this cycle has no reading", wheels=doubtful)
             return
         rates = [quadrature.rate_counts_s(self._parameters, state, event.board_s) for state in self._states]
         counts = tuple(state.counts for state in self._states)

@@ -191,14 +191,14 @@ class SafetyKeeper:
             self._take_report()
         if latch not in (None, self._latched):
             is_foreign = latch // LATCHES_PER_SESSION != self._latched // LATCHES_PER_SESSION
-            since = "the daemon was started anew" if is_foreign else "the robot was stopped again"
+            since = "the daemon was restarted" if is_foreign else "the robot was stopped again"
             raise Refused(
                 RefusalKind.LATCHED_AGAIN,
-                f"arm was to clear number {latch}, and {since} since, which makes it {self._latched}: "
+                f"arm was sent for latch {latch}, but {since}, and the newest is {self._latched}: "
                 f"the robot is {self._gate.mode} ({self._gate.reason})",
             )
         if not self._link_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected: nothing to arm")
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
         if self.armed:
             return
         self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
@@ -309,7 +309,7 @@ class SafetyKeeper:
             logged = log.info if self.armed else log.warning
             logged("safety mode changed", mode=str(mode), reason=reason, fault=fault)
         elif fault in UNSTOPPED and (told is None or told.fault != fault):
-            log.error("the robot moves though it must not", reason=reason, fault=fault)
+            log.error("the robot moves although it must stand", reason=reason, fault=fault)
 
     def _link_known(self) -> bool:
         """Not before the board is first connected: the gate is armed already, but there is nothing that could move."""

@@ -206,7 +206,7 @@ class DriveService:
 
     @property
     def readings_refused(self) -> int:
-        """Encoder readings that were not believed."""
+        """Encoder readings that were rejected."""
         return self._reader.refused
 
     # The loop
@@ -235,7 +235,7 @@ class DriveService:
         self._watch_timer.look_soon(self._clock.now_s())
 
     def _watch(self) -> None:
-        """Act without a measurement: nothing was heard for the period."""
+        """Act without a measurement: nothing was received for the period."""
         now_s = self._clock.now_s()
         self._watch_timer.restart(now_s)
         try:
@@ -352,7 +352,7 @@ class DriveService:
         stood_s, self.acted_s = now_s - self.acted_s, now_s
         if stood_s > self._patience_s and self.is_driving:
             reason = (
-                f"the control loop stood still for {stood_s:.2f} s, or the whole program; its log may say why"
+                f"the control loop did not run for {stood_s:.2f} s, or the whole program; its log may say why"
             )
             self._keeper.fail(Fault(FaultKind.LOOP_BLOCKED, reason))
 
@@ -389,7 +389,7 @@ class DriveService:
 
     def _on_internal_error(self, error: Exception) -> None:
         self.internal_errors += 1
-        reason = f"the control loop failed and is stopped: {error!r}; its log says where"
+        reason = f"the control loop failed and stopped: {error!r}; see the log"
         self._keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()
         self._keeper.announce(self._clock.now_s())

@@ -22,7 +22,7 @@ DRIVE_WATCH = "drive watch"
 
 
 class WatchTimer:
-    """Calls ``look`` when nothing was heard for ``period_s``, and again until something is.
+    """Calls ``look`` when nothing was received for ``period_s``, and again until something is.
 
     At rest it does so a few times in ``patience_s``, the shortest pause of the loop that would be held against it.
     ``still_since_s`` is since when nothing has moved and nobody has asked for anything (None: something does).

@@ -113,14 +113,14 @@ def _add_metrics(metrics: Metrics, sessions: Sequence[LidarSession]) -> None:
     metrics.counters("lidar_scans", "Whole turns of the lidars.", "lidar", by_lidar(lambda each: each.scans))
     metrics.counters(
         "lidar_packets",
-        "What lidars have said in good form: packets, or points.",
+        "Valid packets or points from the lidars.",
         "lidar",
         by_lidar(lambda each: each.reader.packets),
     )
     metrics.counters(
         "lidar_bytes_in", "Bytes from the lidars.", "lidar", by_lidar(lambda each: each.bytes_in)
     )
-    metrics.counters("lidar_refused", "Bytes, packets and turns that were passed over.", "reason", refused)
+    metrics.counters("lidar_refused", "Bytes, packets and turns that were rejected.", "reason", refused)
     metrics.counters(
         "lidar_opens", "Connections of the lidars' ports.", "lidar", by_lidar(lambda each: each.opens)
     )

@@ -32,7 +32,7 @@ class LidarData(TopicData):
     model: str
     device: str
     state: Literal["up", "down"]
-    healthy: bool | None = Field(description="whether it measures; null until it can be told")
+    healthy: bool | None = Field(description="whether it measures; null until it is known")
     condition: str = Field(
         description="healthy, silent, wrong_baud, wrong_device, motor_stalled, frozen, out_of_order, judging or down"
     )

@@ -49,7 +49,7 @@ class LocalizationData(TopicData):
         default=(), description="while it searches: all places where the robot may be"
     )
     searched: float = Field(default=0.0, description="share of the search that is done")
-    jumps: int = Field(default=0, description="how often the told pose had to jump")
+    jumps: int = Field(default=0, description="how often the published pose jumped")
     reason: str = ""
 
 

@@ -17,14 +17,12 @@ class StartMappingParams(Params):
     """Which map: a new one, or with a name the saved one that is gone on with."""
 
     name: str | None = Field(None, min_length=1, max_length=64)
-    unfinished: bool = Field(False, description="go on with the map that was never finished")
+    unfinished: bool = Field(False, description="continue the unfinished map")
 
     @model_validator(mode="after")
     def _one_of_both(self) -> "StartMappingParams":
         if self.name is not None and self.unfinished:
-            raise ValueError(
-                "expected name or unfinished, not both: a map that was never finished has no name"
-            )
+            raise ValueError("expected name or unfinished, not both: an unfinished map has no name")
         return self
 
 
@@ -38,11 +36,11 @@ class MappingResult(Result):
     """How the map stands."""
 
     state: str = Field(description="idle, mapping, paused or finishing")
-    name: str | None = Field(description="the map that is gone on with")
+    name: str | None = Field(description="the map that is being extended")
     kept_scans: int
     loops: int
     path_m: float
-    warning: str | None = Field(default=None, description="what is lost of a map that was never finished")
+    warning: str | None = Field(default=None, description="what is lost of the unfinished map")
 
 
 class MapSaved(Result):
@@ -59,14 +57,14 @@ class MappingData(TopicData):
     """How the map stands that is being made; ``reason`` says what is wrong, if anything is."""
 
     state: str = Field(default="idle", description="idle, mapping, paused or finishing")
-    name: str | None = Field(default=None, description="the map that is gone on with")
+    name: str | None = Field(default=None, description="the map that is being extended")
     kept_scans: int = 0
     loops: int = 0
     path_m: float = 0.0
     scans: int = 0
-    unfinished: bool = Field(default=False, description="a map that was never finished lies on the disk")
+    unfinished: bool = Field(default=False, description="there is an unfinished map on the disk")
     reason: str = ""
-    warning: str | None = Field(default=None, description="what is lost of a map that was never finished")
+    warning: str | None = Field(default=None, description="what is lost of the unfinished map")
 
 
 class MapData(GridPartData):

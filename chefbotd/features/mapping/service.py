@@ -100,7 +100,7 @@ class MappingService:
             if self._use_saved is not None:
                 await self._use_saved(name)
         except Refused as problem:
-            log.warning("the map that was finished is not in use", map=name, reason=str(problem))
+            log.warning("the finished map cannot be loaded", map=name, reason=str(problem))
 
     async def grid(self) -> MapChanged:
         """The whole map that is being made, as it is now."""
@@ -128,9 +128,9 @@ class MappingService:
         request = Resume(status.state == "paused", status.name) if begun else Start()
         try:
             await self._ask(request, LONG_S)
-            log.info("mapping goes on after the worker was restarted", state=self._status.state)
+            log.info("mapping continues after a restart of the worker", state=self._status.state)
         except Refused as problem:
-            log.error("mapping cannot go on after the worker was restarted", reason=str(problem))
+            log.error("mapping cannot continue after a restart of the worker", reason=str(problem))
             if self._worker.is_ready:  # else the next one is asked
                 self._publish(MappingStatus("idle", reason=str(problem)))
 
@@ -162,9 +162,9 @@ class MappingService:
 
     def _publish(self, status: MappingStatus) -> None:
         if status.warning and status.warning != self._status.warning:
-            log.warning("the map that was being made is damaged", state=status.state, warning=status.warning)
+            log.warning("the unfinished map is damaged", state=status.state, warning=status.warning)
         if status.reason and not self._status.reason:
-            log.warning("something is wrong with the map that is being made", reason=status.reason)
+            log.warning("the unfinished map has a problem", reason=status.reason)
         self._status = status
         self._bus.publish(
             MappingChanged(

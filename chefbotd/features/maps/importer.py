@@ -52,7 +52,7 @@ async def run_import(order: Order, report: Report) -> int:
     if "error" in told:
         raise MapStoreError(RefusalKind(told["error"]), told["message"])
     raise MapStoreError(
-        RefusalKind.MAP_UNREADABLE, f"{order.yaml}: the program that reads it has failed (exit code {code})"
+        RefusalKind.MAP_UNREADABLE, f"{order.yaml}: the program that reads it failed with exit code {code}"
     )
 
 

@@ -67,7 +67,7 @@ class SavePlaceParams(PlaceName):
     @model_validator(mode="after")
     def _x_and_y_together(self) -> "SavePlaceParams":
         if (self.x_m is None) != (self.y_m is None) or (self.x_m is None and self.heading_rad is not None):
-            raise ValueError("a place has x_m and y_m, and may have heading_rad; or none of them")
+            raise ValueError("expected x_m and y_m, with or without heading_rad, or none of the three")
         return self
 
 
@@ -89,7 +89,7 @@ class MapSummary(Result):
     columns: int | None
     rows: int | None
     size_bytes: int | None
-    can_go_on: bool = Field(description="SLAM's state is there, so that mapping can go on with it")
+    can_go_on: bool = Field(description="SLAM's state is stored, so that mapping can extend the map")
 
 
 class MapList(Result):

@@ -80,7 +80,7 @@ class Cache:
             return self._latest[2]
         if stored.plain:
             raise MapStoreError(
-                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was put there by somebody else: load it first"
+                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was not saved by chefbotd: load it first"
             )
         manifest, data = store.read_file(name, CELLS)
         cells = Cells(name, manifest.version, manifest.saved_at_s, manifest.extent, data)

@@ -57,7 +57,7 @@ class MapsService:
         try:
             await self._load_last()
         except MapStoreError as problem:
-            log.warning("the map that was in use cannot be loaded", error=str(problem))
+            log.warning("cannot load the map that was last in use", error=str(problem))
         await asyncio.Event().wait()
 
     async def _load_last(self) -> None:
@@ -102,7 +102,7 @@ class MapsService:
         except MapStoreError as problem:
             if (await self._in_thread(self.store.describe, name)).manifest is None:
                 raise
-            return f"{name}.yaml and its image were changed and are no map, so the saved version is used: {problem}"
+            return f"{name}.yaml and its image are not a valid map, so the saved version is used: {problem}"
         return None
 
     async def use_saved(self, name: str) -> None:
@@ -223,7 +223,7 @@ class MapsService:
         if self._whereabouts.is_mapping and self._whereabouts.mapped == map_name(name):
             raise MapStoreError(
                 RefusalKind.ALREADY_MAPPING,
-                f"mapping goes on with the map {name!r}: finish_mapping or discard_mapping comes first",
+                f"mapping is extending the map {name!r}: send finish_mapping or discard_mapping first",
             )
 
     def _named(self, name: str | None) -> str:

@@ -47,9 +47,9 @@ class Whereabouts:
         """
         pose = self._pose
         if (self.mapped if self.is_mapping else in_use) != of_map:
-            why = "a map is being made, which is another one" if self.is_mapping else "another map is in use"
+            why = "another map is being made" if self.is_mapping else "another map is in use"
         elif pose is None or now_s - pose.stamp_s > MOST_AGE_S:
-            why = "nothing tells it"
+            why = "no source of the pose"
         elif pose.state not in SURE:
             why = f"it is {pose.state}"
         else:

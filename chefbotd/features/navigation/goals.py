@@ -25,9 +25,7 @@ class Goals:
     def require_room(self, more: int) -> None:
         """Raises ``Refused`` where so many more would be too many."""
         if len(self.active) + more > MOST_ACTIVE:
-            told = (
-                f"at most {MOST_ACTIVE} goals wait at a time, there are {len(self.active)}, got {more} more"
-            )
+            told = f"at most {MOST_ACTIVE} goals may wait at a time: {len(self.active)} wait, got {more} more"
             raise Refused(RefusalKind.OUT_OF_RANGE, told)
 
     def add(self, goals: Iterable[GoalAsked]) -> None:

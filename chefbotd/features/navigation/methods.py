@@ -31,7 +31,7 @@ class Waypoint(Params):
         0.0,
         ge=0,
         le=10,
-        description="the nearest free pose will do, if it is no farther from a goal that is taken",
+        description="if the goal is occupied, how far from it the nearest free pose may be",
     )
 
     @model_validator(mode="after")
@@ -47,7 +47,7 @@ class Waypoint(Params):
 class NavigateToParams(Waypoint):
     """A goal. ``wait``: answer when it has ended, and cancel it if this request is cancelled or its client leaves."""
 
-    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
     wait: bool = False
 
 
@@ -55,14 +55,14 @@ class FollowWaypointsParams(Params):
     """Goals, to be reached one after the other. ``wait``: answer when the last has ended, or one was not reached."""
 
     waypoints: list[Waypoint] = Field(min_length=1, max_length=MOST_WAYPOINTS)
-    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
     wait: bool = False
 
 
 class GoToPlaceParams(Params):
     """When to drive to a place of the configuration, and when to answer: as for ``navigate_to``."""
 
-    queue: bool = Field(False, description="after the goals there are; otherwise they are cancelled")
+    queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
     wait: bool = False
 
 
@@ -101,7 +101,7 @@ class NavigationData(TopicData):
     goal: int | None = None
     reason: str = ""
     distance_m: float | None = Field(default=None, description="still to drive")
-    time_s: float | None = Field(default=None, description="which that takes if nothing gets in the way")
+    time_s: float | None = Field(default=None, description="how long that takes without obstacles")
 
 
 class PathData(TopicData):

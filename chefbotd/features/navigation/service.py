@@ -90,7 +90,11 @@ class NavigationService:
             try:
                 await self._ask(order)
             except Refused as problem:
-                log.warning("navigation is not told", order=type(order).__name__, reason=str(problem))
+                log.warning(
+                    "the worker cannot carry out an order for navigation",
+                    order=type(order).__name__,
+                    reason=str(problem),
+                )
                 if not isinstance(order, messages.NavigateTo) or not self._goals.active:
                     continue
                 if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
@@ -113,7 +117,7 @@ class NavigationService:
         self._goals.require_room(len(goals))
         if self._driver.stops != stops:
             raise Refused(
-                RefusalKind.STOPPED, "the robot was stopped after this goal was asked for; ask again"
+                RefusalKind.STOPPED, "the robot was stopped after this goal was sent; send it again"
             )
         numbers = [goal.number for goal in goals]
         self._goals.add(goals)
@@ -131,14 +135,14 @@ class NavigationService:
         safety = self._safety
         if safety is not None and safety.mode != ARMED:
             kind = RefusalKind.ESTOPPED if safety.mode == "estopped" else RefusalKind.DISARMED
-            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); 'arm' comes first")
+            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); send 'arm' first")
 
     def _accepted(self, numbers: list[int], *, queue: bool) -> None:
         self._map, self._workers_lost = self._known_map, 0
         before = [number for number in self._goals.active if number < numbers[0]]
         if not queue:
             for number in reversed(before):
-                self._end(GoalEnded(number, "cancelled", "cancelled: a new goal took its place"))
+                self._end(GoalEnded(number, "cancelled", "cancelled: a new goal replaced it"))
         if not queue or not before:
             self._paused = ""
             if self._is_taken_over:
@@ -158,7 +162,7 @@ class NavigationService:
         except asyncio.CancelledError:
             left = [number for number in goals if number in self._goals.active]
             if left:
-                self._end_goals("cancelled", "the request that waited for it was given up", left[0])
+                self._end_goals("cancelled", "the request that waited for it was cancelled", left[0])
             raise
         finally:
             self._waits.pop(task, None)
@@ -272,15 +276,15 @@ class NavigationService:
 
     def _why_taken_over(self) -> str:
         source = None if self._safety is None else self._safety.source
-        goes_on = "" if self.section.resume_after_takeover else "; it goes on with resume_navigation"
-        return f"paused, for {source or 'another source'} took over{goes_on}"
+        goes_on = "" if self.section.resume_after_takeover else "; resume_navigation continues it"
+        return f"paused, because {source or 'another source'} has control{goes_on}"
 
     def _take_worker(self, event: WorkerReported) -> None:
         if event.state not in AWAY or not self._goals.active:
             return
         self._driver.let_go()
         if event.state == "unavailable":
-            self._end_goals("fault", f"the worker cannot work here: {event.reason}")
+            self._end_goals("fault", f"the worker is not available: {event.reason}")
             return
         self._workers_lost += 1
         if self._workers_lost >= MOST_WORKERS:
@@ -292,13 +296,13 @@ class NavigationService:
             self._bus.publish(PathChanged(self._clock.now_s(), (), ()))
         if self._away_timer is None:
             self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, "navigation worker")
-        why = f"stands until its worker is back: {event.reason}"
+        why = f"waits until its worker is back: {event.reason}"
         self._reporting.tell("paused", next(iter(self._goals.active)), why)
 
     def _give_up(self) -> None:
         """Nobody could be told of the goals for too long."""
         self._away_timer = None
-        self._end_goals("fault", f"there was no worker for {WORKER_AWAY_S:.0f} s that could be told of it")
+        self._end_goals("fault", f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s")
 
     def _wait_no_more(self) -> None:
         """The goals are told, or over."""
@@ -314,7 +318,7 @@ class NavigationService:
             return
         self._wait_no_more()
         if event.map != self._map:
-            why = f"the goals are on the map {self._map!a}, which is not in use any more"
+            why = f"the goals are on the map {self._map!a}, which is no longer in use"
             self._end_goals("fault", f"{why}: {event.reason}" if event.reason else why)
             return
         self._orders.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))

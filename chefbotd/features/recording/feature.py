@@ -20,16 +20,16 @@ def recording(service: RecordingService) -> Feature:
 
 def _add_metrics(metrics: Metrics, service: RecordingService) -> None:
     metrics.gauge(
-        "recording_bytes", "Of the present or last recording.", lambda: service.status.bytes_written
+        "recording_bytes", "Of the current or the last recording.", lambda: service.status.bytes_written
     )
     metrics.counter(
-        "recording_dropped", "Events that found no room on their way to the disk.", lambda: service.dropped
+        "recording_dropped", "Events that were dropped on their way to the disk.", lambda: service.dropped
     )
     metrics.gauge("recording_waiting", "Events on their way to the disk.", lambda: service.waiting)
     metrics.gauge("recording_ring_bytes", "The last minutes in memory.", lambda: service.status.ring_bytes)
     metrics.optional_gauge(
-        "recording_free_bytes", "Of the disk, when it was last asked.", lambda: service.status.free_bytes
+        "recording_free_bytes", "Free space of the disk at the last check.", lambda: service.status.free_bytes
     )
     metrics.counter(
-        "recording_faults_saved", "Faults whose minutes were written.", lambda: service.faults_saved
+        "recording_faults_saved", "Faults whose recording was saved.", lambda: service.faults_saved
     )

@@ -82,12 +82,12 @@ class RecordingData(TopicData):
     seconds: float = 0.0
     bytes_written: int = 0
     messages: int = 0
-    dropped: int = Field(default=0, description="events that found no room since the daemon started")
+    dropped: int = Field(default=0, description="events that were dropped since the daemon started")
     waiting: int = 0
     ring_s: float = 0.0
     ring_bytes: int = 0
     free_bytes: int | None = None
-    saved: str | None = Field(default=None, description="the file of the ring that was written last")
+    saved: str | None = Field(default=None, description="the file that was last saved from memory")
     reason: str = ""
 
 

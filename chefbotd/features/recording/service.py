@@ -48,7 +48,7 @@ STATE_EVERY_S = 20.0
 LAST_WORDS_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 
-DISK_HANGS = "the disk does not answer: what happens now is not recorded once too much of it waits"
+DISK_HANGS = "the disk does not answer: events will be lost when the buffer is full"
 FAULTS_APART_S = 10.0
 REPEATED_ELSEWHERE = frozenset({"LineSeen"})
 """The bytes of the links have every line."""
@@ -115,13 +115,13 @@ class RecordingService:
                 lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True), first=True
             )
         except RecordingError as problem:
-            log.warning("recording cannot begin by itself", error=str(problem))
+            log.warning("automatic recording cannot start", error=str(problem))
 
     async def _end(self) -> None:
         try:
             await self._ask(lambda recorder, now_s: recorder.close(now_s), LAST_WORDS_S)
         except RecordingError as problem:
-            log.warning("the recording has no proper end", error=str(problem))
+            log.warning("the recording was not closed properly", error=str(problem))
 
     def _listen(self) -> None:
         """Take everything off the bus, and have what comes into the process published there."""
@@ -185,7 +185,7 @@ class RecordingService:
                 log.warning("recording has a problem", reason=problem, state=str(self.status.state))
             last = problem
             if self.dropped > told:
-                log.warning("events are missing in the recording", events=self.dropped - told)
+                log.warning("events are missing from the recording", events=self.dropped - told)
                 told = self.dropped
             self._publish()
             await next_beat(self._clock, TELL_BEATS)
@@ -233,10 +233,10 @@ class RecordingService:
         try:
             saved = await self._save_ring(fault, fault=True)
         except RecordingError as problem:
-            log.warning("the minutes before a fault cannot be written", fault=fault, error=str(problem))
+            log.warning("the recording of a fault cannot be saved", fault=fault, error=str(problem))
             return
         self.faults_saved += 1
-        log.info("the minutes before a fault are written", fault=fault, file=saved.file)
+        log.info("the recording of a fault is saved", fault=fault, file=saved.file)
 
     # what clients ask
 

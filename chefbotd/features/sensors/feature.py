@@ -17,7 +17,7 @@ def sensors(service: SensorService) -> Feature:
         )
         metrics.optional_gauge(
             "battery_percentage",
-            "What is left of the battery's useful range.",
+            "The remaining charge of the battery.",
             lambda: None if service.battery is None else service.battery.percentage,
         )
 

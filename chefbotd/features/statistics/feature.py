@@ -18,10 +18,10 @@ def statistics(service: StatsService, metrics: Metrics, clock: Clock) -> Feature
         metrics.gauge("uptime_s", "Time since the daemon started.", lambda: clock.now_s() - started_s)
         metrics.gauge(
             "loop_lag_s",
-            "The latest that the event loop was to a timer in the last second.",
+            "The longest delay of a timer of the event loop in the last second.",
             lambda: service.lag_s,
         )
-        metrics.histogram("loop_lags_s", "How late the event loop was to its timers.", service.lags)
+        metrics.histogram("loop_lags_s", "The delay of the event loop's timers.", service.lags)
 
     return replace(
         statistics_without_service(service, metrics),

@@ -72,7 +72,7 @@ class Tuning:
             Refused: no change is left to take back.
         """
         if not self._before:
-            raise Refused(RefusalKind.NOTHING_TO_UNDO, "no change of gains is left to take back")
+            raise Refused(RefusalKind.NOTHING_TO_UNDO, "there is no change of gains to undo")
         self._wheels.retune(self._before.pop())
         return self._wheels.gains()
 
@@ -82,7 +82,7 @@ class Tuning:
         if max(limits) > self._max_duty:
             return f"at most {self._max_duty}, the duty's range"
         if round(min(limits)) <= self._watched_duty:
-            return f"more than {self._watched_duty:g}, below which no stalled wheel is looked for"
+            return f"more than {self._watched_duty:g}, because a stalled wheel is not detected at or below it"
         return None
 
 

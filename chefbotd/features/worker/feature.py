@@ -14,7 +14,7 @@ def worker(service: WorkerService) -> Feature:
         metrics.counter("worker_restarts", "Restarts of the worker.", lambda: process.status.restarts)
         metrics.counter(
             "worker_dropped",
-            "Scans and odometry that gave way, because the worker did not read in time.",
+            "Scans and odometry that were dropped, because the worker did not read in time.",
             lambda: process.dropped,
         )
         metrics.optional_gauge(

@@ -121,7 +121,7 @@ def _open_stream(openni2: Any, parameters: DepthSourceParameters) -> Any:
         opened = openni2.Device.open_any() if device is None else openni2.Device(device.encode())
         stream = opened.create_depth_stream()
         if stream is None:
-            raise NoImagesError("the device that was found has no depth camera")
+            raise NoImagesError("the device has no depth camera")
         stream.set_video_mode(_video_mode(openni2, stream.get_sensor_info().videoModes, parameters))
         stream.set_mirroring_enabled(False)  # a camera may begin with left for right, as a mirror (assumed)
         stream.start()

@@ -89,11 +89,11 @@ class HealthWatch:
 def judge(new: Heard, quiet_s: float, sample: bytes, complaint: str) -> Health:
     """What has been heard says of the port; ``quiet_s`` is how long there has been nothing now."""
     if new.awaits_scan and not complaint:
-        return Health(Condition.MOTOR_STALLED, "it answers, and sends no scan: does its motor turn?")
+        return Health(Condition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?")
     if quiet_s >= QUIET_S and not new.turns:
-        told = f"nothing heard for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
+        told = f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
         return Health(Condition.SILENT, told)
-    found = f"{new.bytes} bytes, {new.packets} packets; heard: {show(sample)}"
+    found = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
     if not new.packets:
         return _judge_foreign(sample, found)
     if complaint:
@@ -102,7 +102,7 @@ def judge(new: Heard, quiet_s: float, sample: bytes, complaint: str) -> Health:
     if new.turns:
         return Health(Condition.HEALTHY, "")
     if new.repeated:
-        told = f"only what came before ({new.repeated} times): the lidar hangs, or its bytes are replayed"
+        told = f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
         return Health(Condition.FROZEN, told)
     return Health(Condition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {found}")
 

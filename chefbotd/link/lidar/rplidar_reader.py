@@ -151,7 +151,7 @@ class RplidarReader:
 
     def _take_health(self, health: DeviceHealth, now_s: float) -> None:
         if health.status is Health.ERROR:
-            self.complaint = f"the lidar says that it is out of order (its error {health.error_code})"
+            self.complaint = f"the lidar reports that it is defective (error {health.error_code})"
             self._go(Phase.RESETTING, now_s, request(Request.RESET))
             return
         offered = self.info is not None and self.info.firmware >= EXPRESS_SINCE
@@ -162,9 +162,7 @@ class RplidarReader:
     def _complaint_about(self, info: DeviceInfo) -> str:
         if info.model >> 4 == SERIES[self._model]:
             return ""
-        return (
-            f"this is another lidar: it says that it is model 0x{info.model:02x}, configured is {self._model}"
-        )
+        return f"another lidar: it reports model 0x{info.model:02x}, but the configuration says {self._model}"
 
 
 class _TurnBuilder:

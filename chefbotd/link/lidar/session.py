@@ -151,7 +151,7 @@ class LidarSession(asyncio.Protocol):
         self._tell(str(health.condition), health.reason, healthy=healthy)
         if not healthy:
             log.warning(
-                "this does not sound like the lidar",
+                "the link to the lidar is not healthy",
                 lidar=self.lidar.name,
                 condition=str(health.condition),
                 reason=health.reason,

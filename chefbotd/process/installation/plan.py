@@ -58,10 +58,10 @@ def _named(host: Host, rule: Step) -> Iterator[Step]:
     if rule.act is None or not host.is_running:
         return
     if not host.path(UDEV).exists():
-        yield Step("udev does not run here: its rule counts where it does")
+        yield Step("udev is not running here, so its rule has no effect yet")
         return
     yield command(host, "have udev read the rule", "udevadm", "control", "--reload")
-    told = "name the boards that are plugged in"
+    told = "apply the rule to the boards that are plugged in"
     yield command(host, told, "udevadm", "trigger", "--subsystem-match=tty", "--action=add")
 
 
@@ -134,9 +134,7 @@ def _started(host: Host, unit: Step) -> Iterator[Step]:
     if not host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "start it now", "systemctl", "start", SERVICE)
     elif unit.act is not None:
-        yield command(
-            host, "start it anew, with the robot stopped meanwhile", "systemctl", "restart", SERVICE
-        )
+        yield command(host, "restart it, with the robot stopped", "systemctl", "restart", SERVICE)
     else:
         yield Step(f"{SERVICE} runs: unchanged")
 
@@ -152,7 +150,7 @@ def _stopped(host: Host) -> Iterator[Step]:
         yield command(host, "stop it, which stops the motors", "systemctl", "stop", SERVICE)
     if enabled:
         root = () if host.is_running else (f"--root={host.root}",)
-        yield command(host, "start it at boot no longer", "systemctl", *root, "disable", SERVICE)
+        yield command(host, "no longer start it at boot", "systemctl", *root, "disable", SERVICE)
 
 
 def _removed(host: Host) -> Iterator[Step]:

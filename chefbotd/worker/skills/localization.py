@@ -208,7 +208,7 @@ class LocalizationSkill:
             self._keep()
             self._rest()
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
-            raise Refused(kind, f"nobody can find the way on {name!r}: {problem}") from problem
+            raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
         self._change_to(name, version, grid, within)
         return self._standing()
 
@@ -231,7 +231,8 @@ class LocalizationSkill:
     def _require_map(self) -> None:
         if self._within is None:
             raise Refused(
-                RefusalKind.NO_MAP_LOADED, "no map is in use, or one is being made: load one, or finish it"
+                RefusalKind.NO_MAP_LOADED,
+                "no finished map is in use: load one, or finish the one in progress",
             )
 
     # what is told

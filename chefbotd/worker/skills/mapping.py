@@ -179,13 +179,13 @@ class MappingSkill:
         if found is not None and not request.unfinished:
             raise Refused(
                 RefusalKind.ALREADY_MAPPING,
-                "there is a map that was never finished: go on with it (unfinished = true), or send discard_mapping",
+                "there is an unfinished map: continue it (unfinished = true), or send discard_mapping",
             )
         damage = self._files.autosave_damage()
         if request.unfinished and found is None:
             if damage:
                 raise Refused(RefusalKind.MAP_UNREADABLE, f"{UNREADABLE} ({damage})")
-            raise Refused(RefusalKind.NOT_MAPPING, "no map was left unfinished")
+            raise Refused(RefusalKind.NOT_MAPPING, "there is no unfinished map")
         warning = _warning(damage, is_found=found is not None)
         name = request.name
         if name is not None and not request.unfinished:
@@ -220,9 +220,7 @@ class MappingSkill:
         try:
             state = restored(arrays)
         except NotASavedState as problem:
-            raise Refused(
-                RefusalKind.MAP_UNREADABLE, f"mapping cannot go on with this map: {problem}"
-            ) from problem
+            raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
         return state if same_run or not len(state.nodes) else apart(state)
 
     def _pause(self) -> MappingStatus:
@@ -243,7 +241,8 @@ class MappingSkill:
         self._require_map()
         if not len(self._state.nodes):
             raise Refused(
-                RefusalKind.NOT_MAPPING, "the map is empty: no scan has come yet; see the topics of the lidar"
+                RefusalKind.NOT_MAPPING,
+                "the map is empty because no scan has arrived yet; check the topics of the lidar",
             )
         job = self._finishing(map_name(name), self._mode)
         next(
@@ -283,7 +282,7 @@ class MappingSkill:
     def _whole_grid(self) -> Struct:
         part = self._updates.whole(self._clock.now_s())
         if part is None:
-            raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or nothing is in it yet")
+            raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or it is still empty")
         return part
 
     # what is told

@@ -72,7 +72,7 @@ MappingRequest: TypeAlias = Start | Resume | Pause | Finish | Discard | GetGrid 
 class MappingStatus(Message, frozen=True, tag="status"):
     """How the map stands; ``reason`` says what is wrong, if anything is. Also told whenever the state changes.
 
-    ``state`` is idle, mapping, paused or finishing; ``name`` is that of the map that is gone on with. ``unfinished``: a
+    ``state`` is idle, mapping, paused or finishing; ``name``: the map that is being extended. ``unfinished``: a
     map that was not finished lies on the disk. ``warning`` says what is lost of it, if anything is.
     """
 

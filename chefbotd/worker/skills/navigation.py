@@ -131,7 +131,7 @@ class NavigationSkill:
 
     def _require_map(self) -> None:
         if self._map is None:
-            told = self._problem or "no map is in use, or one is being made: load one, or finish it"
+            told = self._problem or "no finished map is in use: load one, or finish the one in progress"
             raise Refused(RefusalKind.NO_MAP_LOADED, told)
 
     def _require_sound_pose(self) -> None:

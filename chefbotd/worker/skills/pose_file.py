@@ -43,5 +43,5 @@ class PoseOnDisk:
             self._disk.write(temporary, to_text(pose).encode())
             self._disk.rename(temporary, self._path)
         except OSError as error:
-            return f"the pose cannot be kept: {error}"
+            return f"the pose cannot be saved: {error}"
         return ""

@@ -263,7 +263,7 @@ LIDAR = {
     "device": "/dev/ttyUSB0",
     "state": "up",
     "healthy": False,
-    "reason": "nothing heard for 2.0 s",
+    "reason": "nothing received for 2.0 s",
     "stamp_s": 3.0,
 }
 

@@ -62,7 +62,9 @@ def test_a_full_daemon_can_still_be_stopped() -> None:
         async with Client.connect(served.host, served.port, name="Ann") as late:
             await late.estop("smoke")
             assert served.robot.calls == [("estop", "smoke")]
-            with pytest.raises(CallError, match="already 1 clients; this place is kept for stop and estop"):
+            with pytest.raises(
+                CallError, match="already 1 clients; this connection is reserved for stop and estop"
+            ):
                 await late.drive(0.1, 0.0)
 
     with_robot(scenario, max_clients=1)

@@ -23,16 +23,18 @@ PORT = PortFound("/dev/ttyACM0", exists=True)
 
 def test_a_device_that_is_not_there():
     """The other ports are named."""
-    gone = replace(PORT, exists=False, others="serial ports there: /dev/ttyUSB0")
+    gone = replace(PORT, exists=False, others="available serial ports: /dev/ttyUSB0")
     finding = check_device(gone)
     assert finding.verdict is Verdict.PROBLEM
-    assert "there is no /dev/ttyACM0; serial ports there: /dev/ttyUSB0" in finding.measured
+    assert "the device /dev/ttyACM0 does not exist; available serial ports: /dev/ttyUSB0" in finding.measured
     assert check_permission(gone).verdict is Verdict.SKIPPED
 
 
 def test_no_permission():
     """What gives it is the advice."""
-    finding = check_permission(replace(PORT, permission="it is for the group dialout: 'sudo usermod ...'"))
+    finding = check_permission(
+        replace(PORT, permission="only members of the group dialout may use it: run 'sudo usermod ...'")
+    )
     assert finding.verdict is Verdict.PROBLEM
     assert "dialout" in finding.advice
 

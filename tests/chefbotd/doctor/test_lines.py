@@ -37,9 +37,9 @@ def test_lines_in_order():
 @pytest.mark.parametrize(
     ("heard", "said"),
     [
-        (LinesHeard(5.0), "nothing was heard for 5.0 s"),
-        (LinesHeard(5.0, bytes=400, garbled_share=0.6, sample="\\xf8"), "60% of 400 bytes are no text"),
-        (LinesHeard(5.0, bytes=400, sample="AT OK"), "hardly a line of a board"),
+        (LinesHeard(5.0), "nothing was received for 5.0 s"),
+        (LinesHeard(5.0, bytes=400, garbled_share=0.6, sample="\\xf8"), "60% of 400 bytes are not text"),
+        (LinesHeard(5.0, bytes=400, sample="AT OK"), "hardly any valid line of a board"),
         (replace(GOOD, kinds={"t": 100}), "no encoder lines"),
     ],
     ids=["silent", "garbled", "text", "without encoders"],

@@ -58,7 +58,7 @@ def test_two_features_with_one_topic_are_refused() -> None:
     """The error names the feature that came second, and what is taken."""
     topic = Topic("trip", (), TopicData, same_fields(TopicData))
     features = [Feature("first", topics=(topic,)), Feature("second", topics=(topic,))]
-    with pytest.raises(ValueError, match="second: topic trip belongs to another feature"):
+    with pytest.raises(ValueError, match="second: topic trip already belongs to another feature"):
         methods_and_topics(features)
 
 

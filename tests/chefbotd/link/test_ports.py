@@ -31,7 +31,7 @@ def test_an_absent_device_is_told_with_the_ports_that_are_there(
     (by_id / "usb-Texas_Instruments-if00").symlink_to("../ttyACM1")
     plug(monkeypatch, other, board)
     assert advice("/dev/ttyACM0", ABSENT, by_id) == (
-        f"there is no such device; serial ports there: {by_id}/usb-Texas_Instruments-if00 ({board}), {other}"
+        f"there is no such device; available serial ports: {by_id}/usb-Texas_Instruments-if00 ({board}), {other}"
     )
 
 
@@ -39,15 +39,18 @@ def test_no_port_at_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     """Then it is the cable, or the power."""
     plug(monkeypatch)
     told = advice("/dev/ttyACM0", ABSENT, tmp_path / "no-such-folder")
-    assert "no serial port is there" in told
+    assert "no serial port was found" in told
     assert "plugged in and powered" in told
 
 
 @pytest.mark.parametrize(
     ("groups", "told"),
     [
-        ([4, 24], "it is for the group dialout: 'sudo usermod -aG dialout $USER', then log out and in again"),
-        ([4, 20], "is not for your group dialout to read and write: see its udev rule"),
+        (
+            [4, 24],
+            "only members of the group dialout may use it: run 'sudo usermod -aG dialout $USER', then log out",
+        ),
+        ([4, 20], "does not allow your group dialout to read and write: check its udev rule"),
     ],
 )
 def test_a_device_of_another_group(
@@ -68,5 +71,5 @@ def test_a_device_of_another_group(
 def test_a_device_that_goes_meanwhile(tmp_path: Path) -> None:
     """Nothing is known of it then; any other error speaks for itself."""
     gone = str(tmp_path / "gone")
-    assert advice(gone, DENIED) == "permission denied; is it yours to use?"
+    assert advice(gone, DENIED) == "permission denied; is this user allowed to use it?"
     assert advice(gone, OSError("Could not configure port")) == "Could not configure port"

@@ -336,7 +336,7 @@ def test_what_the_port_sounds_like_is_published_and_logged():
             bench.session.judge_health()
             silent = changes.take()
             assert (silent.healthy, silent.condition) == (False, "silent")
-            assert [entry["event"] for entry in log] == ["this does not sound like the board"]
+            assert [entry["event"] for entry in log] == ["the link to the board is not healthy"]
             for number in range(200):
                 bench.session.data_received(cycle(number))
                 await asyncio.sleep(0.02)

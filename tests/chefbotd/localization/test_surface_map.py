@@ -77,7 +77,7 @@ def test_only_what_faces_free_space_is_a_surface() -> None:
 
 def test_a_map_without_walls_is_refused() -> None:
     """All free: there is nothing to match against."""
-    with pytest.raises(ValueError, match="has walls beside free space"):
+    with pytest.raises(ValueError, match="needs walls beside free space"):
         surface_map(AT_THE_BORDER, OccupancyGrid(0.05, Pose2D(), np.zeros((9, 9), np.int8)))
 
 

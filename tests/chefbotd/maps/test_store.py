@@ -118,7 +118,7 @@ def test_a_manifest_that_leads_out_of_its_folder_is_none(store: MapStore) -> Non
     save(store, "flat", grid(1))
     path = store.folder / "flat.map" / "v000001" / MANIFEST
     path.write_text(path.read_text().replace('"cells.zlib"', '"../../../secret"'))
-    with pytest.raises(MapStoreError, match="is no file's name"):
+    with pytest.raises(MapStoreError, match="is not a file name"):
         store.read("flat")
 
 
@@ -151,7 +151,7 @@ def test_a_name_is_told_as_it_is_written(store: MapStore) -> None:
 
 def test_an_unknown_map_names_those_there_are(store: MapStore) -> None:
     """Also where there is no folder yet, which reading does not make."""
-    with pytest.raises(MapStoreError, match="no map named 'flat'; there is none at all"):
+    with pytest.raises(MapStoreError, match="no map named 'flat'; there are none"):
         store.describe("flat")
     assert not store.folder.exists()
     save(store, "cellar", grid(1))

@@ -54,7 +54,7 @@ def test_wheels_left_out_do_not_count() -> None:
     assert kinematics.side_travel_m(turned, (0, 3)) == pytest.approx((0.09, 0.15))
     twist = kinematics.twist(turned, (0, 3))
     assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.12, 0.06 / 0.189))
-    with pytest.raises(ValueError, match="left out"):
+    with pytest.raises(ValueError, match="excluded"):
         kinematics.side_travel_m(turned, (0, 2))
 
 

@@ -59,7 +59,7 @@ def test_a_lost_pose_ends_the_goal_after_twenty_seconds_by_the_clock() -> None:
     """Lost at 5 s: it stands at 24.9 s, and ends at 25 s; found in between, it goes on."""
     lost = watched(ROUND, Missing(), at(5.0, status=PoseStatus.LOST), 5.0).missing
     waiting = watched(ROUND, lost, at(24.9, status=PoseStatus.LOST), 24.9)
-    assert waiting.stands == "stands, for it does not know where it is"
+    assert waiting.stands == "waits, because its pose is not known"
     assert waiting.end is None
     assert watched(ROUND, lost, at(25.0, status=PoseStatus.LOST), 25.0).end is End.LOST
     found = watched(ROUND, lost, at(24.9, status=PoseStatus.DOUBTFUL), 24.8)
@@ -70,7 +70,7 @@ def test_missing_scans_are_counted_by_steps_and_not_by_the_clock() -> None:
     """A minute that the computer slept through counts as the one step of 0.04 s that it was."""
     missing = watched(ROUND, Missing(), at(8.0), 7.3).missing
     after_sleep = watched(ROUND, missing, at(68.0), 7.3)
-    assert after_sleep.stands == "stands, for no scan arrives"
+    assert after_sleep.stands == "waits, because no scan arrives"
     assert after_sleep.end is None
     assert after_sleep.missing.without_scan_s == pytest.approx(0.08)
     assert watched(ROUND, Missing(without_scan_s=9.97), at(68.0), 7.3).end is End.FAULT
@@ -81,7 +81,7 @@ def test_who_walks_is_waited_for_longer_than_a_thing(walks: bool, patience_s: fl
     """Blocked since 3 s: stuck after 1.5 s by a thing, and after 6 s by somebody who walks."""
     in_the_way, here = InTheWay(" at (1.20, 0.40)", walks), Pose2D(1.0, 0.3, 0.4)
     first = checked(ROUND, LastProgress(2.9, here), at(3.0, here), in_the_way)
-    assert first.waits == "waits, for something is in the way at (1.20, 0.40)"
+    assert first.waits == "waits, because something is in the way at (1.20, 0.40)"
     patient = checked(ROUND, first.progress, at(2.9 + patience_s, here), in_the_way)
     assert (patient.waits, patient.stuck) == ("", "")
     stuck = checked(ROUND, first.progress, at(3.0 + patience_s, here), in_the_way)
@@ -94,7 +94,7 @@ def test_a_robot_that_only_shivers_does_not_come_on() -> None:
     """Within 0.04 m and 0.15 rad for over 6 s is stuck, also over the half circle; a turn by 0.16 rad is progress."""
     here = LastProgress(1.0, Pose2D(2.0, 1.0, 3.1))
     shivers = checked(ROUND, here, at(7.1, Pose2D(2.03, 1.02, 3.2 - math.tau)), None)
-    assert shivers.stuck == "the robot does not come on"
+    assert shivers.stuck == "the robot makes no progress"
     turned = Pose2D(2.0, 1.0, 3.1 + 0.16 - math.tau)
     assert checked(ROUND, here, at(7.1, turned), None).progress == LastProgress(7.1, turned)
 

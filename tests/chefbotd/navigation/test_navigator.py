@@ -226,7 +226,7 @@ def test_a_cancelled_goal_ends_and_the_robot_stands() -> None:
     drive.navigator.cancel()
     drive.run(1.0)
     assert [end.end for end in drive.ended] == [End.CANCELLED, End.CANCELLED]
-    assert "a new goal took its place" in drive.ended[0].reason
+    assert "a new goal replaced it" in drive.ended[0].reason
     assert drive.last.twist is None
     assert drive.navigator.state is State.IDLE
     assert drive.twist.linear_m_s == 0.0
@@ -352,7 +352,7 @@ def test_a_doubtful_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
     assert drive.ended == []
     assert drive.last is not None
     assert drive.last.progress.reason.startswith(
-        "stands, for it is not sure where it is: the robot is outside"
+        "waits, because it is not sure of its pose: the robot is outside"
     )
     drive.pose, drive.status = here, PoseStatus.LOCALIZED
     drive.run(3.0)
@@ -366,4 +366,4 @@ def test_a_pose_that_stays_doubtful_where_there_is_no_way_ends_the_goal_as_lost(
     drive.navigator.navigate_to((Goal(6.0, 1.5),))
     drive.run(25.0)
     assert [each.end for each in drive.ended] == [End.LOST]
-    assert "for 20 s it was not sure where the robot is: the robot is outside" in drive.ended[0].reason
+    assert "for 20 s the pose of the robot was uncertain: the robot is outside" in drive.ended[0].reason

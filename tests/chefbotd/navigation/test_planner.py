@@ -213,10 +213,7 @@ def test_a_robot_in_a_zone_to_be_kept_out_of_is_told_so_and_nothing_is_offered()
     for goal in (Goal(9.2, 5.6), Goal(4.3, 0.5)):
         found = plan(PARAMS, ROUND, costs, KITCHEN, goal)
         assert isinstance(found, NoPath)
-        assert (
-            "the robot itself stands in an obstacle or a zone to be kept out of, at (2.00, 2.40)"
-            in found.reason
-        )
+        assert "the robot itself is in an obstacle or a keep-out zone, at (2.00, 2.40)" in found.reason
         assert found.nearest is None
 
 

@@ -78,7 +78,7 @@ def test_the_latch_is_told_when_it_is_found(tmp_path: Path):
     with capture_logs() as logged:
         LatchFile(tmp_path / "latch").recall()
     assert [(entry["event"], entry["mode"], entry["reason"]) for entry in logged] == [
-        ("begins as the last daemon ended", "estopped", "smoke")
+        ("starting in the state in which the last daemon ended", "estopped", "smoke")
     ]
 
 
@@ -99,7 +99,7 @@ def test_what_cannot_be_read_begins_disarmed(tmp_path: Path, spoil: Callable[[Pa
     spoil(path)
     with capture_logs() as logged:
         assert LatchFile(path).recall() == UNREADABLE
-    assert logged[0]["event"] == "the latch cannot be read: begins disarmed"
+    assert logged[0]["event"] == "the latch file cannot be read: starting disarmed"
     assert logged[0]["path"] == str(path)
 
 
@@ -125,7 +125,9 @@ def test_what_cannot_be_written_breaks_nothing_and_is_told_once(
         for state in (ARMED, ESTOPPED, ARMED):
             latch.keep(state)
         latch.end()
-    assert [entry["event"] for entry in logged] == ["the latch cannot be written: a restart may forget it"]
+    assert [entry["event"] for entry in logged] == [
+        "the latch file cannot be written: a restart may forget an e-stop or a fault"
+    ]
 
 
 def test_what_could_not_be_written_is_tried_again_at_the_next_change(tmp_path: Path):

@@ -219,7 +219,7 @@ def test_what_is_valid_with_a_restart_only_changes_nothing(robot: Robot):
         with structlog.testing.capture_logs() as logged:
             await service.reload()
         (told,) = [entry for entry in logged if entry["log_level"] == "error"]
-        assert "together with what only a restart changes" in told["error"]
+        assert "does not fit the settings that only a restart changes" in told["error"]
         assert await simulated.client.call("get_pid") == before
 
     robot.run(scenario)

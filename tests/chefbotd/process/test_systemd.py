@@ -31,7 +31,7 @@ def test_a_socket_that_is_not_there_is_no_disaster(monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "absent"))
     with structlog.testing.capture_logs() as logged:
         assert systemd.notify("READY=1") is False
-    assert logged[0]["event"] == "systemd cannot be told"
+    assert logged[0]["event"] == "systemd cannot be notified"
 
 
 @pytest.mark.parametrize(

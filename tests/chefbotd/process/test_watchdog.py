@@ -38,7 +38,7 @@ def watchdog(loop: StandingLoop, now_s: float) -> Watchdog:
 
 
 @pytest.mark.parametrize(
-    ("takes_stop", "told"), [(True, "the watchdog stopped the motors"), (False, "the board took no stop")]
+    ("takes_stop", "told"), [(True, "the watchdog stopped the motors"), (False, "the board accepted no stop")]
 )
 def test_a_loop_that_stands_still_while_driving_is_stopped(takes_stop: bool, told: str):
     """The stop is written first, then the fault is reported with the time and whether the stop went."""
@@ -46,7 +46,7 @@ def test_a_loop_that_stands_still_while_driving_is_stopped(takes_stop: bool, tol
     with watchdog(loop, now_s=0.12):
         assert loop.stopped.wait(SOON_S)
     assert loop.reported[0].kind is FaultKind.LOOP_BLOCKED
-    assert loop.reported[0].reason.startswith(f"the control loop stood still for 0.12 s and {told}")
+    assert loop.reported[0].reason.startswith(f"the control loop did not run for 0.12 s and {told}")
 
 
 def test_a_loop_that_goes_on_is_left_alone():

@@ -95,7 +95,7 @@ def test_a_minimum_of_the_disk_stays_free(tmp_path: Path) -> None:
     for k in range(200, 400):
         made.take(cycle(START_S + k / 100), START_S + k / 100)
     assert made.status.state == "failed"
-    assert made.status.reason.startswith("only 499 MB of the disk are free, and 500 MB are to stay so")
+    assert made.status.reason.startswith("only 499 MB of the disk are free, and 500 MB must stay free")
     reader = RecordingReader(next(tmp_path.glob("tight*")))
     assert len(list(reader.events())) >= 400
     assert reader.problem is None
@@ -137,7 +137,7 @@ def test_no_file_is_removed_where_that_would_not_help(tmp_path: Path) -> None:
         if k == 2_000:
             files, disk.capacity = set(tmp_path.glob("auto_*")), 300_000
     assert made.status.state == "failed"
-    assert "are to stay so" in made.status.reason
+    assert "must stay free" in made.status.reason
     assert set(tmp_path.glob("auto_*")) >= files
     assert len(files) > 1
 

@@ -141,7 +141,7 @@ def test_the_map_in_use_is_drawn_and_told_again_in_the_next_file(tmp_path: Path)
 
 
 def test_the_log_says_what_people_want_to_read(tmp_path: Path) -> None:
-    """A fault is an error with its name; what is said twice is written once."""
+    """A fault is an error with its name; what appears twice is written once."""
     armed = SafetyChanged(START_S, "armed", "started", None)
     limited = SafetyChanged(START_S, "armed", "started", "teleop", limited_by="obstacle:front")
     found = drawn(tmp_path, armed, armed, limited, fault(START_S))

@@ -15,9 +15,9 @@ from tests.chefbotd.recording.events import START_S, cycle, recorder
     ("content", "told"),
     [
         (b"", "is empty"),
-        (b"hello", "is no MCAP file"),
+        (b"hello", "is not an MCAP file"),
         (MAGIC[:5], "ends after 5 bytes"),
-        (b"\x1f\x8b" + bytes(500), "is no MCAP file"),
+        (b"\x1f\x8b" + bytes(500), "is not an MCAP file"),
     ],
 )
 def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, told: str) -> None:

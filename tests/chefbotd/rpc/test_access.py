@@ -65,8 +65,8 @@ def test_a_keyring_holds_no_token_in_the_clear() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "holds no token; make one"),
-        ("# nothing\n", "holds no token; make one"),
+        ("", "contains no token; create one"),
+        ("# nothing\n", "contains no token; create one"),
         (ANN, r"line 1: expected a role \(observe, drive, admin\)"),
         (f"\nroot {ANN}", "line 2: expected a role"),
         (f"admin {ANN} ann", "line 1: expected a role"),

@@ -52,7 +52,7 @@ def test_a_second_driver_is_refused_and_told_who_drives() -> None:
     """Kind, source and holder are in the error; the lease stays where it is."""
     desk = Desk()
     desk.drive(ANN, 0.0)
-    with pytest.raises(Unserved, match=r"driven by Ann .*take_control") as caught:
+    with pytest.raises(Unserved, match=r"controlled by Ann .*take_control") as caught:
         desk.drive(BOB, 1.0)
     assert caught.value.kind == ErrorKind.LEASE_HELD
     assert caught.value.details == {"source": "teleop", "holder": "Ann (10.0.0.7:1)"}
@@ -95,7 +95,7 @@ def test_control_is_taken_over_explicitly() -> None:
     desk.drive(ANN, 0.0)
     assert desk.control.take("teleop", BOB, 1.0) is ANN
     assert desk.withdrawn == ["teleop"]
-    with pytest.raises(Unserved, match="driven by Bob"):
+    with pytest.raises(Unserved, match="controlled by Bob"):
         desk.drive(ANN, 1.1)
     desk.drive(BOB, 1.1)
 

@@ -204,7 +204,7 @@ def test_from_a_client_that_makes_way(run: Run) -> None:
             assert isinstance(served.server.connections.admit("127.0.0.2", 50000), Session)
             assert estopped(served)
             await asyncio.sleep(0.01)
-            assert b"gave way" in client.recv(10_000)
+            assert b"replaced by a new client" in client.recv(10_000)
             assert client.recv(1) == b""
 
     serve(run, scenario, max_clients=1, reserved_stop_connections=1)

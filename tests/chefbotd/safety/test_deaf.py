@@ -86,7 +86,7 @@ def test_a_robot_that_sets_off_by_itself_is_found_by_its_echo() -> None:
     board.go(2.0, lambda _: 0.0)
     ((found_s, fault),) = board.go(3.0, lambda _: 0.2, echoes_motion=True)
     assert found_s <= 2.5
-    assert "its echo says that the motors are driven" in fault.reason
+    assert "its echo shows a duty other than zero" in fault.reason
 
 
 def test_one_damaged_echo_does_not_accuse_who_pushes() -> None:

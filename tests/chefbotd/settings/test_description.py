@@ -242,7 +242,7 @@ def test_a_joint_may_leave_its_origin_out(spoilt: Path) -> None:
         (tree(joint("j", "a", "nowhere"), joint("k", "a", "b")), "'j' names the link 'nowhere'"),
         (tree(joint("j", "a", "b"), joint("k", "a", "b")), "'b' is the child of two joints"),
         (tree(joint("j", "b", "c"), joint("k", "c", "b")), "'[bc]' is its own ancestor"),
-        (tree(joint("j", "a", "b", "<axis/>")), "lacks an attribute"),
+        (tree(joint("j", "a", "b", "<axis/>")), "lacks a required attribute"),
         (tree(joint("j", "a", "b", "<axis xyz='1 0'/>")), "Invalid vector length"),
     ],
 )

@@ -132,7 +132,7 @@ def test_a_folder_that_may_only_be_read(readable_only: Path) -> None:
     readable_only.chmod(0o666)
     os.seteuid(mine)
     with pytest.raises(
-        PermissionError, match=rf"no file can be made in its folder: Permission denied: '{readable_only}'"
+        PermissionError, match=rf"cannot create a file in its folder: Permission denied: '{readable_only}'"
     ):
         save(readable_only, TUNED)
     assert readable_only.read_bytes() == PACKAGED

@@ -12,7 +12,7 @@ from tests.scenarios.faults.wheels import wall
 
 LIDAR = {"name": "lidar", "model": "ld19", "device": "/dev/lidar", "mount_x_m": 0.05, "mount_z_m": 0.2}
 WITH_LIDAR = {"lidar": [LIDAR]}
-SOUNDS_WRONG = "this does not sound like the lidar"
+SOUNDS_WRONG = "the link to the lidar is not healthy"
 NOISE_SETTLED_S = 4.5
 """Before a wall the nearest of many noisy readings counts: the robot moves on by millimetres for a while."""
 

@@ -28,7 +28,7 @@ BACKOFF_OPENS = 8
 """In three seconds: after 0.1, 0.2, 0.4, 0.8 and then every 2 s, each varied by a fifth."""
 
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
-NOT_THE_BOARD = "this does not sound like the board"
+NOT_THE_BOARD = "the link to the board is not healthy"
 
 
 @asynccontextmanager

@@ -60,7 +60,7 @@ async def worker_killed(drive: Drive) -> AsyncIterator[None]:
     """As by kill -9; the next one is there after half a second."""
     drive.children[-1].kill()
     yield
-    assert any("stands until its worker is back" in event.reason for event in drive.told)
+    assert any("waits until its worker is back" in event.reason for event in drive.told)
 
 
 @asynccontextmanager

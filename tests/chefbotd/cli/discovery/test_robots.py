@@ -55,7 +55,11 @@ def test_where_nobody_is_heard_it_is_said_how_a_robot_would_be(network: dict[str
     ("arguments", "code", "said"),
     [
         (["--robot", "nobody", "status"], Exit.CANNOT_CONNECT, "no robot called 'nobody' answers"),
-        (["--robot", "khan", "status"], Exit.CANNOT_CONNECT, "its socket is for its own computer only"),
+        (
+            ["--robot", "khan", "status"],
+            Exit.CANNOT_CONNECT,
+            "its socket accepts only clients on its own computer",
+        ),
         (["--robot", "khan", "--connect", "127.0.0.1:1", "status"], Exit.USAGE, "exclude each other"),
     ],
 )

@@ -120,7 +120,7 @@ def test_motors_without_power():
     """No wheel turns at any duty: the bridge's power is asked for, and the scale is not guessed at."""
     findings = examined(on_blocks(), seen="none", outward=lambda data: b"")
     assert findings["motor left_wheel"].verdict is Verdict.PROBLEM
-    assert "has the bridge power" in findings["motor left_wheel"].advice
+    assert "check the bridge's power" in findings["motor left_wheel"].advice
     assert findings["duty_scale"].verdict is Verdict.SKIPPED
 
 

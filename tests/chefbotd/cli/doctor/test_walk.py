@@ -11,7 +11,7 @@ from chefbotd.cli.doctor.walk import require_same
 def test_a_board_that_the_daemon_does_not_drive_is_refused() -> None:
     """With --motors another robot than the one that was named would drive."""
     with pytest.raises(
-        ProgramError, match=r"--port /dev/ttyACM1: the daemon at .* drives /dev/ttyACM0"
+        ProgramError, match=r"--port /dev/ttyACM1: the daemon at .* uses /dev/ttyACM0"
     ) as refused:
         require_same("/dev/ttyACM1", "/dev/ttyACM0", "127.0.0.1:7333")
     assert refused.value.code == Exit.USAGE

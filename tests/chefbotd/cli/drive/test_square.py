@@ -119,7 +119,7 @@ def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
 
 def test_a_course_that_takes_too_long(daemon: FakeDaemon) -> None:
     """The whole course has a limit of its own."""
-    with pytest.raises(ProgramError, match="not done within 3 s"):
+    with pytest.raises(ProgramError, match="not finished within 3 s"):
         drive(daemon, CourseParameters(time_limit_s=3.0), [])
 
 

@@ -112,7 +112,7 @@ def test_a_lidar_that_is_not_heard_is_told_with_its_reason(control: Control, dae
     daemon.lidar_condition = "silent"
     result = control("scan")
     assert result.exit_code == Exit.FAILED
-    assert "no scan within 5 s (top: silent, nothing heard for 2.0 s)" in " ".join(result.stderr.split())
+    assert "no scan within 5 s (top: silent, nothing received for 2.0 s)" in " ".join(result.stderr.split())
 
 
 def test_a_lidar_of_another_name_is_not_waited_for_without_end(control: Control, daemon: FakeDaemon) -> None:

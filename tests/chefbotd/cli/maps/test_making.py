@@ -29,7 +29,7 @@ from tests.chefbotd.cli.fake_daemon import FakeDaemon
             ("finish_mapping", {"name": "flat"}),
             "Saved flat, version 3: 40 scans on 12 m.",
         ),
-        (["discard", "--yes"], ("discard_mapping", {}), "The map is forgotten."),
+        (["discard", "--yes"], ("discard_mapping", {}), "The map is discarded."),
     ],
 )
 def test_each_command_asks_for_one_thing(

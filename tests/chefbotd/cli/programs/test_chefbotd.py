@@ -320,7 +320,7 @@ def test_a_robot_of_ones_own_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "chefbot.urdf").write_text("mine")
     again = chefbotd("init", tmp_path)
     assert again.exit_code == Exit.FAILED
-    assert again.stderr.startswith(f"Error: {tmp_path}/chefbot.urdf: already there")
+    assert again.stderr.startswith(f"Error: {tmp_path}/chefbot.urdf: already exists")
     assert [path.name for path in tmp_path.iterdir()] == ["chefbot.urdf"]
 
 

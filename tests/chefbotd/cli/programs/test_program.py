@@ -119,7 +119,7 @@ def test_a_screen_needs_a_terminal(control: Control, daemon: FakeDaemon, args: l
     result = control(*args)
     assert (result.exit_code, result.stdout, daemon.calls) == (Exit.USAGE, "", [])
     assert (
-        "needs a terminal, and there is none on standard input, standard output, standard error"
+        "needs a terminal, but there is none on standard input, standard output, standard error"
         in result.stderr
     )
 

@@ -112,7 +112,8 @@ def test_a_picture_is_named_after_its_recording(
 
 @pytest.mark.parametrize("command", [["info"], ["export", "--csv", "tables"], ["plot", "--out", "x.png"]])
 @pytest.mark.parametrize(
-    ("content", "told"), [(b"", "is empty"), (b"PK not at all", "is no MCAP file"), (None, "No such file")]
+    ("content", "told"),
+    [(b"", "is empty"), (b"PK not at all", "is not an MCAP file"), (None, "No such file")],
 )
 def test_what_is_no_recording_is_an_error(
     tmp_path: Path, command: list[str], content: bytes | None, told: str

@@ -94,7 +94,7 @@ def test_a_file_that_was_cut_off_is_replayed_up_to_there(whole: bytes, share: fl
     assert result.exit_code == Exit.OK, result.output
     told = json.loads(result.stdout)
     assert told["exact"]
-    assert told["problem"].startswith("drive.mcap: it has no end: its writer was killed")
+    assert told["problem"].startswith("drive.mcap: its end is missing: its writer was killed")
     assert 0.3 < told["seconds"] < 2.3
     assert "replayed up to there" in replay(cut, tmp_path).output
 
@@ -121,7 +121,7 @@ def test_a_damaged_chunk_ends_the_replay(whole: bytes, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("data", "expected"),
-    [(b"", "is empty"), (b"t\t1\t2\n", "is no MCAP file"), (b"\x89MCAP0\r\n", "no configuration")],
+    [(b"", "is empty"), (b"t\t1\t2\n", "is not an MCAP file"), (b"\x89MCAP0\r\n", "no configuration")],
     ids=["empty", "text", "cut"],
 )
 def test_what_is_no_recording_is_refused(data: bytes, expected: str, tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_without_root_the_command_to_type_is_told(
     typed = [command, "--robot", "khan"] if command == "install-service" else [command]
     refused = CliRunner().invoke(main, typed)
     assert refused.exit_code == Exit.FAILED
-    assert f"type: sudo {program} {command} --robot khan" in refused.output
+    assert f"run: sudo {program} {command} --robot khan" in refused.output
 
 
 def test_a_program_in_a_home_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

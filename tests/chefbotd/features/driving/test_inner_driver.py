@@ -130,7 +130,7 @@ def test_a_client_may_not_drive_as_navigation_while_a_goal_is_driven_and_may_tak
             await client.drive(0.1, 0.0, "navigation")
         assert refused.value.kind == "lease_held"
         await client.take_control("navigation")
-        with pytest.raises(Unserved, match="navigation is driven by"):
+        with pytest.raises(Unserved, match="navigation is controlled by"):
             await navigation.wish(0.1)
 
     on_robot(scenario)

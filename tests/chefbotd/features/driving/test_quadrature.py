@@ -116,7 +116,7 @@ def test_a_cycle_that_lacks_edges_is_no_reading_and_the_next_is(
     assert (outcome.illegal, outcome.lost) == (illegal, lost)
     (warning,) = outcome.warnings
     assert (warning["event"], warning["wheels"]) == (
-        "edges of the encoders were lost: no reading",
+        "encoder edges were lost, so this cycle has no reading",
         ["right"],
     )
 

@@ -119,7 +119,7 @@ def test_a_number_of_another_start_of_the_daemon_clears_nothing(session: int) ->
     assert kept_number == 0x1F3A07C1 * 2**20 + 1
     assert number == session * 2**20 + 1
     assert number == int(float(number))  # a browser's numbers are floats
-    with pytest.raises(Refused, match="the daemon was started anew") as refused:
+    with pytest.raises(Refused, match="the daemon was restarted") as refused:
         after.keeper.arm(kept_number)
     assert refused.value.kind is RefusalKind.LATCHED_AGAIN
     after.keeper.arm(number)
@@ -210,7 +210,7 @@ def test_who_is_held_is_refused() -> None:
         kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()))
     kept.keeper.estop("smoke")
     kept.clock.advance(0.1)
-    with pytest.raises(Refused, match="'arm' comes first"):
+    with pytest.raises(Refused, match="send 'arm' first"):
         kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()))
     kept.keeper.arm()
     with pytest.raises(Refused, match="navigation was stopped by an emergency stop"):
@@ -288,7 +288,7 @@ def test_a_board_that_drives_on_during_an_estop_is_logged_as_an_error() -> None:
             kept.keeper.announce(kept.clock.now_s())
     assert [(entry["log_level"], entry["event"]) for entry in log] == [
         ("warning", "safety mode changed"),
-        ("error", "the robot moves though it must not"),
+        ("error", "the robot moves although it must stand"),
     ]
 
 

@@ -64,7 +64,7 @@ def test_load_map_ends_when_the_way_can_be_found_on_it_and_says_why_where_it_can
             assert (await s.client.set_pose(*map(float, TRUTH[0]))).map == "flat"
             used = await s.client.load_map("meadow")
             assert used.warning is not None
-            assert "nobody can find the way on 'meadow'" in used.warning
+            assert "the map 'meadow' cannot be used for localization" in used.warning
             told_of = await s.data("localization")
             assert (told_of.state, told_of.map) == ("unknown", None)
 
@@ -146,7 +146,7 @@ def test_it_rests_while_a_map_is_made(tmp_path: Path) -> None:
             s.poses.clear()
             await s.drive(10, 20)
             assert {pose.state for pose in s.poses} == {"mapping"}
-            with pytest.raises(CallError, match="no map is in use, or one is being made"):
+            with pytest.raises(CallError, match="no finished map is in use"):
                 await s.client.set_pose(2.0, 2.4, 0.3)
             await s.client.call("discard_mapping")
             await asyncio.sleep(0.2)

@@ -199,7 +199,7 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
             kept = (await s.data("mapping")).kept_scans
         async with scene(tmp_path) as s:
             assert (await s.data("mapping")).unfinished, "told without having been asked"
-            with pytest.raises(CallError, match="never finished"):
+            with pytest.raises(CallError, match="unfinished map"):
                 await s.client.call("start_mapping")
             with pytest.raises(CallError, match=r"params: expected name or unfinished, not both"):
                 await s.client.call("start_mapping", name="flat", unfinished=True)
@@ -233,7 +233,7 @@ def test_a_map_of_which_every_autosave_is_damaged_is_never_replaced_in_silence(t
 
     with capture_logs() as log:
         run_virtual(play())
-    assert "the map that was being made is damaged" in [entry["event"] for entry in log]
+    assert "the unfinished map is damaged" in [entry["event"] for entry in log]
 
 
 def test_a_lidar_that_falls_silent_is_said_while_a_map_is_made(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_a_lidar_that_falls_silent_is_said_while_a_map_is_made(tmp_path: Path) -
 
     with capture_logs() as log:
         run_virtual(play())
-    assert "something is wrong with the map that is being made" in [entry["event"] for entry in log]
+    assert "the unfinished map has a problem" in [entry["event"] for entry in log]
 
 
 def test_a_reset_of_the_odometry_is_no_motion_of_the_map(tmp_path: Path) -> None:

@@ -180,7 +180,7 @@ def test_files_put_into_the_folder_or_edited_there_are_read_when_they_are_loaded
     async def scenario(client: Client) -> None:
         conditions = {each.name: each.condition for each in (await client.list_maps()).maps}
         assert conditions == {"ours": "whole", "theirs": "foreign"}
-        with pytest.raises(CallError, match="was put there by somebody else: load it first"):
+        with pytest.raises(CallError, match="was not saved by chefbotd: load it first"):
             await client.get_map("theirs")
         assert (await client.load_map("theirs")).version == 1
         assert same((await client.get_map()).grid(), grid(1))
@@ -204,7 +204,7 @@ def test_a_map_whose_public_files_are_spoilt_is_used_as_it_was_saved(tmp_path: P
         assert loaded.version == 1
         assert loaded.warning is not None
         assert loaded.warning.startswith(
-            "flat.yaml and its image were changed and are no map, so the saved version is"
+            "flat.yaml and its image are not a valid map, so the saved version is"
         )
         assert same((await client.get_map()).grid(), grid(1))
 
@@ -322,7 +322,7 @@ def test_a_map_that_mapping_goes_on_with_keeps_its_name_and_stays(tmp_path: Path
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
         bus.publish(mapping_told("paused", "flat"))
         for change in (service.rename("flat", "home"), service.delete("flat")):
-            with pytest.raises(MapStoreError, match="mapping goes on with the map 'flat'") as refused:
+            with pytest.raises(MapStoreError, match="mapping is extending the map 'flat'") as refused:
                 await change
             assert refused.value.kind == "already_mapping"
         await service.rename("cellar", "basement")
@@ -368,12 +368,12 @@ def mapping_told(state: str, name: str | None) -> MappingChanged:
         ("localized", 0.5, None, None),
         ("localized", 0.5, ("idle", None), None),
         ("mapping", 0.5, ("mapping", "flat"), None),
-        ("localized", 2.5, None, "nothing tells it"),
-        (None, 0.0, None, "nothing tells it"),
+        ("localized", 2.5, None, "no source of the pose"),
+        (None, 0.0, None, "no source of the pose"),
         ("lost", 0.5, None, "it is lost"),
         ("doubtful", 0.5, ("mapping", "flat"), "it is doubtful"),
-        ("mapping", 0.5, ("mapping", None), "a map is being made, which is another one"),
-        ("mapping", 0.5, ("paused", "cellar"), "a map is being made, which is another one"),
+        ("mapping", 0.5, ("mapping", None), "another map is being made"),
+        ("mapping", 0.5, ("paused", "cellar"), "another map is being made"),
     ],
 )
 def test_where_the_robot_stands_becomes_a_place_if_that_is_known(

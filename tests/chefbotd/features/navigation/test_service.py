@@ -282,7 +282,7 @@ def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worke
         await asyncio.sleep(1.0)
         bench.driver.stops = 1
         bench.worker.end(1, "cancelled")
-        with pytest.raises(Refused, match="stopped after this goal was asked for"):
+        with pytest.raises(Refused, match="stopped after this goal was sent"):
             await asked
         assert not [t for t in bench.worker.received[1:] if isinstance(t, NavigateTo)]
 
@@ -338,7 +338,7 @@ def test_goals_end_where_the_next_worker_has_no_such_map(on_map: str | None, rea
         bench.localized(on_map, reason)
         found = await asyncio.wait_for(waiting, 0.1)
         assert found.end == "fault"
-        assert "the map 'flat', which is not in use any more" in found.reason
+        assert "the map 'flat', which is no longer in use" in found.reason
         assert reason in found.reason
 
     benched(scenario)
@@ -371,13 +371,13 @@ def test_a_goal_that_is_queued_behind_a_paused_one_does_not_end_the_pause() -> N
 
 
 def test_a_goal_that_is_sent_while_somebody_drives_waits_until_he_lets_go() -> None:
-    """Otherwise it would fail, for the robot does not come on: teleop has the wheels."""
+    """Otherwise it would fail, for the robot makes no progress: teleop has the wheels."""
 
     async def scenario(bench: Bench) -> None:
         bench.safety(source="teleop")
         await bench.navigate(HERE)
         await asyncio.sleep(0.1)
-        assert bench.worker.received[-1] == Pause("paused, for teleop took over")
+        assert bench.worker.received[-1] == Pause("paused, because teleop has control")
         bench.service.resume()
         await asyncio.sleep(0.1)
         assert isinstance(bench.worker.received[-1], Pause)
@@ -447,7 +447,7 @@ def test_a_new_goal_ends_those_before_also_where_the_worker_dies_before_it_says_
     async def scenario(bench: Bench) -> None:
         first = bench.wait(await bench.navigate(HERE, THERE))
         await bench.navigate(THERE)
-        assert (await asyncio.wait_for(first, 0.1)).reason == "cancelled: a new goal took its place"
+        assert (await asyncio.wait_for(first, 0.1)).reason == "cancelled: a new goal replaced it"
         bench.lose_worker()
         await bench.new_worker()
         assert bench.worker.told_of() == [[3]]
@@ -474,7 +474,7 @@ def test_a_goal_does_not_wait_for_ever_for_a_worker_that_cannot_start(*, is_hear
         why = (
             "5 workers ended on the way to it, the last: it was killed"
             if is_heard_of
-            else "no worker for 180 s"
+            else "no worker could take over the goal for 180 s"
         )
         assert found.end == "fault"
         assert why in found.reason

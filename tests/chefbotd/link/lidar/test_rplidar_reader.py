@@ -105,7 +105,7 @@ def test_a_device_that_is_out_of_order_is_reset() -> None:
     device = FakeRplidar(noisy_box())
     device.health = Health.ERROR
     talk = Talk(device).run(0.2)
-    assert "out of order (its error 4660)" in talk.reader.complaint
+    assert "defective (error 4660)" in talk.reader.complaint
     talk.run(2.5)
     assert Request.RESET in device.requests
     assert device.scanning == "standard"
@@ -127,7 +127,9 @@ def test_a_device_that_lost_its_power_is_asked_anew() -> None:
 def test_another_model_is_told() -> None:
     """It says 0x28, an A2, where an A1 is configured; it is read all the same."""
     talk = Talk(FakeRplidar(noisy_box(), model=0x28)).run(1.0)
-    assert "another lidar: it says that it is model 0x28, configured is rplidar_a1" in talk.reader.complaint
+    assert (
+        "another lidar: it reports model 0x28, but the configuration says rplidar_a1" in talk.reader.complaint
+    )
     assert talk.turns
 
 

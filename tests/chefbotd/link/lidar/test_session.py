@@ -119,7 +119,7 @@ def frozen() -> Iterable[tuple[float, bytes]]:
 @pytest.mark.parametrize(
     ("chunks", "condition", "told"),
     [
-        ((), "silent", "nothing heard for 2.0 s: does the lidar have power"),
+        ((), "silent", "nothing received for 2.0 s: does the lidar have power"),
         (timed(b"\x8f\x01\xfe\x30"), "wrong_baud", "is the baud rate right, and is this the lidar's port?"),
         (timed(b"e\t12\t13\r\n"), "wrong_device", "this is text: is this the port of the board?"),
         (
@@ -288,4 +288,4 @@ def test_an_rplidar_that_is_another_or_out_of_order_is_told() -> None:
 
     (_, judged, *_) = run(A1, another).told()
     assert judged[0] == "out_of_order"
-    assert "its error 4660" in judged[2]
+    assert "error 4660" in judged[2]

@@ -220,7 +220,7 @@ def test_a_map_is_made_ready_in_steps_and_the_one_before_is_in_use_until_then() 
     assert [step.done for step in islice(job, 3)] == [0.0, 1.0, 2.0]
     job.close()
     assert bench.skill.used == ("flat", 1)
-    with pytest.raises(Refused, match="way on 'meadow'"):
+    with pytest.raises(Refused, match="'meadow' cannot be used for localization"):
         bench.ask(UseMap("meadow", 1))
     assert bench.skill.used is None
 
@@ -235,11 +235,11 @@ def test_a_pose_of_another_map_is_not_used() -> None:
 
 def test_a_pose_that_cannot_be_kept_is_told() -> None:
     """The disk is full: the robot drives on, and the reason is in the topic."""
-    bench = Bench(Memory(refuses="the pose cannot be kept: no space left"))
+    bench = Bench(Memory(refuses="the pose cannot be saved: no space left"))
     bench.ask(UseMap("flat", 1))
     bench.drive(0, 40)
     assert bench.told[-1].state == "localized"
-    assert bench.told[-1].reason == "the pose cannot be kept: no space left"
+    assert bench.told[-1].reason == "the pose cannot be saved: no space left"
 
 
 def test_set_pose_and_localize_change_the_state_at_once() -> None:
@@ -292,7 +292,7 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "maps").write_text("")
     covariance = (0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01)
     pose = SavedPose(map="flat", version=1, x_m=0, y_m=0, heading_rad=0, covariance=covariance)
-    assert PoseOnDisk(tmp_path / "maps" / "last_pose.json").write(pose).startswith("the pose cannot be kept")
+    assert PoseOnDisk(tmp_path / "maps" / "last_pose.json").write(pose).startswith("the pose cannot be saved")
 
 
 def test_without_scans_it_is_not_sure_and_says_why() -> None:

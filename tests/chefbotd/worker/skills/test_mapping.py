@@ -374,7 +374,7 @@ def test_an_autosave_that_cannot_be_removed_is_said_and_the_map_is_saved() -> No
     assert bench.finish("flat")[0].version == 1
     with pytest.raises(Refused, match="Permission denied"):
         bench.ask(Discard())
-    with pytest.raises(Refused, match="never finished"):
+    with pytest.raises(Refused, match="unfinished map"):
         bench.ask(Start())
     bench.memory.stubborn = False
     assert bench.ask(Discard()).state == "idle"
@@ -533,7 +533,7 @@ def test_after_the_daemons_restart_the_map_waits_for_a_word() -> None:
     first.drive(0, 120)
     first.skill.close()
     second = Bench(first.memory, session="two")
-    with pytest.raises(Refused, match="never finished") as refused:
+    with pytest.raises(Refused, match="unfinished map") as refused:
         second.ask(Start())
     assert refused.value.kind is RefusalKind.ALREADY_MAPPING
     status = second.ask(Start(unfinished=True))
@@ -593,7 +593,7 @@ def test_a_second_map_at_once_is_refused() -> None:
     with pytest.raises(Refused, match="being made already") as refused:
         bench.ask(Start(name="flat"))
     assert refused.value.kind is RefusalKind.ALREADY_MAPPING
-    with pytest.raises(Refused, match="no scan has come yet"):
+    with pytest.raises(Refused, match="no scan has arrived yet"):
         bench.skill.handle(packed(Finish("flat")))
 
 
