@@ -37,7 +37,7 @@ class LoopClock:
         return asyncio.get_running_loop().time()
 
 
-BEAT_S = 0.1
+BEAT_S = 0.05
 EARLIEST_BEATS = 0.2
 """Timers count milliseconds: one that fires just before its beat must not be set for the same beat again."""
 

@@ -11,18 +11,15 @@ before the stop, except for what the stop's own client sent behind it.
 from collections.abc import Callable
 from typing import NamedTuple
 
-from chefbotd.clock import Clock
+from chefbotd.clock import BEAT_S, Clock
 
-TICK_PERIOD_S = 0.025
-QUIET_TICK_PERIOD_S = 0.05
-"""While nobody sends: a wakeup costs about 0.2 ms of the processor, and the first command counts as older by 0.1 s."""
+SHORT_TICK_S = 0.025
+"""How often the timer ticks where commands are void sooner than ``LEAST_TIMEOUT_S``: two ticks are the error of an age.
 
-QUIET_S = 1.0
-"""Nobody sends when nothing was read for so long."""
+Elsewhere it ticks with the clock's beat: a wakeup of its own costs about 0.2 ms of the processor.
+"""
 
-LATE_S = 4 * QUIET_TICK_PERIOD_S
-LEAST_TIMEOUT_S = 10 * QUIET_TICK_PERIOD_S
-"""Where commands are void sooner than this, two ticks would be too much of their time."""
+LEAST_TIMEOUT_S = 10 * BEAT_S
 
 
 class Arrival(NamedTuple):
@@ -45,7 +42,6 @@ class Arrivals:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self.stops, self.stopped_by = 0, ""
-        self._was_read, self._quiet_from_s = False, float("-inf")
         self._tick_s: float | None = None
         self._previous_tick_s: float | None = None
         self._mark_unread: list[MarkUnread] = []
@@ -54,21 +50,13 @@ class Arrivals:
         """Have a transport mark its unread bytes before each stop."""
         self._mark_unread.append(mark_unread)
 
-    def tick(self) -> float:
-        """Note that the event loop has polled its transports; return the seconds until the next tick.
-
-        They are ``TICK_PERIOD_S`` while clients send and after a loop that stood still, else ``QUIET_TICK_PERIOD_S``.
-        """
+    def tick(self) -> None:
+        """Note that the event loop has polled its transports."""
         now_s = self._clock.now_s()
-        late = self._tick_s is not None and now_s - self._tick_s > LATE_S
-        if self._was_read or late:
-            self._was_read, self._quiet_from_s = False, now_s + QUIET_S
         self._previous_tick_s, self._tick_s = now_s if self._tick_s is None else self._tick_s, now_s
-        return QUIET_TICK_PERIOD_S if now_s >= self._quiet_from_s else TICK_PERIOD_S
 
     def earliest(self) -> Arrival:
         """The earliest arrival of bytes that have just been read; now, as long as there was no tick."""
-        self._was_read = True
         stamp_s = self._clock.now_s() if self._previous_tick_s is None else self._previous_tick_s
         return Arrival(stamp_s, self.stops)
 

@@ -8,7 +8,7 @@ from chefbotd.clock import Clock, next_beat
 from chefbotd.metrics import Metrics
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import Keyring
-from chefbotd.rpc.arrivals import LEAST_TIMEOUT_S, TICK_PERIOD_S, Arrivals
+from chefbotd.rpc.arrivals import LEAST_TIMEOUT_S, SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.describe import prepare
@@ -21,10 +21,7 @@ from chefbotd.rpc.models import Hello
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
-SWEEP_BEATS = 2
-SCHEMA_PERIOD_S = 0.05
-"""The schemas for ``describe`` are built after the start, one at a time: together they take as long as several control
-steps."""
+SWEEP_BEATS = 4
 FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "control_leases")
 
 
@@ -57,7 +54,7 @@ class RpcServer:
         self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
         self._fanout = Fanout(topics, clock, self._tap)
-        self.arrivals, self._may_wait = Arrivals(clock), command_timeout_s >= LEAST_TIMEOUT_S
+        self.arrivals, self._ticks_with_beat = Arrivals(clock), command_timeout_s >= LEAST_TIMEOUT_S
         jobs = Jobs()
         self._methods = method_table(
             methods,
@@ -144,8 +141,8 @@ class RpcServer:
 
     async def _tick(self) -> None:
         while True:
-            period_s = self.arrivals.tick()
-            await asyncio.sleep(period_s if self._may_wait else TICK_PERIOD_S)
+            self.arrivals.tick()
+            await (next_beat(self._clock) if self._ticks_with_beat else asyncio.sleep(SHORT_TICK_S))
 
     async def _sweep(self) -> None:
         while True:
@@ -153,8 +150,9 @@ class RpcServer:
             self.connections.sweep()
 
     async def _prepare_description(self) -> None:
+        """Build the schemas for ``describe`` after the start, one a beat: together they take as long as control steps."""
         for _ in prepare(self._methods, self._fanout.topics):
-            await asyncio.sleep(SCHEMA_PERIOD_S)
+            await next_beat(self._clock)
 
     def _tap(self, topic: Topic, wanted: bool) -> None:
         """Take a topic's events off the bus only while someone wants them; its publisher can tell."""

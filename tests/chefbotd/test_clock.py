@@ -129,7 +129,7 @@ def test_a_loop_that_stands_still_is_late_for_every_timer():
 
 
 def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
-    """Asked at 0.013 s and 0.057 s: both wake at 0.1 s and know how long that took; of each second beat 0.4 s comes."""
+    """Asked at 0.007 s and 0.029 s: both wake at 0.05 s and know how long that took; of each second beat 0.2 s comes."""
 
     async def scenario() -> tuple[list[tuple[float, float]], int]:
         clock, woken = LoopClock(), list[tuple[float, float]]()
@@ -140,8 +140,8 @@ def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
             waited_s = await next_beat(clock, beats)
             woken.append((clock.now_s() - began_s, waited_s))
 
-        tasks = [asyncio.create_task(waiter(*each)) for each in ((0.013, 1), (0.057, 1), (0.257, 2))]
-        await asyncio.sleep(0.06)
+        tasks = [asyncio.create_task(waiter(*each)) for each in ((0.007, 1), (0.029, 1), (0.129, 2))]
+        await asyncio.sleep(0.03)
         timers = sum(not timer.cancelled() for timer in cast(Any, loop)._scheduled)
         tasks.append(asyncio.create_task(waiter(0.0, 1)))
         tasks[1].cancel()  # the others are woken all the same
@@ -149,15 +149,15 @@ def test_what_waits_for_the_same_beat_is_woken_by_one_timer():
         return woken, timers
 
     woken, timers = run_virtual(scenario())
-    assert [at_s for at_s, _ in woken] == pytest.approx([0.1, 0.1, 0.4], abs=1e-6)
-    assert [waited_s for _, waited_s in woken] == pytest.approx([0.087, 0.04, 0.143], abs=1e-6)
+    assert [at_s for at_s, _ in woken] == pytest.approx([0.05, 0.05, 0.2], abs=1e-6)
+    assert [waited_s for _, waited_s in woken] == pytest.approx([0.043, 0.02, 0.071], abs=1e-6)
     assert timers == 2  # this beat's, and that of the one who still sleeps
 
 
 def test_who_is_woken_a_moment_early_does_not_wait_for_the_same_beat():
-    """A clock at 7.4995 s, as a timer of whole milliseconds may fire: the next beat is that of 7.6 s."""
+    """A clock at 7.4995 s, as a timer of whole milliseconds may fire: the next beat is that of 7.55 s."""
 
     async def scenario() -> float:
         return await next_beat(ManualClock(7.4995))
 
-    assert run_virtual(scenario()) == pytest.approx(0.1005)
+    assert run_virtual(scenario()) == pytest.approx(0.0505)

@@ -34,11 +34,11 @@ T = TypeVar("T")
 
 log = structlog.get_logger(component="recording")
 
-AT_ONCE = 32
+AT_ONCE = 128
 """So many events are encoded without a pause: what comes in meanwhile waits for as long as a control step takes."""
 
 INBOX_EVENTS = 8192
-TELL_BEATS = 10
+COLLECT_BEATS, TELL_BEATS = 2, 20
 HANGS_AFTER_S = 3.0
 """The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
 
@@ -160,7 +160,7 @@ class RecordingService:
             if self._hand_over(AT_ONCE):
                 await asyncio.sleep(0)
             else:
-                await next_beat(self._clock)
+                await next_beat(self._clock, COLLECT_BEATS)
 
     def _hand_over(self, most: int = INBOX_EVENTS) -> bool:
         """Leave so many events with the writer; whether some remain."""

@@ -1,7 +1,13 @@
 """How old a command may be, and which stops came after it."""
 
-from chefbotd.clock import ManualClock
+import asyncio
+
+import pytest
+
+from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.rpc.arrivals import Arrival, Arrivals
+from tests.fakes.api import new_server
+from tests.fakes.robot import FakeRobot
 
 
 def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
@@ -23,23 +29,25 @@ def test_bytes_are_as_old_as_the_tick_before_the_last_one() -> None:
     assert abs(arrivals.age_s(arrivals.earliest()) - 0.025) < 1e-9
 
 
-def test_ticks_are_seldom_while_nobody_sends() -> None:
-    """Every 50 ms; every 25 ms for a second after a read, and after a loop that stood still for more than 0.2 s."""
-    clock = ManualClock(10.0)
-    arrivals = Arrivals(clock)
+@pytest.mark.parametrize(("command_timeout_s", "ticks"), [(0.5, 20), (0.4, 40)])
+def test_two_ticks_are_little_of_the_time_that_a_command_holds(
+    command_timeout_s: float, ticks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten beats of 50 ms: the socket ticks with them. Commands that hold for less: every 25 ms."""
+    monkeypatch.setattr(FakeRobot, "command_timeout_s", command_timeout_s)
 
-    def periods(count: int) -> list[float]:
-        told = []
-        for _ in range(count):
-            clock.advance(0.11)
-            told.append(arrivals.tick())
-        return told
+    async def scenario() -> int:
+        server, _, _ = new_server()
+        ticked, told = server.arrivals.tick, list[float]()
+        monkeypatch.setattr(server.arrivals, "tick", lambda: (told.append(0.0), ticked()))
+        running = asyncio.create_task(server.run())
+        await asyncio.sleep(0.01)
+        before = len(told)
+        await asyncio.sleep(1.0)
+        running.cancel()
+        return len(told) - before
 
-    assert periods(2) == [0.05, 0.05]
-    arrivals.earliest()
-    assert periods(13) == [0.025] * 10 + [0.05] * 3
-    clock.advance(0.2)
-    assert periods(13) == [0.025] * 10 + [0.05] * 3
+    assert run_virtual(scenario()) == ticks
 
 
 def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:

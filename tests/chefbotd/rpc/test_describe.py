@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from chefbotd.clock import run_virtual
+from chefbotd.clock import BEAT_S, run_virtual
 from chefbotd.rpc import describe
-from chefbotd.rpc.server import SCHEMA_PERIOD_S
 from tests.fakes.api import line_client, new_server, serving
 
 SCHEMAS = 170
@@ -47,7 +46,7 @@ def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel
         async with serving(simulated=True) as served, line_client(served) as client:
             at_once = [len(built)]
             for _ in range(SCHEMAS):
-                await asyncio.sleep(SCHEMA_PERIOD_S)
+                await asyncio.sleep(BEAT_S)
                 at_once.append(len(built))
             assert max(after - before for before, after in pairwise(at_once)) <= 2
             prepared = len(built)
