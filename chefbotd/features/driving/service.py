@@ -247,11 +247,11 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        self._watch_timer.restart(now_s)
         seen = self._reader.read(event, self._state.setpoint_m_s)
         reading = seen.reading
         self._keeper.loop_runs(now_s)
         if reading.refused:
+            self._watch_timer.restart(now_s)
             if reading.jumped:
                 self._keeper.note_jump(reading.jumped)
             self._watch_timer.note_activity(now_s)
@@ -262,6 +262,7 @@ class DriveService:
         self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
         self._regulate(now_s, seen)
         self._send_duty(now_s, self._state.duty)
+        self._watch_timer.restart(now_s)
         if self._when_at_rest is not None:
             self._rest()
         if self._state.duty != self._still or any(reading.travel_rad) or self._is_asked():
