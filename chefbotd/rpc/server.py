@@ -150,7 +150,7 @@ class RpcServer:
             self.connections.sweep()
 
     async def _prepare_description(self) -> None:
-        """Build the schemas for ``describe`` after the start, one a beat: together they take as long as control steps."""
+        """Build the schemas for ``describe``, one a beat: all at once would take as long as several control steps."""
         for _ in prepare(self._methods, self._fanout.topics):
             await next_beat(self._clock)
 
