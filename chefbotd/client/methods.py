@@ -241,11 +241,20 @@ class Methods(Caller):
         answer = await self.call("set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
         return parse(models.LocalizationResult, answer)
 
-    async def localize(self) -> models.LocalizationResult:
-        """Have the robot search the whole map for where it is; the topic ``localization`` tells how that goes."""
+    async def localize(
+        self, *, turn: bool = False, on_progress: ProgressListener | None = None
+    ) -> models.LocalizationResult:
+        """Have the robot search the whole map for where it is; the topic ``localization`` tells how that goes.
+
+        With ``turn`` it turns once on the spot, where looking is not enough: this waits for the end, and giving it up
+        ends the turn.
+        """
         from chefbotd.client import models
 
-        return parse(models.LocalizationResult, await self.call("localize"))
+        if not turn:
+            return parse(models.LocalizationResult, await self.call("localize"))
+        answer = await self.call("localize", on_progress=on_progress or ignore_progress, turn=True)
+        return parse(models.LocalizationResult, answer)
 
     async def start_mapping(
         self, name: str | None = None, *, unfinished: bool = False

@@ -13,6 +13,7 @@ from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
+    from chefbotd.features.driving.inner_driver import InnerDriver
     from chefbotd.features.maps.service import MapsService
     from chefbotd.features.worker.service import WorkerService
     from chefbotd.worker.process import Worker
@@ -44,21 +45,39 @@ def map_features(
 
     skills, mounts = _skills(settings, folder, kept), settings.range_mounts()
     feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker, mounts)
-    features = [maps(stored), worker(feed), *_mapping_and_localization(context, feed, stored)]
+    features = [maps(stored), worker(feed)]
+    features += _mapping_and_localization(context, feed, stored, driving, leases)
     if NAVIGATION in settings.safety.sources:
         features.append(_navigation(context, feed, stored, driving, leases))
     return features, feed.worker
 
 
+def _driver(context: Context, driving: DriveService, leases: ControlLeases) -> "InnerDriver":
+    from chefbotd.features.driving.inner_driver import InnerDriver
+
+    return InnerDriver(driving, leases, context.clock, NAVIGATION, context.settings.safety.above(NAVIGATION))
+
+
 def _mapping_and_localization(
-    context: Context, feed: "WorkerService", stored: "MapsService"
+    context: Context,
+    feed: "WorkerService",
+    stored: "MapsService",
+    driving: DriveService,
+    leases: ControlLeases,
 ) -> list[Feature]:
     from chefbotd.features.localization.feature import localization
     from chefbotd.features.localization.service import LocalizationService
     from chefbotd.features.mapping.feature import mapping
     from chefbotd.features.mapping.service import MappingService
 
-    finder = LocalizationService(context.bus, context.clock, feed)
+    drives = NAVIGATION in context.settings.safety.sources
+    finder = LocalizationService(
+        context.bus,
+        context.clock,
+        feed,
+        _driver(context, driving, leases) if drives else None,
+        turns_at_start=context.settings.localization.turn_at_start,
+    )
     made = MappingService(context.bus, context.clock, feed, stored.use_saved)
     stored.growing, stored.made_ready = made.grid, finder.made_ready
     return [mapping(made), localization(finder)]
@@ -71,12 +90,10 @@ def _navigation(
     driving: DriveService,
     leases: ControlLeases,
 ) -> Feature:
-    from chefbotd.features.driving.inner_driver import InnerDriver
     from chefbotd.features.navigation.feature import navigation
     from chefbotd.features.navigation.service import NavigationService
 
-    higher = context.settings.safety.above(NAVIGATION)
-    driver = InnerDriver(driving, leases, context.clock, NAVIGATION, higher)
+    driver = _driver(context, driving, leases)
     parameters = context.settings.navigation
     return navigation(NavigationService(context.bus, context.clock, feed, driver, stored, parameters))
 

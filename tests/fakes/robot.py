@@ -86,10 +86,11 @@ class FakeLocalizer:
         self._robot.calls.append(("set_pose", x_m, y_m, heading_rad))
         return LocalizationResult(state="doubtful", map="flat")
 
-    async def localize(self) -> LocalizationResult:
+    async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
         """Remember it."""
-        self._robot.calls.append(("localize",))
-        return LocalizationResult(state="searching", map="flat")
+        self._robot.calls.append(("localize", turn))
+        told = "it has turned once" if turn else ""
+        return LocalizationResult(state="searching", map="flat", reason=told)
 
 
 class FakeNavigation:

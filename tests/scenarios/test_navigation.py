@@ -5,15 +5,22 @@ import base64
 import math
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from chefbotd.client import CallError, GoalCancelled, GoalFault, GoalUnreachable
+from chefbotd.clock import run_virtual
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
+from chefbotd.settings import load, packaged
 from chefbotd.sim.lidar_faults import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.testing.daemon import simulated_robot
+from chefbotd.testing.worker import worker_in_process
 from tests.scenarios.on_the_way import GOAL, Drive, in_flat
 
 pytestmark = pytest.mark.slow
@@ -415,3 +422,76 @@ def test_a_robot_with_a_front_and_a_rear_lidar_gets_there_though_one_falls_silen
         assert 0.05 < max(speeds_m_s) < 0.11
 
     in_flat(tmp_path, scenario, overrides={"lidar": TWO_LIDARS})
+
+
+BLIND_BEHIND = [
+    {"name": "lidar", "model": "ld19", "device": "/dev/lidar", "blind_sectors_rad": [[1.7, -1.7]]}
+]
+
+
+def twin_rooms() -> OccupancyGrid:
+    """Two rooms of 3.1 by 2.7 m that are the same but for a recess in the north wall of the eastern one.
+
+    A shelf, a post and a slanted board tell the directions apart.
+    """
+    percent = np.full((80, 140), 100, np.int8)
+    for left in (6, 74):
+        percent[10:64, left : left + 62] = 0
+        percent[10:16, left + 4 : left + 24] = 100
+        percent[24:27, left + 50 : left + 53] = 100
+        for k in range(14):
+            percent[10 + k, left + 46 + k : left + 62] = 100
+    percent[64:74, 84:114] = 0
+    return OccupancyGrid(0.05, Pose2D(-1.0, -0.5), percent)
+
+
+def rooms(known: Any) -> set[str]:
+    """In which of the two rooms the robot may be."""
+    return {"west" if place.x_m < 2.5 else "east" for place in known.alternatives}
+
+
+@pytest.mark.parametrize(
+    ("asked", "allowed"),
+    [pytest.param(True, False, id="asked"), pytest.param(False, True, id="allowed"), (False, False)],
+)
+def test_of_rooms_that_look_alike_a_turn_tells_which_only_if_asked_or_allowed(
+    tmp_path: Path, *, asked: bool, allowed: bool
+) -> None:
+    """The lidar sees nothing behind, where the rooms differ: both are named until the robot has turned."""
+    save(MapStore(tmp_path, 3), "twins", twin_rooms())
+    world = {"map_path": str(tmp_path / "twins.yaml"), "start_x_m": 4.3, "start_y_m": 1.6}
+    overrides = {
+        "maps.folder": str(tmp_path),
+        "lidar": BLIND_BEHIND,
+        **{f"sim.world.{key}": value for key, value in world.items()},
+        "sim.world.start_heading_rad": -1.45,
+        "localization.turn_at_start": allowed,
+    }
+
+    async def run() -> None:
+        async with simulated_robot(
+            load(packaged("chefbot_lidar"), overrides=overrides), spawn_worker=worker_in_process
+        ) as robot:
+            await asyncio.sleep(1.5)
+            await robot.client.load_map("twins")
+            began = robot.board.truth(asyncio.get_running_loop().time()).world_from_base
+            await asyncio.sleep(2.5)
+            known = (await robot.client.get_state()).topics["localization"].data
+            assert (known.state, rooms(known)) == ("searching", {"west", "east"}), known
+            if asked:
+                found = await robot.client.localize(turn=True)
+                assert (found.state, found.reason) == ("localized", "it knows where it is")
+            else:
+                await asyncio.sleep(25.0)
+            known = (await robot.client.get_state()).topics["localization"].data
+            truth = robot.board.truth(asyncio.get_running_loop().time()).world_from_base
+            if asked or allowed:
+                assert known.state == "localized"
+                pose = (await robot.client.get_state()).topics["map_pose"].data
+                assert math.dist((pose.x_m, pose.y_m), (truth.x_m, truth.y_m)) < 0.06
+            else:
+                assert (known.state, rooms(known)) == ("searching", {"west", "east"})
+                assert math.dist((began.x_m, began.y_m), (truth.x_m, truth.y_m)) < 1e-6
+                assert began.heading_rad == pytest.approx(truth.heading_rad, abs=1e-6)
+
+    run_virtual(run())

@@ -583,6 +583,7 @@ class FakeDaemon:
             ],
         },
         "list_maps": {"in_use": None, "maps": []},
+        "localize": {"state": "localized", "map": "flat", "reason": "it knows where it is"},
     }
 
     def __init__(self, page: Any) -> None:
@@ -806,7 +807,11 @@ def test_without_a_map_the_page_says_what_to_do_first(page: Any, served: Running
     sync_api.expect(page.locator("#map-localize")).to_be_hidden()
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     sync_api.expect(page.locator("#goal")).to_contain_text("Click in the view")
-    sync_api.expect(page.locator("#map-localize")).to_be_visible()
+    for name in ("#map-localize", "#map-localize-turn"):
+        sync_api.expect(page.locator(name)).to_be_visible()
+    page.locator("#map-localize-turn").click()
+    sync_api.expect(page.locator("#alert")).to_contain_text("localized: it knows where it is")
+    assert ("localize", {"turn": True}) in daemon.asked
 
 
 @pytest.mark.parametrize("event", ["contextmenu", "dragstart", "keydown Control"])

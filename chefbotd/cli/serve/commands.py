@@ -15,7 +15,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra, require
-from chefbotd.client import ChefbotError, Client
+from chefbotd.client import Client
 from chefbotd.client.goals import GoalNotReached
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LOOKED_S = 30.0
-STANDS_S, TURN_RAD_S, TURN_PERIOD_S = 3.0, 0.4, 0.1
 OLD_S = 2.0
 """A pose that is older is told with its age."""
 
@@ -140,44 +139,27 @@ def localize(context: CommandContext, turn: bool) -> None:
 
     It does not move, unless --turn allows it to.
     """
-    known, pose = _known_of(_run(context, lambda robot: _looked(robot, turn=turn)))
+    state, told = _run(context, lambda robot: _looked(robot, turn=turn))
+    known, pose = _known_of(state)
     if known["state"] != "localized" or pose is None:
-        raise ProgramError(Exit.NOT_DONE, _where(known, None))
+        raise ProgramError(Exit.NOT_DONE, "; ".join(filter(None, (told, _where(known, None)))))
     output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
 
 
-async def _looked(robot: Client, *, turn: bool) -> dict[str, Any]:
-    """The robot's state after it has looked, and turned where it may and had to."""
-    turning: asyncio.Task[None] | None = None
-    try:
+async def _looked(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
+    """The robot's state after it has looked, and turned where it may and had to; and what came of the turn."""
+    told = ""
+    if turn:
+        told = (await robot.localize(turn=True)).reason
+    else:
         async with robot.subscribe("localization") as events:
             await robot.localize()
-            if turn:
-                turning = asyncio.create_task(_turned(robot))
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(LOOKED_S):
                     async for event in events:
-                        if event.data.state == "localized" or (event.data.state == "lost" and not turn):
+                        if event.data.state in ("localized", "lost"):
                             break
-    finally:
-        if turning is not None:
-            turning.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await turning
-    state: dict[str, Any] = await robot.call("get_state")
-    return state
-
-
-async def _turned(robot: Client) -> None:
-    """Once round, after a moment of looking; it ends with this task, or by the dead-man."""
-    await asyncio.sleep(STANDS_S)
-    try:
-        for _ in range(round(math.tau / TURN_RAD_S / TURN_PERIOD_S)):
-            await robot.drive(0.0, TURN_RAD_S)
-            await asyncio.sleep(TURN_PERIOD_S)
-    finally:
-        with contextlib.suppress(ChefbotError):
-            await robot.release_control()
+    return await robot.call("get_state"), told
 
 
 def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> str:

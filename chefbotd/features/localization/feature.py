@@ -14,4 +14,5 @@ def localization(service: LocalizationService) -> Feature:
         methods=methods_of(LocalizationMethods(service)),
         topics=TOPICS,
         parts=(service,),
+        waiting=service.waiting,
     )

@@ -8,7 +8,7 @@ from pydantic import Field
 from chefbotd.core.events.localization import LocalizationChanged
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
-from chefbotd.rpc.models import NoParams, Params, Result, TopicData
+from chefbotd.rpc.models import Params, Result, TopicData
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 
@@ -23,11 +23,20 @@ class SetPoseParams(Params):
     heading_rad: float = Field(0.0, ge=-math.tau, le=math.tau, description="CCW positive")
 
 
+class LocalizeParams(Params):
+    """Whether the robot may move."""
+
+    turn: bool = Field(
+        False, description="turn once on the spot, where looking for 3 s is not enough; answers at its end"
+    )
+
+
 class LocalizationResult(Result):
-    """How localization stands now; the topic tells how it goes on."""
+    """How localization stands now; the topic tells how it goes on. ``reason``: what came of a turn."""
 
     state: str = Field(description="unknown, searching, localized, doubtful or lost")
     map: str | None
+    reason: str = ""
 
 
 class PlaceCandidate(Result):
@@ -60,8 +69,8 @@ class Localizer(Protocol):
         """The robot is about here."""
         ...
 
-    async def localize(self) -> LocalizationResult:
-        """Search everywhere."""
+    async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
+        """Search everywhere; turn once where that is not enough."""
         ...
 
 
@@ -76,10 +85,12 @@ class LocalizationMethods:
         """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
         return await self._localizer.set_pose(params.x_m, params.y_m, params.heading_rad)
 
-    @method(role=Role.DRIVE)
-    async def localize(self, caller: Caller, params: NoParams, progress: Progress) -> LocalizationResult:
-        """Search the whole map for where the robot is, whatever is known."""
-        return await self._localizer.localize()
+    @method(role=Role.DRIVE, moves=True)
+    async def localize(
+        self, caller: Caller, params: LocalizeParams, progress: Progress
+    ) -> LocalizationResult:
+        """Search the whole map for where the robot is, whatever is known; it does not move, unless it may turn."""
+        return await self._localizer.localize(progress, turn=params.turn)
 
 
 def _localization(event: LocalizationChanged | None) -> LocalizationData:

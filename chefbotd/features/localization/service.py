@@ -13,8 +13,13 @@ from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Pose2D, PoseCovariance
+from chefbotd.entries import entries_of
+from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.feature import Waiting
 from chefbotd.features.localization.methods import LocalizationResult
+from chefbotd.features.localization.turning import Turning
 from chefbotd.features.worker.service import WorkerService
+from chefbotd.rpc.jobs import Progress
 from chefbotd.worker.requests import OnProgress
 from chefbotd.worker.skills.localization_messages import (
     LOCATED,
@@ -45,7 +50,16 @@ class LocalizationService:
 
     UNRECORDED = frozenset({"_reports"})
 
-    def __init__(self, bus: Bus, clock: Clock, feed: WorkerService) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        feed: WorkerService,
+        driver: InnerDriver | None = None,
+        *,
+        turns_at_start: bool = False,
+    ) -> None:
+        """``driver`` drives as the source navigation; ``turns_at_start``: it may turn before it was ever asked to."""
         self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
         self._map: MapLoaded | None = None
         self._is_mapping = self._was_unloaded = False
@@ -55,6 +69,9 @@ class LocalizationService:
         self._problem = ""  # why the map cannot be used
         self._told: LocalizationChanged | None = None
         self._jumps = 0
+        self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
+        self._may_turn = turns_at_start  # it has neither turned nor found itself yet
+        self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
         self._worker.add_listener(SKILL, self._take_told)
         self._worker.add_on_ready(self._has_to_tell.set)
         bus.add_handler(self._take_map, MapLoaded)
@@ -66,9 +83,36 @@ class LocalizationService:
         """The robot is about here."""
         return await self._ask(SetPose(x_m, y_m, heading_rad), SHORT_S)
 
-    async def localize(self) -> LocalizationResult:
-        """Search everywhere."""
-        return await self._ask(Localize(), SHORT_S)
+    async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
+        """Search everywhere, and turn once where that is not enough."""
+        if turn:
+            self._turning.require()
+        result = await self._ask(Localize(), SHORT_S)
+        if not turn:
+            return result
+        self._turning.begin(is_asked=True)
+        return await self._turned(progress)
+
+    async def _turned(self, progress: Progress) -> LocalizationResult:
+        """Wait for the end of the turn, which ends with whoever waits for it."""
+        end, task = self._turning.begin(is_asked=False), self._entries.task
+        self._waits.add(task)
+        self._reports.append(progress.report)
+        try:
+            why = await asyncio.shield(end)
+        except asyncio.CancelledError:
+            self._turning.end("the request was given up")
+            raise
+        finally:
+            self._waits.discard(task)
+            self._reports.remove(progress.report)
+        told = self._told
+        state, name = ("unknown", None) if told is None else (told.state, told.map)
+        return LocalizationResult(state=state, map=name, reason=why)
+
+    def waiting(self) -> Waiting:
+        """The requests that wait for the end of a turn, by their tasks."""
+        return dict.fromkeys(self._waits, self._turned)
 
     async def made_ready(self, report: OnProgress) -> str:
         """Wait until the skill uses the map in use, if there is a worker; why it cannot, empty where it can."""
@@ -184,3 +228,16 @@ class LocalizationService:
                 return
         self._told = now
         self._bus.publish(now)
+        self._turn_or_not(now)
+
+    def _turn_or_not(self, now: LocalizationChanged) -> None:
+        """A turn ends when the robot knows where it is; one that never did turns by itself, where it may."""
+        if now.state == "localized":
+            self._may_turn = False
+            self._turning.end("it knows where it is")
+        elif self._may_turn and now.map is not None and now.state in ("searching", "lost"):
+            self._may_turn = False
+            try:
+                self._turning.begin(is_asked=False)
+            except Refused as refusal:
+                log.info("the robot does not turn to find itself", reason=str(refusal))

@@ -52,6 +52,8 @@ AWAY: Final = ("restarting", "unavailable", "stopped")
 class NavigationService:
     """``driver`` puts wishes through the gate. Somebody who takes over pauses the goals."""
 
+    RESTORABLE_TIMERS = ("_give_up",)
+
     def __init__(
         self,
         bus: Bus,

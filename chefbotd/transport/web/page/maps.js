@@ -27,6 +27,10 @@ export class Maps {
     $("map-start").addEventListener("click", () => this.#ask("start_mapping"));
     $("map-finish").addEventListener("click", () => this.#finish());
     $("map-localize").addEventListener("click", () => this.#ask("localize"));
+    $("map-localize-turn").addEventListener("click", async () => {
+      const found = await this.#ask("localize", { turn: true });
+      if (found) this.say(`${found.state}: ${found.reason}`);
+    });
     $("maps").addEventListener("change", () => this.#ask("load_map", { name: $("maps").value }));
   }
 
@@ -35,7 +39,7 @@ export class Maps {
     const has = (method) => can.has(`method.${method}`);
     $("map-part").hidden = !has("list_maps");
     $("map-start").hidden = !has("start_mapping");
-    $("map-localize").hidden = true; // until a map is in use
+    $("map-localize").hidden = $("map-localize-turn").hidden = true; // until a map is in use
     $("maps").disabled = !has("load_map");
     if (has("list_maps")) this.#list();
   }
@@ -121,7 +125,7 @@ export class Maps {
   }
 
   #located(found) {
-    $("map-localize").hidden = !found.map || !this.can.has("method.localize");
+    $("map-localize").hidden = $("map-localize-turn").hidden = !found.map || !this.can.has("method.localize");
     if (this.#mapping !== "idle") return;
     $("map-told").textContent = found.map ? `${LOCATED[found.state] ?? found.state} Fit ${((found.fit ?? 0) * 100).toFixed(0)} %. ${found.reason ?? ""}` : NO_MAP;
     if (found.map && found.map !== this.#shown) this.#list();

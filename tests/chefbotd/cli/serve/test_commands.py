@@ -1,6 +1,5 @@
 """``chefbotctl go``, ``patrol`` and ``where`` against a daemon that answers what the test says."""
 
-import asyncio
 import contextlib
 import json
 import math
@@ -196,21 +195,22 @@ def test_how_the_goal_before_ended_is_not_told_as_what_the_robot_does() -> None:
 
 
 class Searching(Robot):
-    """Is lost where it stands, and knows where it is when it has turned for a second."""
+    """Is lost where it stands, and knows where it is when it has turned, if ``helps``."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, helps: bool) -> None:
         super().__init__()
-        self.turns: list[tuple[float, float]] = []
-        self.released = 0
+        self.turns: list[bool] = []
+        self._helps = helps
 
-    async def localize(self) -> None:
-        """It begins to look."""
-
-    async def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        self.turns.append((linear_m_s, angular_rad_s))
-
-    async def release_control(self) -> None:
-        self.released += 1
+    async def localize(self, *, turn: bool = False) -> Any:
+        """It begins to look; a turn is at its end."""
+        self.turns.append(turn)
+        found = turn and self._helps
+        state = "localized" if found else "lost"
+        known = {"state": state, "map": "flat", "fit": 0.9, "alternatives": [], "reason": ""}
+        pose = {"data": {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0}, "age_s": 0.1}
+        self.state = {"localization": known, "topics": {"map_pose": pose} if found else {}}
+        return SimpleNamespace(state=state, reason="it has turned once" if turn else "")
 
     @contextlib.asynccontextmanager
     async def subscribe(self, topic: str) -> AsyncIterator[AsyncIterator[Any]]:
@@ -218,33 +218,27 @@ class Searching(Robot):
         yield self._states()
 
     async def _states(self) -> AsyncIterator[Any]:
-        for _ in range(400):
-            found = len(self.turns) >= 10
-            state = "localized" if found else "lost"
-            known = {"state": state, "map": "flat", "fit": 0.9, "alternatives": [], "reason": ""}
-            pose = {"data": {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0}, "age_s": 0.1}
-            self.state = {"localization": known, "topics": {"map_pose": pose} if found else {}}
-            yield SimpleNamespace(data=SimpleNamespace(state=state))
-            await asyncio.sleep(0.02)
+        yield SimpleNamespace(data=SimpleNamespace(state="searching"))
+        yield SimpleNamespace(data=SimpleNamespace(state=self.state["localization"]["state"]))
 
 
-@pytest.mark.parametrize(("arguments", "exit_code"), [((), 6), (("--turn",), 0)])
-def test_localize_turns_the_robot_only_if_it_is_asked_to(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], exit_code: int
+@pytest.mark.parametrize(
+    ("arguments", "helps", "exit_code", "told"),
+    [
+        ((), True, 6, "does not know where it is on the map flat (lost)"),
+        (("--turn",), True, 0, "The robot is at (1.00 m, 2.00 m, 0°)"),
+        (("--turn",), False, 6, "it has turned once; The robot does not know where it is"),
+    ],
+)
+def test_localize_has_the_robot_turn_only_if_it_is_asked_to(
+    monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], helps: bool, exit_code: int, told: str
 ) -> None:
-    """Without --turn it stands and says that it is lost; with it, it turns until it has found out, and lets go."""
-    searching = Searching()
-    monkeypatch.setattr(commands, "STANDS_S", 0.1)
-    monkeypatch.setattr(commands, "TURN_PERIOD_S", 0.02)
+    """Without --turn it stands and says that it is lost; with it, the daemon has it turn, and says what came of it."""
+    searching = Searching(helps=helps)
     monkeypatch.setattr(
         CommandContext, "run_with_client", lambda self, action, **options: self.run(action(searching))
     )
     result = chefbotctl("localize", *arguments)
     assert result.exit_code == exit_code, result.output
-    if arguments:
-        assert 10 <= len(searching.turns) < 40
-        assert set(searching.turns) == {(0.0, commands.TURN_RAD_S)}
-        assert searching.released == 1
-    else:
-        assert (searching.turns, searching.released) == ([], 0)
-        assert "does not know where it is on the map flat (lost)" in result.output
+    assert told in " ".join(result.output.split())
+    assert searching.turns == [bool(arguments)]

@@ -1,0 +1,165 @@
+"""A turn on the spot to find out where the robot is, on the simulated robot: it passes the gate as navigation does."""
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.core.commands import Refused
+from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.localization.turning import LOOKS_S, Turning
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+
+
+class Bench:
+    """A turn in the running daemon."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self.robot, daemon, clock = robot, robot.daemon, LoopClock()
+        self.reports: list[float] = []
+        driver = InnerDriver(daemon.driving, daemon.leases, clock, "navigation", ("teleop", "safety"))
+        self.turning = Turning(daemon.bus, clock, driver, lambda done, total, text: self.reports.append(done))
+        self.sources: set[str | None] = set()
+        daemon.bus.add_handler(lambda event: self.sources.add(event.source), SafetyChanged)
+
+    @property
+    def truth(self) -> object:
+        return self.robot.board.truth(asyncio.get_running_loop().time())
+
+    @property
+    def turn_rad_s(self) -> float:
+        return abs(float(self.truth.twist.angular_rad_s))  # type: ignore[attr-defined]
+
+    async def until_turning(self) -> None:
+        await asyncio.sleep(LOOKS_S + 1.0)
+        assert self.turn_rad_s > 0.3
+
+
+def on_robot(scenario: Callable[[Bench], Awaitable[None]]) -> None:
+    """Run a scenario on the simulated ChefBot, armed."""
+
+    async def run() -> None:
+        async with simulated_robot() as robot:
+            bench = Bench(robot)
+            await robot.client.arm()  # whoever listens from now on hears how the gate stands
+            await asyncio.sleep(1.0)
+            await scenario(bench)
+
+    run_virtual(run())
+
+
+def test_it_looks_for_three_seconds_and_turns_once_round() -> None:
+    """Then it has turned by a whole turn and what braking takes, as the source navigation, and stands."""
+
+    async def scenario(bench: Bench) -> None:
+        began_s = asyncio.get_running_loop().time()
+        end = bench.turning.begin(is_asked=True)
+        await asyncio.sleep(LOOKS_S - 0.1)
+        assert bench.turn_rad_s < 0.01
+        assert await end == "it has turned once"
+        took_s = asyncio.get_running_loop().time() - began_s
+        assert LOOKS_S + math.tau / 0.4 < took_s < LOOKS_S + math.tau / 0.4 + 2.0
+        assert "navigation" in bench.sources
+        await asyncio.sleep(1.0)
+        assert bench.turn_rad_s < 0.005
+        assert bench.reports[-1] == pytest.approx(math.tau, abs=0.5)
+        assert len(bench.reports) > 10
+
+    on_robot(scenario)
+
+
+async def _stop(bench: Bench) -> None:
+    await bench.robot.client.stop()
+
+
+async def _estop(bench: Bench) -> None:
+    await bench.robot.client.estop("a test")
+
+
+async def _disarm(bench: Bench) -> None:
+    bench.robot.daemon.bus.publish(SafetyChanged(1.0, "disarmed", "the link was lost", None))
+
+
+async def _teleop(bench: Bench) -> None:
+    await bench.robot.client.drive(0.0, 0.0, "teleop")
+
+
+async def _goal(bench: Bench) -> None:
+    bench.robot.daemon.bus.publish(NavigationChanged(1.0, "planning", 1, "plans", None, None))
+
+
+async def _found(bench: Bench) -> None:
+    bench.turning.end("it knows where it is")
+
+
+@pytest.mark.parametrize(
+    ("happens", "why"),
+    [
+        (_stop, "was stopped by"),
+        (_estop, "the robot is estopped"),
+        (_disarm, "the robot is disarmed"),
+        (_teleop, "teleop took over"),
+        (_goal, "it has a goal"),
+        (_found, "it knows where it is"),
+    ],
+)
+@pytest.mark.parametrize("is_turning", [True, False])
+def test_whatever_ends_a_turn_ends_it_for_good(
+    happens: Callable[[Bench], Awaitable[None]], why: str, *, is_turning: bool
+) -> None:
+    """Also while it only looks: then it never begins to turn. When all is over, it does not go on."""
+
+    async def scenario(bench: Bench) -> None:
+        end = bench.turning.begin(is_asked=True)
+        if is_turning:
+            await bench.until_turning()
+        else:
+            await asyncio.sleep(1.0)
+        await happens(bench)
+        assert why in await asyncio.wait_for(end, LOOKS_S + 0.1)
+        await asyncio.sleep(1.0)
+        assert bench.turn_rad_s < 0.005
+        await asyncio.sleep(LOOKS_S + 1.0)
+        assert bench.turn_rad_s < 0.005
+
+    on_robot(scenario)
+
+
+def test_a_robot_that_may_not_turn_says_why() -> None:
+    """Disarmed, driven by a person, on its way to a goal, or without a source to drive by."""
+
+    async def scenario(bench: Bench) -> None:
+        turning, client = bench.turning, bench.robot.client
+        await client.drive(0.0, 0.0, "teleop")
+        with pytest.raises(Refused, match="teleop drives"):
+            turning.begin(is_asked=True)
+        await client.release_control()
+        await _goal(bench)
+        with pytest.raises(Refused, match="cancel_navigation comes first"):
+            turning.begin(is_asked=True)
+        await _disarm(bench)
+        with pytest.raises(Refused, match="'arm' comes first"):
+            turning.begin(is_asked=True)
+        with pytest.raises(Refused, match="no source navigation"):
+            Turning(bench.robot.daemon.bus, LoopClock(), None, lambda *told: None).begin(is_asked=True)
+
+    on_robot(scenario)
+
+
+def test_a_client_that_drives_as_navigation_is_not_disturbed() -> None:
+    """It has the lease: the turn ends before it begins."""
+
+    async def scenario(bench: Bench) -> None:
+        end = bench.turning.begin(is_asked=True)
+        await asyncio.sleep(LOOKS_S - 0.2)
+        for _ in range(5):
+            await bench.robot.client.drive(0.0, 0.0, "navigation")
+            await asyncio.sleep(0.1)
+        assert "take_control" in await asyncio.wait_for(end, 0.5)
+        assert bench.turn_rad_s < 0.01
+
+    on_robot(scenario)
