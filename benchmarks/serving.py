@@ -150,7 +150,7 @@ def _configured(folder: Path) -> dict[str, Any]:
     values["maps"] = {"folder": str(folder / "maps")}
     start = {"start_x_m": START.x_m, "start_y_m": START.y_m, "start_heading_rad": START.heading_rad}
     values["sim"] = {"world": {"map_path": "flat", **start}}
-    values["watchdog"] = {"patience_s": PATIENCE_S}
+    values["watchdog"] = {"timeout_s": PATIENCE_S}
     values["safety"]["encoders"]["latch_after_s"] = HELD_UP_S
     return values
 

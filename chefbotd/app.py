@@ -105,8 +105,8 @@ class Daemon:
         self._latch, self._supervisor = latch, supervisor
         self.driving = driving = drive_service(context, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
-        let_go_s = settings.safety.held_until_silent_s
-        self.leases = ControlLeases(settings.api.lease_s, let_go_s, driving.release, self.bus.publish)
+        stop_hold_s = settings.safety.held_until_silent_s
+        self.leases = ControlLeases(settings.api.lease_s, stop_hold_s, driving.release, self.bus.publish)
         self.metrics = Metrics()
         recorders = [*recording(context, lambda: self.state), *foxglove(context)]
         further = [build(self.bus, clock) for build in features]

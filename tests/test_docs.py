@@ -93,7 +93,7 @@ def test_times_are_those_in_force() -> None:
         f"`latch_after_s` ({safety.encoders.latch_after_s:.1f} s)",
         f"`critical_s` ({safety.battery.critical_s:g} s)",
         f"`guard.max_age_s` ({safety.guard.max_age_s:g} s)",
-        f"`patience_s` ({WatchdogParameters().patience_s:g} s)",
+        f"`watchdog.timeout_s` ({WatchdogParameters().timeout_s:g} s)",
     ):
         assert told in text, told
 

@@ -114,8 +114,8 @@ def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, b
         lidars=settings.localization.lidars or every,
         folder=folder,
         pose_file=folder / localization_messages.POSE_FILE,
-        search_by_itself=settings.localization.search_by_itself,
-        save_every_s=settings.localization.save_every_s,
+        auto_search=settings.localization.auto_search,
+        save_period_s=settings.localization.save_period_s,
     )
     return {
         mapping_messages.SKILL: mapping.model_dump_json().encode(),

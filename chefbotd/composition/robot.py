@@ -73,7 +73,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         wheel_names=context.wheel_names,
         control=settings.control,
         duty_ceiling=session.duty_ceiling,
-        patience_s=settings.watchdog.patience_s,
+        patience_s=settings.watchdog.timeout_s,
     )
 
 

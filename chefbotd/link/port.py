@@ -37,8 +37,8 @@ class LinkParameters(Parameters):
 
     ``device`` is a path (``/dev/ttyACM0``, better ``/dev/serial/by-id/...``) or ``socket://host:port``. ``dtr`` and
     ``rts`` are the states of these lines while open: some boards reset when they change. With ``hang_up_on_close`` the
-    kernel drops DTR when the port is closed (HUPCL). Reconnection waits ``reconnect_first_s``, doubling up to
-    ``reconnect_longest_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
+    kernel drops DTR when the port is closed (HUPCL). Reconnection waits ``reconnect_delay_s``, doubling up to
+    ``max_reconnect_delay_s`` until the board has spoken, each wait varied by ``reconnect_jitter`` of itself. A port on
     which no board is heard for ``health_after_s`` is reported unhealthy; the ultrasonic alone may silence one for a
     second. At most ``setpoints_per_s`` motor commands are written.
 
@@ -52,8 +52,8 @@ class LinkParameters(Parameters):
     dtr: bool = True
     rts: bool = True
     hang_up_on_close: bool = False
-    reconnect_first_s: float = Field(default=0.1, gt=0, le=60)
-    reconnect_longest_s: float = Field(default=2.0, gt=0, le=600)
+    reconnect_delay_s: float = Field(default=0.1, gt=0, le=60)
+    max_reconnect_delay_s: float = Field(default=2.0, gt=0, le=600)
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
     health_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)

@@ -26,10 +26,10 @@ OPENING_S = 2.0
 
 def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
     """Seconds between attempts: doubling up to the longest, each varied so that two daemons do not march in step."""
-    wait_s = parameters.reconnect_first_s
+    wait_s = parameters.reconnect_delay_s
     while True:
         yield wait_s * (1 + parameters.reconnect_jitter * rng.uniform(-1, 1))
-        wait_s = min(2 * wait_s, parameters.reconnect_longest_s)
+        wait_s = min(2 * wait_s, parameters.max_reconnect_delay_s)
 
 
 class Session(Protocol):

@@ -31,7 +31,7 @@ THINNED_M = 0.12
 class GlobalSearchParameters(Parameters):
     """What is looked for, and how much work a step is."""
 
-    least_score: float = Field(default=0.35, gt=0, le=1)
+    min_score: float = Field(default=0.35, gt=0, le=1)
     """What scores less is no match, however alone it stands."""
     nearly: float = Field(default=0.75, gt=0, lt=1)
     """All places are found that score this share of the best."""
@@ -97,7 +97,7 @@ def begun(params: GlobalSearchParameters, within: Pyramid, points: Singles) -> G
     turns = _turns(some)
     return GlobalSearch(
         within, some, turns, blocks, np.zeros(len(turns) * blocks[0] * blocks[1]), 0,
-        np.zeros(0, np.int64), 0, np.zeros((4096, 4)), 0, params.least_score / params.nearly,
+        np.zeros(0, np.int64), 0, np.zeros((4096, 4)), 0, params.min_score / params.nearly,
     )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ class CertaintyParameters(Parameters):
     look_m: float = Field(default=0.2, gt=0, le=5)
     look_rad: float = Field(default=0.5, gt=0, le=3.2)
     """After so much motion a scan is another look."""
-    least_overlap: float = Field(default=0.5, ge=0, le=1)
+    min_overlap: float = Field(default=0.5, ge=0, le=1)
     vague_m: float = Field(default=0.3, gt=0, le=5)
     """What a scan leaves open by more, as along a bare corridor, is not sure."""
 
@@ -146,7 +146,7 @@ def sure(
     best = among[0]
     if len(likely(params, among)) > 1:
         return None
-    if best.overlap < params.least_overlap or sigmas(best.estimate.covariance)[0] > params.vague_m:
+    if best.overlap < params.min_overlap or sigmas(best.estimate.covariance)[0] > params.vague_m:
         return None
     standing = is_complete and best.fit >= params.sure_fit and best.scans >= params.scans
     moving = best.fit >= params.moving_fit and best.looks >= params.looks

@@ -192,7 +192,7 @@ def _follow(
     found = tracked(tracking, grids, expected, scan, now.usual_fit, may_search=around)
     told = found.agreement
     now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
-    if told.overlap < tracking.least_overlap:
+    if told.overlap < tracking.min_overlap:
         return _unsaid(watch, now, stamp_s)
     now = replace(now, unsaid_since_s=None)
     if not found.matched or told.fit < watch.weak_fit:

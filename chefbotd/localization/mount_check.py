@@ -27,7 +27,7 @@ class MountCheckParameters(Parameters):
     """Less is no wrong mount: wheels slip, and a match has its error."""
     most_turn_rad: float = Field(default=0.5, gt=0, le=3.1)
     """A way on which the robot turns by more says nothing: the lidar's own place moves with the heading."""
-    least_share: float = Field(default=0.6, gt=0, le=1)
+    min_share: float = Field(default=0.6, gt=0, le=1)
     """Both ways are as long as each other, but for this share: wheels that spin, and a robot that is pushed, are not."""
 
 
@@ -58,7 +58,7 @@ def checked(
     length_m, other_m = math.hypot(*by_wheels[:2]), math.hypot(*by_scans[:2])
     if length_m < params.window_m:
         return now
-    if min(length_m, other_m) < params.least_share * max(length_m, other_m):
+    if min(length_m, other_m) < params.min_share * max(length_m, other_m):
         return MountCheck((odometry, found))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
     return _said(params, now, wrap_angle(off))._replace(begun=(odometry, found))

@@ -33,7 +33,7 @@ class TrackingParameters(Parameters):
     odometry_m_per_root_rad: float = Field(default=0.03, ge=0, le=1)
     odometry_rad_per_root_rad: float = Field(default=0.1, gt=0, le=1)
     odometry_rad_per_root_m: float = Field(default=0.05, ge=0, le=1)
-    jump_at_most_m: float = Field(default=5.0, gt=0, le=100)
+    max_jump_m: float = Field(default=5.0, gt=0, le=100)
     """No odometry is believed that says more between two scans."""
     map_m: float = Field(default=0.012, gt=0, le=0.5)
     map_rad: float = Field(default=0.004, gt=0, le=0.5)
@@ -42,7 +42,7 @@ class TrackingParameters(Parameters):
     """One sigma of a surface's direction in the map: what a wall tells along itself is less than this."""
     fits: float = Field(default=0.55, gt=0, le=1)
     """A fit below is one of a wrong pose, or of a map that is no longer true."""
-    least_overlap: float = Field(default=0.15, ge=0, le=1)
+    min_overlap: float = Field(default=0.15, ge=0, le=1)
     """With less of the scan on known ground, it says nothing about where it is."""
     suspicious_drop: float = Field(default=0.08, gt=0, le=1)
     """A fit that is so much worse than lately has the pose looked for further around."""
@@ -54,8 +54,8 @@ class TrackingParameters(Parameters):
     polish_within_m: float = Field(default=0.08, gt=0, le=1)
     polish_within_rad: float = Field(default=0.08, gt=0, le=1)
     """A prediction that is surer than this needs no search."""
-    window_at_most_m: float = Field(default=1.5, gt=0, le=5)
-    window_at_most_rad: float = Field(default=1.0, gt=0, le=3.2)
+    max_window_m: float = Field(default=1.5, gt=0, le=5)
+    max_window_rad: float = Field(default=1.0, gt=0, le=3.2)
 
 
 PENALTY = 0.01
@@ -113,7 +113,7 @@ def predicted(
     params: TrackingParameters, last: Estimate, moved: Floats, noise: Floats | None = None
 ) -> Estimate:
     """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
-    if math.hypot(moved[0], moved[1]) > params.jump_at_most_m:
+    if math.hypot(moved[0], moved[1]) > params.max_jump_m:
         return last
     pose = compose(last.pose, moved)
     added = motion_noise(params, moved) if noise is None else noise
@@ -133,12 +133,12 @@ def tracked(
     """The scan matched against the map about the prediction; ``may_search`` allows a look further around."""
     found = _near(params, grids, expected, scan)
     at_least = max(usual_fit - params.suspicious_drop, params.fits)
-    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= params.least_overlap:
+    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= params.min_overlap:
         for elsewhere in (_in_window(params, grids, expected, scan), _around(params, grids, expected, scan)):
             if elsewhere is not None and elsewhere.agreement.fit >= found.agreement.fit + params.better_fit:
                 found = elsewhere
                 break
-    if found.agreement.fit < params.fits or found.agreement.overlap < params.least_overlap:
+    if found.agreement.fit < params.fits or found.agreement.overlap < params.min_overlap:
         return Tracked(expected, found.agreement, matched=False)
     return found
 
@@ -164,8 +164,8 @@ def _in_window(params: TrackingParameters, grids: LocalMap, expected: Estimate, 
     sigma_m, sigma_rad = sigmas(expected.covariance)
     half_m, half_rad = max(3 * sigma_m, LEAST_WINDOW_M), max(3 * sigma_rad, LEAST_WINDOW_RAD)
     window = Window(
-        min(half_m, params.window_at_most_m),
-        min(half_rad, params.window_at_most_rad),
+        min(half_m, params.max_window_m),
+        min(half_rad, params.max_window_rad),
         PENALTY * 9 / half_m**2,
         PENALTY * 9 / half_rad**2,
     )
@@ -182,7 +182,7 @@ def _around(params: TrackingParameters, grids: LocalMap, expected: Estimate, sca
     vague = np.diag([params.slipped_window_m**2, params.slipped_window_m**2, params.slipped_window_rad**2])
     at = Estimate(found.pose, vague)
     told = _polished(params, grids, at, found.pose, scan)
-    sound = told.agreement.fit >= params.slipped_fit and told.agreement.overlap >= 2 * params.least_overlap
+    sound = told.agreement.fit >= params.slipped_fit and told.agreement.overlap >= 2 * params.min_overlap
     return told._replace(moved=True) if sound else None
 
 

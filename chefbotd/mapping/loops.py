@@ -77,12 +77,12 @@ def _targets(params: LoopParameters, state: SlamState) -> list[Target]:
         if recent or nodes.part[first] != state.part:
             continue
         nearest = float(away[first : end + 1].min())
-        if nearest < params.near_m + min(3 * sigma[first], params.window_at_most_m):
+        if nearest < params.near_m + min(3 * sigma[first], params.max_window_m):
             ranked.append((nearest, k, float(sigma[first])))
     targets = []
     for _, k, sigma_m in sorted(ranked)[: params.submaps_at_once]:
         window = Window(
-            min(3 * sigma_m + 0.2, params.window_at_most_m),
+            min(3 * sigma_m + 0.2, params.max_window_m),
             min(3 * sigma_m / lever_m + 0.05, math.pi),
             PENALTY / sigma_m**2,
             PENALTY * (lever_m / sigma_m) ** 2,
@@ -122,7 +122,7 @@ def _grids(state: SlamState, submap: int) -> tuple[SlamState, LocalMap]:
 def _verified(params: SlamParameters, state: SlamState, target: Target, grids: LocalMap) -> Candidate | None:
     loops, node = params.loops, len(state.nodes) - 1
     scan = state.nodes.scans[node]
-    found = search(grids, scan.points, target.guess, target.window, above=loops.least_score)
+    found = search(grids, scan.points, target.guess, target.window, above=loops.min_score)
     if found is None:
         return None
     start = Prior(found.pose, FREE)
@@ -148,9 +148,7 @@ def is_sound(params: LoopParameters, fit: Fit, start: Floats) -> bool:
     """Whether enough of the scan lies where the submap knows something, fits there, and polishing kept it near."""
     moved_m = math.hypot(fit.pose[0] - start[0], fit.pose[1] - start[1])
     return (
-        fit.overlap >= params.least_overlap
-        and fit.share >= params.least_share
-        and moved_m <= MOVED_BY_POLISH_M
+        fit.overlap >= params.min_overlap and fit.share >= params.min_share and moved_m <= MOVED_BY_POLISH_M
     )
 
 

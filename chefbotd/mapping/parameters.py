@@ -19,9 +19,9 @@ class MatchingParameters(Parameters):
     odometry_rad: float = Field(default=0.01, gt=0, le=1)
     odometry_rad_per_rad: float = Field(default=0.1, ge=0, le=1)
     odometry_rad_per_m: float = Field(default=0.05, ge=0, le=1)
-    window_at_most_m: float = Field(default=1.0, gt=0, le=5)
-    window_at_most_rad: float = Field(default=0.6, gt=0, le=3.2)
-    jump_at_most_m: float = Field(default=5.0, gt=0, le=100)
+    max_window_m: float = Field(default=1.0, gt=0, le=5)
+    max_window_rad: float = Field(default=0.6, gt=0, le=3.2)
+    max_jump_m: float = Field(default=5.0, gt=0, le=100)
     """No odometry is believed that says more between two scans."""
     fits_share: float = Field(default=0.6, gt=0, le=1)
     """Of the points that lie where the map knows something, so many must be on a surface."""
@@ -29,7 +29,7 @@ class MatchingParameters(Parameters):
     """Where so much less fits than lately, a wider window is searched, in case the wheels slipped."""
     better_share: float = Field(default=0.1, ge=0, le=1)
     """What is found there must fit so much better."""
-    least_overlap: float = Field(default=0.15, ge=0, le=1)
+    min_overlap: float = Field(default=0.15, ge=0, le=1)
     """With less of the scan on known ground, the scan says nothing about where it is."""
     slipped_window_m: float = Field(default=1.0, gt=0, le=5)
     slipped_window_rad: float = Field(default=0.7, gt=0, le=3.2)
@@ -47,7 +47,7 @@ class SubmapParameters(Parameters):
     drift_m_per_root_m: float = Field(default=0.02, gt=0, le=1)
     drift_rad_per_root_m: float = Field(default=0.006, gt=0, le=1)
     """How surely one submap is known from the other: a random walk along the way."""
-    most_scans_per_place: int = Field(default=30, ge=4, le=1000)
+    max_scans_per_place: int = Field(default=30, ge=4, le=1000)
     """Scans kept per square metre and quarter turn; beyond it, what is driven again is not kept."""
 
 
@@ -59,10 +59,10 @@ class LoopParameters(Parameters):
     near_m: float = Field(default=2.0, gt=0, le=20)
     not_within_m: float = Field(default=6.0, gt=0, le=100)
     """What was left less than this way ago is no loop."""
-    window_at_most_m: float = Field(default=6.0, gt=0, le=20)
-    least_score: float = Field(default=0.4, gt=0, le=1)
-    least_share: float = Field(default=0.75, gt=0, le=1)
-    least_overlap: float = Field(default=0.5, gt=0, le=1)
+    max_window_m: float = Field(default=6.0, gt=0, le=20)
+    min_score: float = Field(default=0.4, gt=0, le=1)
+    min_share: float = Field(default=0.75, gt=0, le=1)
+    min_overlap: float = Field(default=0.5, gt=0, le=1)
     rival_score: float = Field(default=0.9, gt=0, le=1)
     """Another place in the window that scores this share of the best makes the match ambiguous."""
     sure_within_m: float = Field(default=0.3, gt=0, le=5)
@@ -91,6 +91,6 @@ class MappingParameters(Parameters):
     resolution_m: float = Field(default=0.05, gt=0, le=1)
     publish_period_s: float = Field(default=1.0, gt=0, le=60)
     """How often changes of the map are told, at most."""
-    autosave_s: float = Field(default=10.0, gt=0, le=3600)
+    autosave_period_s: float = Field(default=10.0, gt=0, le=3600)
     """How often a map that is being made is saved, at most; a large one less often."""
     slam: SlamParameters = section()

@@ -93,7 +93,7 @@ def step(
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
     found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
-    if not found.fits or (state.misfits and found.fit.overlap < params.matching.least_overlap):
+    if not found.fits or (state.misfits and found.fit.overlap < params.matching.min_overlap):
         return _misfit(params, state, stamp_s, odometry, scan, found)
     travel_m = _travel_m(between(state.local_pose, found.fit.pose))
     mode = SlamMode.SLIPPED if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
@@ -213,7 +213,7 @@ def _rolled(params: SubmapParameters, state: SlamState) -> tuple[SlamState, tupl
     if active[0].travel_m < params.length_m:
         return replace(state, active=active), ()
     ended = (*submaps, Submap(active[0].first, last))
-    return thinned(replace(state, active=active[1:], submaps=ended), params.most_scans_per_place)
+    return thinned(replace(state, active=active[1:], submaps=ended), params.max_scans_per_place)
 
 
 def _looked_around(params: SlamParameters, state: SlamState) -> _Kept:

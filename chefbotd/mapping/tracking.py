@@ -47,13 +47,13 @@ def tracked(
     A fit that is clearly worse than the usual one has the scan searched further around: the wheels may have slipped.
     """
     sigma_m, sigma_rad = odometry_sigmas(params, moved)
-    if math.hypot(moved[0], moved[1]) > params.jump_at_most_m:
+    if math.hypot(moved[0], moved[1]) > params.max_jump_m:
         return _jumped(params, grids, last, scan)
     guess = compose(last, moved)
     information = np.diag([sigma_m**-2, sigma_m**-2, sigma_rad**-2])
     window = Window(
-        min(3 * sigma_m, params.window_at_most_m),
-        min(3 * sigma_rad, params.window_at_most_rad),
+        min(3 * sigma_m, params.max_window_m),
+        min(3 * sigma_rad, params.max_window_rad),
         PENALTY / sigma_m**2,
         PENALTY / sigma_rad**2,
     )
@@ -61,7 +61,7 @@ def tracked(
     begin = guess if found is None else found.pose
     fit = polish(grids, scan.points, scan.facing, begin, Prior(guess, information), params.laser_noise_m)
     covariance = inverted(fit.information + information)
-    if fit.overlap < params.least_overlap:
+    if fit.overlap < params.min_overlap:
         return Tracked(fit, covariance, fits=fit.contradictions <= fit.inliers)
     if fit.share < max(usual_fit - params.suspicious_drop, params.fits_share):
         elsewhere = _slipped(params, grids, (last, guess), scan)
@@ -111,6 +111,6 @@ def _slipped(
         return None
     prior = Prior(found.pose, np.diag([1.0, 1.0, 1.0]))
     fit = polish(grids, scan.points, scan.facing, found.pose, prior, params.laser_noise_m)
-    if fit.share < params.slipped_share or fit.overlap < 2 * params.least_overlap:
+    if fit.share < params.slipped_share or fit.overlap < 2 * params.min_overlap:
         return None
     return Tracked(fit, inverted(fit.information + prior.information), fits=True, slipped=True)

@@ -96,7 +96,7 @@ class Drive:
         state = self._setpoints.step(state, target, now_s, apart)
         if not any(state.setpoint_m_s) and is_rest(target):
             return self.halt(state)
-        dt_s = min(dt_s, self._parameters.longest_step_s)
+        dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)

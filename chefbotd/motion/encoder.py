@@ -28,7 +28,7 @@ class EncoderParameters(Parameters):
     counts_per_turn: float = Field(gt=0, le=1e9)
     width_bits: int = Field(default=32, ge=8, le=64)
     max_speed_rad_s: float = Field(gt=0, le=1e4)
-    slack_counts: int = Field(default=4, ge=0, le=1000)
+    tolerance_counts: int = Field(default=4, ge=0, le=1000)
     velocity_window: int = Field(default=5, ge=2, le=100)
     standstill_rad_s: float = Field(default=0.0, ge=0)
     confirmations: int = Field(default=3, ge=1, le=1000)
@@ -190,8 +190,8 @@ def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[i
 def _most_counts(params: EncoderParameters, elapsed_s: float) -> float:
     """How far a wheel can have turned; a time that went back counts as zero."""
     if elapsed_s <= 0:
-        return params.slack_counts
-    return params.max_speed_rad_s * elapsed_s / math.tau * params.counts_per_turn + params.slack_counts
+        return params.tolerance_counts
+    return params.max_speed_rad_s * elapsed_s / math.tau * params.counts_per_turn + params.tolerance_counts
 
 
 def _surprises(
@@ -211,7 +211,7 @@ def _surprises(
     span_s = board_s - state.window[0].board_s
     radians_per_count = math.tau / params.counts_per_turn
     tolerance_rad = params.max_acceleration_rad_s2 * elapsed_s * span_s / 2
-    tolerance = tolerance_rad / radians_per_count + params.slack_counts
+    tolerance = tolerance_rad / radians_per_count + params.tolerance_counts
     for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True):
         if not -tolerance <= sign * delta - velocity_rad_s * elapsed_s / radians_per_count <= tolerance:
             return True

@@ -28,14 +28,14 @@ from chefbotd.motion.kinematics import Kinematics, without
 
 
 class SameSideParameters(Parameters):
-    """Wheels disagree if they differ by more than ``slack_m``, two counts, and ``share`` of their recent travel.
+    """Wheels disagree if they differ by more than ``tolerance_m``, two counts, and ``share`` of their recent travel.
 
     ``memory_s`` is the time constant with which recent travel fades. An excluded wheel is believed again once it is
     within half of that difference.
     """
 
     memory_s: float = Field(default=0.2, gt=0, le=10)
-    slack_m: float = Field(default=0.0015, gt=0, le=1)
+    tolerance_m: float = Field(default=0.0015, gt=0, le=1)
     share: float = Field(default=0.1, gt=0, lt=1)
 
 
@@ -72,7 +72,7 @@ class SameSideWheels:
     def __init__(self, params: SameSideParameters, kinematics: Kinematics, counts_per_turn: float) -> None:
         self._params, self._kinematics = params, kinematics
         self._two_counts_m = 2 * max(kinematics.radii_m) * math.tau / counts_per_turn
-        self._slack_m = params.slack_m + self._two_counts_m
+        self._tolerance_m = params.tolerance_m + self._two_counts_m
         self._sides = (kinematics.left, kinematics.right), (kinematics.right, kinematics.left)
         self._any = max(len(kinematics.left), len(kinematics.right)) > 1
         nothing = (0.0,) * len(kinematics.radii_m)
@@ -110,7 +110,7 @@ class SameSideWheels:
     ) -> list[tuple[int, int]]:
         """The wheels of a side that are far from the believed one, each with that one."""
         rolled_m = [state.rolled_m[i] for i in side]
-        if max(rolled_m) - min(rolled_m) <= self._slack_m / 2:
+        if max(rolled_m) - min(rolled_m) <= self._tolerance_m / 2:
             return []  # the usual case: no wheel is far from any other
         believed = self._believed(state, side, other)
         if believed is None:
@@ -120,7 +120,7 @@ class SameSideWheels:
     def _believed(self, state: SameSideState, side: tuple[int, ...], other: tuple[int, ...]) -> int | None:
         """The wheel nearest to what is expected of its side; None where there is nothing to compare."""
         asked_m = [state.asked_m[i] for i in side]
-        if len(side) < 2 or max(asked_m) - min(asked_m) > self._slack_m:
+        if len(side) < 2 or max(asked_m) - min(asked_m) > self._tolerance_m:
             return None
         if len(side) == 2:
             slower, faster = sorted(side, key=lambda i: state.latest_m[i])
@@ -129,7 +129,7 @@ class SameSideWheels:
             substitutes = [substitute for _, substitute in state.substitutes if substitute in side]
             if substitutes and state.latest_m[faster] <= self._two_counts_m:
                 return substitutes[0]  # nothing moves: keep the last choice
-            if abs(asked_m[0]) <= self._slack_m:
+            if abs(asked_m[0]) <= self._tolerance_m:
                 return max(side, key=lambda i: abs(state.rolled_m[i]))
             expected_m = asked_m[0] * self._pace(state, other)
         else:
@@ -146,14 +146,14 @@ class SameSideWheels:
         ratios = [
             state.rolled_m[i] / state.asked_m[i]
             for i in without(side, state.excluded)
-            if abs(state.asked_m[i]) > self._slack_m
+            if abs(state.asked_m[i]) > self._tolerance_m
         ]
         best = min(ratios, key=lambda ratio: abs(ratio - 1.0), default=1.0)
         return min(best, MOST_PACE) if best >= LEAST_PACE else 1.0
 
     def _is_apart(self, state: SameSideState, wheel: int, reach_m: float) -> bool:
         rolled_m = state.rolled_m[wheel]
-        tolerance_m = self._slack_m + self._params.share * max(abs(reach_m), abs(rolled_m))
+        tolerance_m = self._tolerance_m + self._params.share * max(abs(reach_m), abs(rolled_m))
         return abs(rolled_m - reach_m) > (tolerance_m / 2 if wheel in state.excluded else tolerance_m)
 
 

@@ -24,7 +24,7 @@ class Setpoints:
     def step(self, state: DriveState, target: Motion, now_s: float, apart: bool) -> DriveState:
         """The state with the present setpoints; ``apart``: the path has no curvature to keep."""
         elapsed_s = 0.0 if state.stepped_s is None else max(0.0, now_s - state.stepped_s)
-        dt_s = min(elapsed_s, self._parameters.longest_step_s)
+        dt_s = min(elapsed_s, self._parameters.max_step_s)
         if is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
         if state.loose or isinstance(target, WheelVelocities):

@@ -74,8 +74,8 @@ class DepthSourceParameters(DepthCameraParameters):
     ``device`` is OpenNI2's URI (left out: the first camera that is found), ``library`` the folder of its library if that
     is not where libraries are. ``folder`` has images (16 bits; ``millimetres_per_unit`` is what a unit stands for) whose
     names match ``pattern``; they are played in their order, again and again. No more than ``rate_hz`` images are used.
-    A camera that sends nothing for ``silent_s`` is started again. With ``guards`` the obstacle guard slows for what the
-    camera sees.
+    A camera that sends nothing for ``silence_timeout_s`` is started again. With ``guards`` the obstacle guard slows for
+    what the camera sees.
     """
 
     name: str = Field(default="depth_camera", min_length=1, max_length=40)
@@ -86,7 +86,7 @@ class DepthSourceParameters(DepthCameraParameters):
     pattern: str = Field(default="*.png", min_length=1)
     millimetres_per_unit: float = Field(default=1.0, gt=0, le=100)
     rate_hz: float = Field(default=10.0, gt=0, le=60)
-    silent_s: float = Field(default=3.0, ge=0.5, le=60)
+    silence_timeout_s: float = Field(default=3.0, ge=0.5, le=60)
     guards: bool = True
 
     @property

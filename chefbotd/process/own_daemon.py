@@ -43,7 +43,7 @@ def alone(settings: Settings) -> Settings:
 async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_port) -> AsyncIterator[Client]:
     """Run it, and yield a client called ``name`` that is connected to it. At the end the motors are told to stop.
 
-    It runs on the calling loop: what blocks that for ``[watchdog] patience_s`` while a wheel turns disarms the robot.
+    It runs on the calling loop: what blocks that for ``[watchdog] timeout_s`` while a wheel turns disarms the robot.
     """
     clock = SystemClock()
     daemon = build(alone(settings), clock=clock, opener=opener)

@@ -46,7 +46,7 @@ class Watchdog:
         stop: Callable[[], bool],
         report: Callable[[Fault], None],
     ) -> None:
-        self._patience_s, self._clock, self._control = parameters.patience_s, clock, control
+        self._patience_s, self._clock, self._control = parameters.timeout_s, clock, control
         self._stop, self._report = stop, report
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)

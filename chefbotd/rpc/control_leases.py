@@ -30,11 +30,11 @@ class ControlLeases:
     def __init__(
         self,
         lease_s: float,
-        let_go_s: float,
+        stop_hold_s: float,
         withdraw: Callable[[str], None],
         announce: Callable[[ControlChanged], None],
     ) -> None:
-        self._lease_s, self.let_go_s = lease_s, let_go_s
+        self._lease_s, self.stop_hold_s = lease_s, stop_hold_s
         self._withdraw, self._announce = withdraw, announce
         self._leases: dict[str, Lease] = {}
         self._tried: dict[str, Session] = {}
@@ -86,7 +86,7 @@ class ControlLeases:
         }
 
     def _has_let_go(self, lease: Lease, now_s: float) -> bool:
-        return now_s - lease.stamp_s >= self.let_go_s
+        return now_s - lease.stamp_s >= self.stop_hold_s
 
     def renew(self, source: str, session: Session, now_s: float) -> None:
         """The client has driven: the source is its own from now on."""

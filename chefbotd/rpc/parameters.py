@@ -47,16 +47,18 @@ class ApiParameters(Parameters):
     outbox_bytes: int = Field(
         131_072, ge=4096, le=1 << 24, description="waiting telemetry before the oldest is dropped"
     )
-    stuck_s: float = Field(
+    write_timeout_s: float = Field(
         5.0, gt=0.0, le=600.0, description="a client that reads nothing for so long is disconnected"
     )
-    authenticate_s: float = Field(
+    authenticate_timeout_s: float = Field(
         5.0, gt=0.0, le=600.0, description="the limit for TLS, and then for the token"
     )
-    request_s: float = Field(
+    request_timeout_s: float = Field(
         10.0, gt=0.0, le=600.0, description="from a request's first byte to its line end"
     )
-    idle_s: float = Field(600.0, gt=0.0, le=1e6, description="without a request and without a subscription")
+    idle_timeout_s: float = Field(
+        600.0, gt=0.0, le=1e6, description="without a request and without a subscription"
+    )
     lease_s: float = Field(
         3.0, ge=0.1, le=600.0, description="control is released so long after the last command"
     )

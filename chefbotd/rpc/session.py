@@ -67,12 +67,12 @@ class Session:
     def overdue(self, now_s: float, subscribed: Callable[[], bool]) -> Failure | None:
         """What the client has taken too long for, or None; ``subscribed`` is asked only of a silent client."""
         limits = self._parameters
-        if self.role is None and now_s - self._arrived_s > limits.authenticate_s:
-            return _timed_out(f"not authenticated within {limits.authenticate_s:g} s")
-        if self._incomplete_s is not None and now_s - self._incomplete_s > limits.request_s:
-            return _timed_out(f"a request was not complete within {limits.request_s:g} s")
-        if now_s - self._active_s > limits.idle_s and not subscribed():
-            return _timed_out(f"neither a request nor a subscription for {limits.idle_s:g} s")
+        if self.role is None and now_s - self._arrived_s > limits.authenticate_timeout_s:
+            return _timed_out(f"not authenticated within {limits.authenticate_timeout_s:g} s")
+        if self._incomplete_s is not None and now_s - self._incomplete_s > limits.request_timeout_s:
+            return _timed_out(f"a request was not complete within {limits.request_timeout_s:g} s")
+        if now_s - self._active_s > limits.idle_timeout_s and not subscribed():
+            return _timed_out(f"neither a request nor a subscription for {limits.idle_timeout_s:g} s")
         return None
 
 

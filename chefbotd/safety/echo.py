@@ -23,14 +23,14 @@ MOST_SAID = 256
 class EchoParameters(Parameters):
     """A score of ``mismatches`` is a fault; each echo that fits takes off ``forgiven``.
 
-    An echo is judged once it has shown ``believed_after`` commands other than zero. A command that was last sent
+    An echo is judged once it has shown ``min_confirmations`` commands other than zero. A command that was last sent
     ``memory_s`` ago must no longer be in force: the sketch reads nothing for up to a second while it waits for an
     ultrasonic echo.
     """
 
     mismatches: float = Field(default=8.0, ge=2, le=1000)
     forgiven: float = Field(default=0.5, gt=0, le=1)
-    believed_after: int = Field(default=5, ge=1, le=1000)
+    min_confirmations: int = Field(default=5, ge=1, le=1000)
     memory_s: float = Field(default=3.0, ge=1.5, le=60)
 
 
@@ -62,7 +62,7 @@ def say(state: EchoState, now_s: float, duty: Duty) -> EchoState:
 
 def is_believed(params: EchoParameters, state: EchoState) -> bool:
     """Whether this board's echo is known to mean the command in force."""
-    return state.fitting >= params.believed_after
+    return state.fitting >= params.min_confirmations
 
 
 def hear(

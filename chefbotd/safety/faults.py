@@ -15,7 +15,7 @@ class FaultKind(StrEnum):
     WHEEL_STALLED = "wheel_stalled"
     WHEEL_REVERSED = "wheel_reversed"
     OVERSPEED = "overspeed"
-    BOARD_DEAF = "board_deaf"
+    BOARD_UNRESPONSIVE = "board_unresponsive"
     ECHO_MISMATCH = "echo_mismatch"
     BATTERY_CRITICAL = "battery_critical"
     INTERNAL_ERROR = "internal_error"
@@ -27,7 +27,7 @@ class FaultKind(StrEnum):
 RECOVERABLE = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})
 """Faults that are over when the board is back, so that ``rearm = "auto"`` may leave them; the others need a person."""
 
-UNSTOPPED = frozenset({FaultKind.BOARD_DEAF})
+UNSTOPPED = frozenset({FaultKind.BOARD_UNRESPONSIVE})
 """Faults with which the robot may move although the gate is shut, so that they are told whatever else has latched."""
 
 

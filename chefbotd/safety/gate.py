@@ -22,12 +22,12 @@ from chefbotd.core.geometry import STANDING, Motion
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record, replace
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
-from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
 from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
 from chefbotd.safety.faults import RECOVERABLE, UNSTOPPED, FaultKind
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.overspeed import OverspeedParameters
+from chefbotd.safety.unresponsive import UnresponsiveParameters
 from chefbotd.safety.wheels import WheelWatchParameters
 
 
@@ -57,18 +57,18 @@ class SafetyParameters(Parameters):
     """``command_timeout_s`` is the dead-man: no command of any source moves the robot for longer.
 
     A command that names no source counts as one of ``default_source``. A source that a stop holds is free when no
-    command has come from it for ``let_go_s``, or for the dead-man's time if that is longer.
+    command has come from it for ``stop_hold_s``, or for the dead-man's time if that is longer.
     """
 
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
-    let_go_s: float = Field(default=1.0, ge=0.1, le=60.0)
+    stop_hold_s: float = Field(default=1.0, ge=0.1, le=60.0)
     rearm: Rearm = Rearm.MANUAL
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
     default_source: str = "teleop"
     encoders: EncoderTimeoutParameters = section()
     wheels: WheelWatchParameters = section()
     overspeed: OverspeedParameters = section()
-    deaf: DeafParameters = section()
+    unresponsive: UnresponsiveParameters = section()
     echo: EchoParameters = section()
     battery: BatteryMonitorParameters = section()
     guard: GuardParameters = section()
@@ -76,7 +76,7 @@ class SafetyParameters(Parameters):
     @property
     def held_until_silent_s(self) -> float:
         """For how long a held source must be silent: a driver may repeat its command as rarely as the dead-man lets."""
-        return max(self.let_go_s, self.command_timeout_s)
+        return max(self.stop_hold_s, self.command_timeout_s)
 
     def above(self, source: str) -> tuple[str, ...]:
         """The sources that take over from this one."""

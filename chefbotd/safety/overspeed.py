@@ -21,16 +21,16 @@ from chefbotd.safety.faults import Fault, FaultKind
 class OverspeedParameters(Parameters):
     """A rim may be faster than asked by ``share`` of it and ``margin_m_s``.
 
-    Beyond that it is a fault once it has rolled ``excess_m`` too far and ``lasts_s`` more have passed. ``braking_m_s2``
-    is by how much a braked wheel slows down at least, ``late_s`` by how much a reading's stamp may be wrong.
+    Beyond that it is a fault once it has rolled ``excess_m`` too far and ``duration_s`` more have passed. A braked wheel
+    slows down by ``braking_m_s2`` at least. A reading's stamp may be wrong by ``stamp_error_s``.
     """
 
     share: float = Field(default=0.15, ge=0, le=5)
     margin_m_s: float = Field(default=0.04, gt=0, le=5)
     braking_m_s2: float = Field(default=0.75, gt=0, le=100)
     excess_m: float = Field(default=0.015, gt=0, le=1)
-    lasts_s: float = Field(default=0.1, gt=0, le=5)
-    late_s: float = Field(default=0.05, ge=0, le=1)
+    duration_s: float = Field(default=0.1, gt=0, le=5)
+    stamp_error_s: float = Field(default=0.05, ge=0, le=1)
 
 
 LEAP_SHARE = 0.8
@@ -66,7 +66,7 @@ def watch(
     """A good reading, ``dt_s`` after the last one, in which each rim rolled ``travel_m``, asked for ``asked_m_s``.
 
     Wheels whose reading is not believed (``excluded``) are not judged. No wheel is judged while none is asked to move:
-    that case is ``chefbotd.safety.deaf``.
+    that case is ``chefbotd.safety.unresponsive``.
     """
     dt_s, driven = max(dt_s, 0.0), any(asked_m_s)
     wheels = zip(state, asked_m_s, travel_m, strict=True)
@@ -78,7 +78,7 @@ def watch(
             for i, (excess, asked, travel) in enumerate(wheels)
         ]
     )
-    found = [i for i, excess in enumerate(after) if excess.lasted_s >= params.lasts_s]
+    found = [i for i, excess in enumerate(after) if excess.lasted_s >= params.duration_s]
     return after, _explain(names, found, asked_m_s, travel_m, dt_s) if found else None
 
 
@@ -88,7 +88,7 @@ def _add(
     """Add what the wheel rolled beyond the allowed way. Rolling less takes off, down to the worth of a late reading."""
     fastest_m_s = excess.asked_m_s if excess.asked_m_s > asked_m_s else asked_m_s
     allowed_m_s = fastest_m_s * (1 + params.share) + params.margin_m_s
-    allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.late_s
+    allowed_m, least_m = allowed_m_s * dt_s, -allowed_m_s * params.stamp_error_s
     most_m = params.excess_m * LEAP_SHARE
     ahead_m, back_m = travel_m - allowed_m, -travel_m - allowed_m
     ahead_m = excess.ahead_m + (ahead_m if ahead_m < most_m else most_m)

@@ -6,6 +6,6 @@ from chefbotd.core.parameters import Parameters
 
 
 class WatchdogParameters(Parameters):
-    """``patience_s``: how long the control loop may stand still before the motors are stopped."""
+    """``timeout_s``: how long the control loop may stand still before the motors are stopped."""
 
-    patience_s: float = Field(default=0.25, ge=0.1, le=5)
+    timeout_s: float = Field(default=0.25, ge=0.1, le=5)

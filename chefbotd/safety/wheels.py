@@ -16,7 +16,7 @@ an encoder that dithers by a count clears no wheel, however often the direction 
 is subtracted from that in the right one, so a larger dither under a steady push clears no wheel either.
 
 Reversed is the mirror of stalled: travel against the pushes, less travel with them, summed over pushes. A wheel that
-still rolls on from the push before is excused for ``rolls_on_s``, until it stands or turns round.
+still rolls on from the push before is excused for ``coast_s``, until it stands or turns round.
 """
 
 import math
@@ -34,8 +34,8 @@ class WheelWatchParameters(Parameters):
     A wheel counts as driven above ``driven_duty_share`` of its duty range. It is stalled when it was driven for
     ``stalled_s`` and turned less than ``turned_rad``; above half of the range time counts with the square of the duty,
     as a motor that stands heats up. It is reversed when it turned ``reversed_rad`` the wrong way. In a pause suspicion
-    fades: ``forgotten_s`` of it takes all away. After a change of direction a wheel may roll on for ``rolls_on_s``. A
-    refused reading counts one against its wheel, a good one takes off ``forgiven_per_reading``; ``jumps`` are too many.
+    fades: ``decay_s`` of it takes all away. After a change of direction a wheel may roll on for ``coast_s``. A
+    refused reading counts one against its wheel, a good one takes off ``decay_per_reading``; ``jumps`` are too many.
     So isolated damage on the line passes, at any rate of readings, while up to a fifth of them is refused.
     """
 
@@ -43,10 +43,10 @@ class WheelWatchParameters(Parameters):
     stalled_s: float = Field(default=1.75, gt=0, le=60)
     turned_rad: float = Field(default=0.1, gt=0, le=100)
     reversed_rad: float = Field(default=1.0, gt=0, le=100)
-    rolls_on_s: float = Field(default=0.5, ge=0, le=60)
-    forgotten_s: float = Field(default=30.0, gt=0, le=3600)
+    coast_s: float = Field(default=0.5, ge=0, le=60)
+    decay_s: float = Field(default=30.0, gt=0, le=3600)
     jumps: float = Field(default=10.0, ge=1, le=1000)
-    forgiven_per_reading: float = Field(default=0.25, gt=0, le=1)
+    decay_per_reading: float = Field(default=0.25, gt=0, le=1)
 
 
 FULL_WEIGHT_SHARE = 0.5
@@ -61,14 +61,14 @@ class Push(Record, frozen=True):
 
     ``direction`` is that of the latest push, however gentle (1 or -1; 0 before the first). The wheel was driven for
     ``pushed_s`` and turned by ``turned_rad``; it went ``against_rad`` more against its pushes than with them. For
-    ``rolls_on_s`` it may yet roll on as before the latest push. ``play_rad`` is where in its play it is.
+    ``coast_s`` it may yet roll on as before the latest push. ``play_rad`` is where in its play it is.
     """
 
     direction: int = 0
     pushed_s: float = 0.0
     turned_rad: float = 0.0
     against_rad: float = 0.0
-    rolls_on_s: float = 0.0
+    coast_s: float = 0.0
     play_rad: float = 0.0
 
 
@@ -107,7 +107,7 @@ def watch(
     pushes = tuple([_push(params, *wheel, dt_s, play_rad / 2) for wheel in wheels])
     jumps = state.jumps
     if any(jumps):
-        jumps = tuple([max(0.0, count - params.forgiven_per_reading) for count in jumps])
+        jumps = tuple([max(0.0, count - params.decay_per_reading) for count in jumps])
     return WheelWatchState(pushes, jumps), _first_fault(params, names, pushes, effort)
 
 
@@ -136,12 +136,12 @@ def _push(
         play_rad = half_play_rad if reached_rad > 0 else -half_play_rad
     moved_rad = reached_rad - play_rad
     direction = 1 if effort > 0 else -1 if effort < 0 else push.direction
-    rolls_on_s = push.rolls_on_s
+    coast_s = push.coast_s
     if direction != push.direction:
-        rolls_on_s = params.rolls_on_s if push.direction else 0.0
+        coast_s = params.coast_s if push.direction else 0.0
     ahead_rad = direction * moved_rad
-    rolls_on = ahead_rad < 0 < rolls_on_s
-    rolls_on_s = rolls_on_s - dt_s if rolls_on else 0.0
+    rolls_on = ahead_rad < 0 < coast_s
+    coast_s = coast_s - dt_s if rolls_on else 0.0
     pushed_s, against_rad = _charge(params, push, effort, 0.0 if rolls_on else ahead_rad, dt_s)
     if rolls_on or -params.driven_duty_share < effort < params.driven_duty_share:  # any way clears it
         turned_rad = push.turned_rad + (moved_rad if moved_rad > 0 else -moved_rad)
@@ -151,7 +151,7 @@ def _push(
         pushed_s = turned_rad = 0.0
     elif turned_rad < 0:
         turned_rad = 0.0
-    return Push(direction, pushed_s, turned_rad, against_rad, rolls_on_s, play_rad)
+    return Push(direction, pushed_s, turned_rad, against_rad, coast_s, play_rad)
 
 
 def _charge(
@@ -163,7 +163,7 @@ def _charge(
         against_rad = push.against_rad - ahead_rad
         pushed_s = push.pushed_s + (weight if weight > 1.0 else 1.0) * dt_s
         return pushed_s, against_rad if against_rad > 0 else 0.0
-    share = dt_s / params.forgotten_s
+    share = dt_s / params.decay_s
     pushed_s = max(0.0, push.pushed_s - share * params.stalled_s)
     return pushed_s, max(0.0, push.against_rad - share * params.reversed_rad)
 

@@ -55,7 +55,7 @@ class InfraredParameters(Parameters):
     ``curve_v_m`` are (volts, metres) from the fold outwards, ``near_curve_v_m`` those from the sensor to the fold.
     ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: no object gets
     nearer to the sensor than that. With 0.10 m, an ambiguous reading is trusted again below 2.0 V (from 0.30 m on);
-    with 0, only when nothing at all is in sight. After ``longest_gap_s`` without a reading the earlier readings no
+    with 0, only when nothing at all is in sight. After ``max_gap_s`` without a reading the earlier readings no
     longer count; an object that could cross the peak in that time, at its present pace, makes the reading ambiguous as
     well. Only the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the
     axles.
@@ -67,7 +67,7 @@ class InfraredParameters(Parameters):
     curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_CURVE_V_M
     near_curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_NEAR_CURVE_V_M
     setback_m: float = Field(ge=0, le=2)
-    longest_gap_s: float = Field(default=0.1, gt=0, le=10)
+    max_gap_s: float = Field(default=0.1, gt=0, le=10)
     median_window: int = Field(default=5, ge=1, le=101)
     min_range_m: float = Field(default=0.20, gt=0, le=10)
     max_range_m: float = Field(default=1.50, gt=0, le=10)
@@ -140,7 +140,7 @@ def interpret(
 ) -> tuple[InfraredState, RangeMeasured]:
     """The next state and what a 12-bit reading says; outside the trusted band it is never a distance."""
     stamp_s = counted.stamp_s
-    if state.recent and stamp_s - state.recent[-1].stamp_s > params.longest_gap_s:
+    if state.recent and stamp_s - state.recent[-1].stamp_s > params.max_gap_s:
         state = START
     sample = Sample(counted.adc / ADC_MAX * params.reference_v, stamp_s)
     recent = (*state.recent, sample)[-params.median_window :]
@@ -173,7 +173,7 @@ def _may_fold(params: InfraredParameters, before: tuple[Sample, ...], sample: Sa
     before_m, elapsed_s = _distance_m(params, before[-1].volts), sample.stamp_s - before[-1].stamp_s
     if before_m <= distance_m:
         return False
-    return (before_m - distance_m) * params.longest_gap_s > (distance_m - params.min_range_m) * elapsed_s
+    return (before_m - distance_m) * params.max_gap_s > (distance_m - params.min_range_m) * elapsed_s
 
 
 def _distance_m(params: InfraredParameters, volts: float) -> float:

@@ -44,15 +44,59 @@ def explain(
     return "\n".join(lines)
 
 
-RENAMED: Mapping[Keys, str] = {
-    ("api", "stop_places"): "reserved_stop_connections",
-    ("mapping", "told_every_s"): "publish_period_s",
-    ("recording", "without"): "exclude",
-    ("worker", "most_memory_mb"): "max_memory_mb",
-    ("worker", "restart_after_s"): "restart_delay_s",
-    ("worker", "restart_at_most_s"): "max_restart_delay_s",
+_RENAMED = {
+    "api": {
+        "stop_places": "reserved_stop_connections",
+        "stuck_s": "write_timeout_s",
+        "authenticate_s": "authenticate_timeout_s",
+        "request_s": "request_timeout_s",
+        "idle_s": "idle_timeout_s",
+    },
+    "depth_camera": {"silent_s": "silence_timeout_s"},
+    "drive": {"longest_step_s": "max_step_s"},
+    "encoders": {"slack_counts": "tolerance_counts"},
+    "infrared": {"longest_gap_s": "max_gap_s"},
+    "link": {"reconnect_first_s": "reconnect_delay_s", "reconnect_longest_s": "max_reconnect_delay_s"},
+    "localization": {"search_by_itself": "auto_search", "save_every_s": "save_period_s"},
+    "mapping": {"told_every_s": "publish_period_s", "autosave_s": "autosave_period_s"},
+    "mapping.slam.loops": {
+        "window_at_most_m": "max_window_m",
+        "least_score": "min_score",
+        "least_share": "min_share",
+        "least_overlap": "min_overlap",
+    },
+    "mapping.slam.matching": {
+        "window_at_most_m": "max_window_m",
+        "window_at_most_rad": "max_window_rad",
+        "jump_at_most_m": "max_jump_m",
+        "least_overlap": "min_overlap",
+    },
+    "mapping.slam.submaps": {"most_scans_per_place": "max_scans_per_place"},
+    "recording": {"without": "exclude"},
+    "safety": {"let_go_s": "stop_hold_s", "deaf": "unresponsive"},
+    "safety.echo": {"believed_after": "min_confirmations"},
+    "safety.overspeed": {"lasts_s": "duration_s", "late_s": "stamp_error_s"},
+    "safety.unresponsive": {"slack_m": "tolerance_m"},
+    "safety.wheels": {
+        "rolls_on_s": "coast_s",
+        "forgotten_s": "decay_s",
+        "forgiven_per_reading": "decay_per_reading",
+    },
+    "same_side": {"slack_m": "tolerance_m"},
+    "watchdog": {"patience_s": "timeout_s"},
+    "worker": {
+        "start_s": "start_timeout_s",
+        "silent_s": "silence_timeout_s",
+        "step_s": "step_timeout_s",
+        "most_memory_mb": "max_memory_mb",
+        "restart_after_s": "restart_delay_s",
+        "restart_at_most_s": "max_restart_delay_s",
+    },
 }
-"""Keys of earlier versions, and their names today."""
+RENAMED: Mapping[Keys, str] = {
+    (*section.split("."), old): new for section, names in _RENAMED.items() for old, new in names.items()
+}
+"""Keys of earlier versions, and their names today; one of a list goes without its number."""
 
 
 def dotted(values: object, loc: Keys) -> str:
@@ -82,7 +126,7 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     """The key that was meant: the new name of a renamed one, or one that a mistyped key comes near."""
     if kind != "extra_forbidden":
         return ""
-    if renamed := RENAMED.get(loc):
+    if renamed := RENAMED.get(tuple([key for key in loc if not key.isdigit()])):
         return f", it is now called {renamed}"
     section, known = _model_at(model, loc[:-1]), []
     if section is not None:

@@ -42,7 +42,7 @@ class Outbox:
         self._dropped: Counter[str] = Counter()
         self._watch: asyncio.TimerHandle | None = None
         self._unread_bytes = 0
-        self.timeout_s = parameters.stuck_s
+        self.timeout_s = parameters.write_timeout_s
         self.blocked = self.closing = False
         transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
 
@@ -81,7 +81,7 @@ class Outbox:
     def pause(self) -> None:
         """The client is behind: from now on it has to make progress."""
         self.blocked = True
-        self._expect_progress(self._parameters.stuck_s)
+        self._expect_progress(self._parameters.write_timeout_s)
 
     def shorten_timeout(self) -> None:
         """Nothing more is read from the client until it reads: wait for that only ``FULL_S``."""
@@ -110,12 +110,12 @@ class Outbox:
         self._waiting.clear()
 
     def close(self, goodbye: bytes = b"") -> None:
-        """Send only what the transport already has, and ``goodbye``; cut off after ``stuck_s`` without progress."""
+        """Send what the transport already has, and ``goodbye``; cut off after ``write_timeout_s`` without progress."""
         self.shut()
         if goodbye:
             self._transport.write(goodbye)
         self._transport.close()
-        self._expect_progress(self._parameters.stuck_s)
+        self._expect_progress(self._parameters.write_timeout_s)
 
     def lost(self) -> None:
         """The connection is gone."""

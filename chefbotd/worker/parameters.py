@@ -16,11 +16,11 @@ class WorkerParameters(Parameters):
     enabled: bool = True
     niceness: int = Field(default=10, ge=0, le=19)
     """How far the worker stands back for the daemon and others (nice(2))."""
-    start_s: float = Field(default=180.0, gt=0, le=3600)
+    start_timeout_s: float = Field(default=180.0, gt=0, le=3600)
     """Until it is ready. Compiling for the first time takes half a minute here, and minutes on a small board."""
-    silent_s: float = Field(default=3.0, gt=0, le=60)
+    silence_timeout_s: float = Field(default=3.0, gt=0, le=60)
     """It says twice a second that it lives."""
-    step_s: float = Field(default=20.0, gt=0, le=600)
+    step_timeout_s: float = Field(default=20.0, gt=0, le=600)
     """For what it does without having been asked, such as a scan."""
     max_memory_mb: float = Field(default=800.0, ge=100, le=65536)
     """Resident memory. SLAM in a flat takes 120 MB; compiling, once, 300 MB."""

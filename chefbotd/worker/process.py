@@ -117,7 +117,7 @@ class Worker:
     def tell(self, skill: str, body: msgspec.Struct) -> None:
         """Have a skill do something whose answer nobody needs, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
-            self._channel.send(messages.Request(NOBODY, skill, self._parameters.step_s, packed(body)))
+            self._channel.send(messages.Request(NOBODY, skill, self._parameters.step_timeout_s, packed(body)))
 
     async def request(
         self,
@@ -232,7 +232,7 @@ class Worker:
         self._requests.postpone(self._vitals.heard_s - before_s)
 
     def _why_to_kill(self, now_s: float, rss_mb: float | None) -> str | None:
-        allowed_s = max(self._parameters.step_s, self._requests.longest_deadline_s)
+        allowed_s = max(self._parameters.step_timeout_s, self._requests.longest_deadline_s)
         reason = why_to_kill(
             self._parameters, self.status.state, self._vitals, now_s, rss_mb=rss_mb, allowed_s=allowed_s
         )

@@ -97,11 +97,11 @@ def why_to_kill(
     starting = state in (WorkerState.STARTING, WorkerState.WARMING)
     if rss_mb is not None and rss_mb > parameters.max_memory_mb:
         return f"it took {rss_mb:.0f} MB of memory; worker.max_memory_mb is {parameters.max_memory_mb:g}"
-    if starting and now_s - vitals.spawned_s > parameters.start_s:
-        return f"it was not ready within {parameters.start_s:g} s (worker.start_s)"
-    silent_s, most_s = now_s - vitals.heard_s, parameters.silent_s
+    if starting and now_s - vitals.spawned_s > parameters.start_timeout_s:
+        return f"it was not ready within {parameters.start_timeout_s:g} s (worker.start_timeout_s)"
+    silent_s, most_s = now_s - vitals.heard_s, parameters.silence_timeout_s
     if silent_s > (max(FIRST_WORD_S, most_s) if state is WorkerState.STARTING else most_s):
-        return f"it was silent for {silent_s:.1f} s (worker.silent_s is {most_s:g})"
+        return f"it was silent for {silent_s:.1f} s (worker.silence_timeout_s is {most_s:g})"
     if not starting and vitals.busy_s > allowed_s:
         return f"it was busy with {vitals.doing or 'something'} for {vitals.busy_s:.1f} s, {allowed_s:g} s are allowed"
     passed_s = max(now_s - vitals.checked_s, 1e-3)

@@ -62,7 +62,7 @@ def new_server(
     """A server that does not run yet, with its fake robot and its bus."""
     robot, bus, clock, parameters = FakeRobot(), Bus(), LoopClock(), ApiParameters(port=port, **limits)
     robot.arm_role = parameters.arm_role
-    leases = ControlLeases(parameters.lease_s, robot.let_go_s, robot.release, bus.publish)
+    leases = ControlLeases(parameters.lease_s, robot.stop_hold_s, robot.release, bus.publish)
     methods, topics = methods_and_topics(robot.features(leases, clock, simulated=simulated))
     server = RpcServer(
         methods,

@@ -164,7 +164,7 @@ class FakeRobot:
     """``calls`` lists every command; ``answer`` is raised by every one of them, if set."""
 
     command_timeout_s = 0.5
-    let_go_s = 1.0
+    stop_hold_s = 1.0
     link_is_up = False
     arm_role = Role.DRIVE
     default_source = "teleop"
@@ -314,7 +314,7 @@ class FakeRobot:
 
     def leases(self, announce: Callable[[ControlChanged], None]) -> ControlLeases:
         """Leases on this robot's sources, with the packaged times."""
-        return ControlLeases(3.0, self.let_go_s, self.release, announce)
+        return ControlLeases(3.0, self.stop_hold_s, self.release, announce)
 
 
 def table_of(robot: FakeRobot, fanout: Fanout, clock: Clock, leases: ControlLeases) -> dict[str, Method]:

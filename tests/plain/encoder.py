@@ -77,7 +77,7 @@ class Decoder:
 
     def _most(self, before: Sample, now: Sample) -> float:
         turned_rad = self._params.max_speed_rad_s * max(now[0] - before[0], 0.0)
-        return turned_rad / math.tau * self._params.counts_per_turn + self._params.slack_counts
+        return turned_rad / math.tau * self._params.counts_per_turn + self._params.tolerance_counts
 
     def _may_follow(self, before: Sample, now: Sample) -> bool:
         return all(abs(counted) <= self._most(before, now) for counted in self._moved(before, now))
@@ -90,7 +90,7 @@ class Decoder:
         if most_rad_s2 is None:
             return False
         elapsed_s, span_s = board_s - self._good[-1][0], board_s - self._good[0][0]
-        tolerance = most_rad_s2 * elapsed_s * span_s / 2 * counts_per_rad + self._params.slack_counts
+        tolerance = most_rad_s2 * elapsed_s * span_s / 2 * counts_per_rad + self._params.tolerance_counts
         expected = [velocity * elapsed_s * counts_per_rad for velocity in self._velocity()]
         wheels = zip(self._signs, moved, expected, strict=True)
         return any(abs(sign * counted - way) > tolerance for sign, counted, way in wheels)

@@ -12,22 +12,22 @@ def push(
     play = min(max(reached, -play_rad / 2), play_rad / 2)
     moved = reached - play
     direction = 1 if effort > 0 else -1 if effort < 0 else before.direction
-    rolls_on_s = before.rolls_on_s
+    coast_s = before.coast_s
     if direction != before.direction:
-        rolls_on_s = params.rolls_on_s if before.direction else 0.0
+        coast_s = params.coast_s if before.direction else 0.0
     ahead = direction * moved
-    rolls_on = ahead < 0 < rolls_on_s
+    rolls_on = ahead < 0 < coast_s
     driven = abs(effort) >= params.driven_duty_share
     if driven:
         pushed_s = before.pushed_s + max(1.0, (effort / FULL_WEIGHT_SHARE) ** 2) * dt_s
         against = max(0.0, before.against_rad - (0.0 if rolls_on else ahead))
     else:
-        pushed_s = max(0.0, before.pushed_s - dt_s / params.forgotten_s * params.stalled_s)
-        against = max(0.0, before.against_rad - dt_s / params.forgotten_s * params.reversed_rad)
+        pushed_s = max(0.0, before.pushed_s - dt_s / params.decay_s * params.stalled_s)
+        against = max(0.0, before.against_rad - dt_s / params.decay_s * params.reversed_rad)
     turned = max(0.0, before.turned_rad + (abs(moved) if rolls_on or not driven else ahead))
     if pushed_s == 0.0 or turned >= params.turned_rad:
         pushed_s = turned = 0.0
-    return Push(direction, pushed_s, turned, against, rolls_on_s - dt_s if rolls_on else 0.0, play)
+    return Push(direction, pushed_s, turned, against, coast_s - dt_s if rolls_on else 0.0, play)
 
 
 def add(
@@ -35,7 +35,7 @@ def add(
 ) -> Excess:
     """A reading of a wheel that is driven."""
     allowed_m_s = max(before.asked_m_s, asked_m_s) * (1 + params.share) + params.margin_m_s
-    leap_m, least_m = params.excess_m * LEAP_SHARE, -allowed_m_s * params.late_s
+    leap_m, least_m = params.excess_m * LEAP_SHARE, -allowed_m_s * params.stamp_error_s
     ahead = max(least_m, before.ahead_m + min(leap_m, travel_m - allowed_m_s * dt_s))
     back = max(least_m, before.back_m + min(leap_m, -travel_m - allowed_m_s * dt_s))
     beyond = max(before.ahead_m, before.back_m) > params.excess_m and max(ahead, back) > params.excess_m

@@ -73,11 +73,11 @@ def test_who_lets_go_gives_the_robot_back(released: Reading | None):
         await asyncio.sleep(1.5)
         assert speed_m_s(robot) == pytest.approx(0.2, rel=0.05)
         changes = robot.daemon.bus.subscribe(SafetyChanged, size=100)
-        let_go_s, pad.reading = asyncio.get_running_loop().time(), released
+        stop_hold_s, pad.reading = asyncio.get_running_loop().time(), released
         await asyncio.sleep(1.0)
         told = [changes.take() for _ in range(len(changes))]
         assert [event.source for event in told] == ["move_base"]
-        assert told[0].stamp_s - let_go_s <= 0.02
+        assert told[0].stamp_s - stop_hold_s <= 0.02
         assert speed_m_s(robot) == pytest.approx(0.1, rel=0.05)
         navigating.cancel()
 

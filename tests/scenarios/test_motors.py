@@ -93,7 +93,7 @@ def test_a_feedforward_far_too_large_stops_the_robot(robot_name: str, turn_rad_s
 @pytest.mark.parametrize(("robot_name", "twist"), [("chefbot", (0.295, 0.1)), ("khan", (0.6, -0.5))])
 @pytest.mark.parametrize("way", ["stop", "estop"])
 def test_a_deaf_board_is_told_in_every_mode(robot_name: str, twist: tuple[float, float], way: str):
-    """The board drives on: ``board_deaf`` on the topic and in the log within 1.5 s, the e-stop's reason behind it."""
+    """The board drives on: the fault is on the topic and in the log within 1.5 s, the e-stop's reason behind it."""
 
     async def story(robot: SimulatedRobot) -> None:
         await drive(robot, twist, 1.0)
@@ -104,7 +104,7 @@ def test_a_deaf_board_is_told_in_every_mode(robot_name: str, twist: tuple[float,
             await robot.client.estop("the cat is in the way")
         await asyncio.sleep(1.5)
         mode, fault, reason = await told(robot)
-        assert (mode, fault) == ("disarmed" if way == "stop" else "estopped", "board_deaf")
+        assert (mode, fault) == ("disarmed" if way == "stop" else "estopped", "board_unresponsive")
         assert "Cut the motors' power" in reason
         assert ("the cat is in the way" in reason) == (way != "stop")
         assert robot.board.truth(0.0).twist.linear_m_s > 0.2
@@ -112,7 +112,7 @@ def test_a_deaf_board_is_told_in_every_mode(robot_name: str, twist: tuple[float,
     with capture_logs() as log:
         on_robot(story, robot_name)
     said = "safety mode changed" if way == "stop" else "the robot moves although it must stand"
-    assert [entry for entry in log if entry["event"] == said and entry["fault"] == "board_deaf"]
+    assert [entry for entry in log if entry["event"] == said and entry["fault"] == "board_unresponsive"]
 
 
 @pytest.mark.parametrize("robot_name", ["chefbot", "khan"])

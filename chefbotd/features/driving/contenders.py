@@ -23,22 +23,22 @@ class Contenders:
         """A client tries to drive; raises ``Refused`` where the source is free, but a stop holds those who try."""
         if self._leases.is_own(source, session, now_s):
             return
-        let_go_s = self._leases.let_go_s
-        self._attempts = hold.note_attempt(self._attempts, source, now_s, let_go_s)
+        stop_hold_s = self._leases.stop_hold_s
+        self._attempts = hold.note_attempt(self._attempts, source, now_s, stop_hold_s)
         self._last[source] = session
         if self._estopped:
-            self._attempts = hold.hold(self._attempts, now_s, let_go_s, EMERGENCY_STOP)
+            self._attempts = hold.hold(self._attempts, now_s, stop_hold_s, EMERGENCY_STOP)
         stopped_by = hold.holder_of(self._attempts, source)
         if stopped_by and not self._estopped and self._leases.holder(source, now_s) is None:
-            raise stopped(source, stopped_by, let_go_s)
+            raise stopped(source, stopped_by, stop_hold_s)
 
     def stop(self, session: Session, by: str, now_s: float) -> None:
         """Hold who has tried lately, but for the client that asks for it."""
-        self._attempts = hold.hold(self._attempts, now_s, self._leases.let_go_s, by, self._of(session))
+        self._attempts = hold.hold(self._attempts, now_s, self._leases.stop_hold_s, by, self._of(session))
 
     def estop(self, now_s: float) -> None:
         """Hold who has tried lately, and who tries before somebody arms."""
-        self._attempts = hold.hold(self._attempts, now_s, self._leases.let_go_s, EMERGENCY_STOP)
+        self._attempts = hold.hold(self._attempts, now_s, self._leases.stop_hold_s, EMERGENCY_STOP)
         self._estopped = True
 
     def arm(self, session: Session) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from chefbotd.core.events import DutyEchoed
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.safety import deaf, echo, overspeed
+from chefbotd.safety import echo, overspeed, unresponsive
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
 
@@ -44,7 +44,7 @@ class MotorWatch:
     def start_anew(self) -> None:
         """The robot is armed, or its board another: nothing is held against it."""
         self._overspeed = overspeed.at_rest(len(self._names))
-        self._deaf = deaf.DRIVEN
+        self._unresponsive = unresponsive.DRIVEN
 
     def connected(self) -> None:
         """Whether the board's echo can be believed has to be seen."""
@@ -53,7 +53,7 @@ class MotorWatch:
 
     def tell(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
-        self._deaf = deaf.told(self._deaf, now_s, driven=any(duty))
+        self._unresponsive = unresponsive.told(self._unresponsive, now_s, driven=any(duty))
         self._echo = echo.say(self._echo, now_s, duty)
 
     def hear(self, event: DutyEchoed) -> Fault | None:
@@ -67,7 +67,9 @@ class MotorWatch:
         """A good reading, after a while in which the rims were asked for these speeds."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
-            self._deaf = deaf.told(deaf.DRIVEN, now_s, driven=self._deaf.told_s is None)
+            self._unresponsive = unresponsive.told(
+                unresponsive.DRIVEN, now_s, driven=self._unresponsive.told_s is None
+            )
             return
         travel_m = self._kinematics.rims_at_m_s(seen.reading.travel_rad)
         self._overspeed, fault = overspeed.watch(
@@ -81,11 +83,11 @@ class MotorWatch:
         )
         if fault is not None:
             yield fault
-        if self._deaf.told_s is None:  # it is driven
+        if self._unresponsive.told_s is None:  # it is driven
             return
-        self._deaf, fault = deaf.watch(
-            self._parameters.deaf,
-            self._deaf,
+        self._unresponsive, fault = unresponsive.watch(
+            self._parameters.unresponsive,
+            self._unresponsive,
             now_s,
             travel_m,
             self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s),

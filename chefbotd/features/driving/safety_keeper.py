@@ -143,10 +143,10 @@ class SafetyKeeper:
 
     def _note_attempt(self, command: Command) -> None:
         """Who tries to drive while an e-stop is latched is held from then on, as who did before it."""
-        let_go_s = self._parameters.held_until_silent_s
+        stop_hold_s = self._parameters.held_until_silent_s
         if command.source not in self._parameters.sources:
             return
-        self._attempts = hold.note_attempt(self._attempts, command.source, command.stamp_s, let_go_s)
+        self._attempts = hold.note_attempt(self._attempts, command.source, command.stamp_s, stop_hold_s)
         if self._gate.mode is Mode.ESTOPPED:
             self._hold(EMERGENCY_STOP)
 
@@ -156,8 +156,8 @@ class SafetyKeeper:
             raise stopped(source, stopped_by, self._parameters.held_until_silent_s)
 
     def _hold(self, by: str, excluded: Collection[str] = ()) -> None:
-        now_s, let_go_s = self._clock.now_s(), self._parameters.held_until_silent_s
-        self._attempts = hold.hold(self._attempts, now_s, let_go_s, by, excluded)
+        now_s, stop_hold_s = self._clock.now_s(), self._parameters.held_until_silent_s
+        self._attempts = hold.hold(self._attempts, now_s, stop_hold_s, by, excluded)
 
     def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
         """Forget every command; hold the sources that are driven, but for the ``excluded`` ones, if told by whom."""
@@ -387,10 +387,10 @@ def _nothing() -> None:
     """Nobody wants to know."""
 
 
-def stopped(source: str, stopped_by: str, let_go_s: float) -> Refused:
+def stopped(source: str, stopped_by: str, stop_hold_s: float) -> Refused:
     """What the driver of a source is told that a stop holds."""
     return Refused(
         RefusalKind.STOPPED,
-        f"{source} was stopped by {stopped_by}: do not drive for {let_go_s:g} s, or send arm",
-        {"source": source, "stopped_by": stopped_by, "let_go_s": let_go_s},
+        f"{source} was stopped by {stopped_by}: do not drive for {stop_hold_s:g} s, or send arm",
+        {"source": source, "stopped_by": stopped_by, "stop_hold_s": stop_hold_s},
     )

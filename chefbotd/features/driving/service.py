@@ -70,7 +70,7 @@ class DriveService:
         wheel_names: tuple[str, ...],
         control: ControlParameters,
         duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
-        patience_s: float = WatchdogParameters().patience_s,
+        patience_s: float = WatchdogParameters().timeout_s,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
         self._drive, self._state, self._keeper = drive, drive.at_rest, keeper

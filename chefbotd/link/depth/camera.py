@@ -76,7 +76,7 @@ class DepthCamera:
                         bearing_rad = message.values
                     else:
                         self._publish(message.stamp_s, bearing_rad, message.values)
-                        patience_s = self.parameters.silent_s
+                        patience_s = self.parameters.silence_timeout_s
             except BadMessage as error:
                 return str(error)
 

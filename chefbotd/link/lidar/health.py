@@ -27,7 +27,7 @@ class Condition(StrEnum):
     WRONG_DEVICE = "wrong_device"
     MOTOR_STALLED = "motor_stalled"
     FROZEN = "frozen"
-    OUT_OF_ORDER = "out_of_order"
+    DEVICE_ERROR = "device_error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def judge(new: Heard, quiet_s: float, sample: bytes, complaint: str) -> Health:
     if not new.packets:
         return _judge_foreign(sample, found)
     if complaint:
-        wrong = Condition.WRONG_DEVICE if "another lidar" in complaint else Condition.OUT_OF_ORDER
+        wrong = Condition.WRONG_DEVICE if "another lidar" in complaint else Condition.DEVICE_ERROR
         return Health(wrong, complaint)
     if new.turns:
         return Health(Condition.HEALTHY, "")

@@ -106,7 +106,7 @@ class Listener:
                 accepted.send(jsonrpc.error(failure) + b"\n")
 
     async def _connect(self, accepted: socket.socket, session: Session) -> None:
-        handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_s
+        handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_timeout_s
         try:
             await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: Connection(

@@ -172,7 +172,7 @@ class PageServer:
                 ssl=tls,
                 ssl_handshake_timeout=None
                 if tls is None
-                else self._rpc.connections.parameters.authenticate_s,
+                else self._rpc.connections.parameters.authenticate_timeout_s,
             )
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
             self._log.warning("client_not_let_in", error=str(error))

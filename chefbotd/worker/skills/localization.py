@@ -68,7 +68,7 @@ class LocalizationSkill:
         self._read_map = read_map or stored_grids(self._parameters.folder)
         self._pose_file = pose_file or PoseOnDisk(self._parameters.pose_file)
         self._clock = clock
-        searching = {"by_itself": self._parameters.search_by_itself}
+        searching = {"by_itself": self._parameters.auto_search}
         self._localization = LocalizationParameters.model_validate({"searching": searching})
         self._aligner = ScanAligner(self._parameters.lidars)
         self._within: LocalizationMap | None = None
@@ -147,7 +147,7 @@ class LocalizationSkill:
             return
         self._now = advanced(self._localization, self._within, self._now)
         if now_s >= self._keep_at_s:
-            self._keep_at_s = now_s + self._parameters.save_every_s
+            self._keep_at_s = now_s + self._parameters.save_period_s
             self._keep()
 
     def _keep(self) -> None:

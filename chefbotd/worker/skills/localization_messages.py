@@ -19,8 +19,8 @@ class LocalizationSkillParameters(Parameters):
     lidars: tuple[str, ...]
     folder: Path
     pose_file: Path
-    search_by_itself: bool
-    save_every_s: float
+    auto_search: bool
+    save_period_s: float
 
 
 # Requests

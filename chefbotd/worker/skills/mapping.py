@@ -142,7 +142,7 @@ class MappingSkill:
             self._reason = str(problem)
             yield self._status()
         took_s = self._clock.now_s() - now_s
-        self._save_at_s = now_s + max(self._parameters.mapping.autosave_s, took_s / BUSY_SHARE)
+        self._save_at_s = now_s + max(self._parameters.mapping.autosave_period_s, took_s / BUSY_SHARE)
 
     def close(self) -> None:
         """The daemon ends: keep what it has of a map that is not finished."""

@@ -14,7 +14,7 @@ from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.codec import CLASSIC
 
-PARAMETERS = LinkParameters(reconnect_first_s=0.1, reconnect_longest_s=1.0, reconnect_jitter=0.2)
+PARAMETERS = LinkParameters(reconnect_delay_s=0.1, max_reconnect_delay_s=1.0, reconnect_jitter=0.2)
 
 
 def test_waits_double_up_to_the_longest_and_vary():

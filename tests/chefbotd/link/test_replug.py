@@ -69,7 +69,7 @@ def on_link(cable: Cable, story: Callable[[BoardSession], Awaitable[None]]) -> N
 
     async def run() -> None:
         parameters = LinkParameters(
-            device=str(cable.path), reconnect_first_s=0.002, reconnect_longest_s=0.004
+            device=str(cable.path), reconnect_delay_s=0.002, max_reconnect_delay_s=0.004
         )
         session = BoardSession(Bus(), SystemClock(), CLASSIC, device=parameters.device, setpoints_per_s=200.0)
         link = PortLink(parameters, session, open_port, SystemClock(), random.Random(1))

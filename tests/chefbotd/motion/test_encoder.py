@@ -18,7 +18,7 @@ Counts = tuple[int, ...]
 
 def parameters(**changes: float) -> EncoderParameters:
     """1000 counts a turn, at most 10 turns a second: 200 counts in 20 ms, and no slack."""
-    values = {"counts_per_turn": 1000.0, "max_speed_rad_s": 10 * math.tau, "slack_counts": 0} | changes
+    values = {"counts_per_turn": 1000.0, "max_speed_rad_s": 10 * math.tau, "tolerance_counts": 0} | changes
     return EncoderParameters.model_validate(values)
 
 
@@ -106,7 +106,7 @@ def test_a_wheel_slower_than_the_threshold_stands() -> None:
 
 def test_the_same_board_time_twice_divides_nothing_by_zero() -> None:
     """A reading with the stamp of the last replaces it: travel counts, the velocity spans real time."""
-    params = parameters(slack_counts=10)
+    params = parameters(tolerance_counts=10)
     state, _ = feed(params, (0, 0), (20, 20))
     _, again = encoder.decode(params, FORWARD, state, (30, 30), PERIOD_S)
     assert again.travel_rad == turns(0.01, 0.01)
@@ -115,7 +115,7 @@ def test_the_same_board_time_twice_divides_nothing_by_zero() -> None:
 
 def test_board_time_that_goes_back_starts_a_new_window() -> None:
     """No speed is computed over a span that runs backwards."""
-    params = parameters(slack_counts=10)
+    params = parameters(tolerance_counts=10)
     state, _ = feed(params, (0, 0), (20, 20))
     _, back = encoder.decode(params, FORWARD, state, (25, 25), -1.0)
     assert back.velocity_rad_s == (0.0, 0.0)
@@ -126,7 +126,9 @@ def test_the_fastest_possible_change_is_believed_and_one_more_is_not() -> None:
     """200 counts in 20 ms are 10 turns a second, the limit, and 201 are too many; slack adds to it."""
     _, (_, most) = feed(parameters(max_speed_rad_s=10.0001 * math.tau), (0, 0), (200, -200))
     _, (_, more) = feed(parameters(max_speed_rad_s=10.0001 * math.tau), (0, 0), (200, -201))
-    _, (_, slack) = feed(parameters(max_speed_rad_s=10.0001 * math.tau, slack_counts=1), (0, 0), (200, -201))
+    _, (_, slack) = feed(
+        parameters(max_speed_rad_s=10.0001 * math.tau, tolerance_counts=1), (0, 0), (200, -201)
+    )
     assert (most.refused, more.refused, slack.refused) == (False, True, False)
 
 
@@ -315,7 +317,7 @@ def test_more_than_a_quarter_of_the_counter_is_still_travel(delta: int) -> None:
 
 def test_only_who_went_too_far_is_to_blame() -> None:
     """Without time between them four counts of slack are all: four of the left wheel are well, five of the right not."""
-    params = parameters(slack_counts=4)
+    params = parameters(tolerance_counts=4)
     state, _ = feed(params, (0, 0))
     _, reading = encoder.decode(params, FORWARD, state, (-4, 5), 0.0)
     assert reading.jumped == (1,)

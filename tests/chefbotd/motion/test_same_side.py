@@ -10,7 +10,7 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, Whee
 from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSideWheels
 
 RADIUS_M, DT_S = 0.03, 0.02
-NO_MEMORY = SameSideParameters(memory_s=1e-3, slack_m=0.001, share=0.1)
+NO_MEMORY = SameSideParameters(memory_s=1e-3, tolerance_m=0.001, share=0.1)
 """Each step is judged by itself: what was before it has faded by exp(-20)."""
 
 
@@ -107,7 +107,7 @@ def test_while_both_move_the_choice_is_made_anew():
 
 def test_without_movement_the_choice_stays():
     """The wheel that died rolled less far before both stood, and the robot is now asked to go back."""
-    judge = wheels_of(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2, tolerance_m=0.001, share=0.1))
     state = SameSideState((0.03, 0.01, 0.03, 0.03), (0.0,) * 4, (0.03,) * 4, substitutes=((1, 3),))
     for _ in range(15):
         state = judge.compare(state, (0.0,) * 4, (-0.3,) * 4, DT_S)
@@ -128,7 +128,7 @@ def test_one_wheel_a_side_has_nobody_to_disagree_with():
 
 def test_a_wheel_comes_back_when_the_disagreement_has_faded():
     """With a memory of 0.2 s, 60 mm against none fade to half of the tolerance (1 mm + 10 %) within a second."""
-    judge = wheels_of(params=SameSideParameters(memory_s=0.2, slack_m=0.001, share=0.1))
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2, tolerance_m=0.001, share=0.1))
     state = after(judge, (0.3, 0.3, 0.0, 0.3), ALL, steps=50)
     assert state.excluded == (2,)
     excluded = []

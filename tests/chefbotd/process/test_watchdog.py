@@ -33,7 +33,7 @@ class StandingLoop:
 
 def watchdog(loop: StandingLoop, now_s: float) -> Watchdog:
     """A watchdog that looks every 12.5 ms, at a clock that stands at ``now_s``."""
-    parameters = WatchdogParameters(patience_s=0.1)
+    parameters = WatchdogParameters(timeout_s=0.1)
     return Watchdog(parameters, ManualClock(now_s), loop, loop.stop, loop.reported.append)
 
 
@@ -88,7 +88,7 @@ def test_a_loop_at_rest_is_looked_at_when_it_can_have_stood_too_long():
     looks = []
     for is_driving in (False, True):
         clock, loop = CountingClock(10.0), StandingLoop(is_driving=is_driving, acted_s=9.98)
-        parameters = WatchdogParameters(patience_s=2.0)
+        parameters = WatchdogParameters(timeout_s=2.0)
         with Watchdog(parameters, clock, loop, loop.stop, loop.reported.append):
             time.sleep(0.6)
         looks.append(clock.reads)
@@ -101,7 +101,7 @@ def test_a_loop_at_rest_that_stands_still_is_stopped_within_its_patience():
     """Acted at 0, looked at first 0.06 s later: the stop comes after 0.1 s, not after a whole patience more."""
     clock, loop = SystemClock(), StandingLoop(is_driving=False)
     loop.acted_s = clock.now_s() - 0.06
-    with Watchdog(WatchdogParameters(patience_s=0.4), clock, loop, loop.stop, loop.reported.append):
+    with Watchdog(WatchdogParameters(timeout_s=0.4), clock, loop, loop.stop, loop.reported.append):
         assert not loop.stopped.wait(0.2)
         assert loop.stopped.wait(SOON_S)
         assert clock.now_s() - loop.acted_s > 0.4

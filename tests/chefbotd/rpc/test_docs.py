@@ -62,7 +62,7 @@ def test_notifications_and_limits_are_those_in_force() -> None:
         assert f'"method":"{name}"' in text
     assert f"{limits.max_request_bytes} bytes (`max_request_bytes`)" in text
     assert f"{limits.outbox_bytes // 1024} KiB (`outbox_bytes`)" in text
-    assert f"{limits.stuck_s:g} s (`stuck_s`)" in text
+    assert f"{limits.write_timeout_s:g} s (`write_timeout_s`)" in text
     assert f"{limits.backlog_bytes // 1024} KiB (`backlog_bytes`)" in text
     assert f"{limits.requests_per_turn} (`requests_per_turn`)" in text
     assert f"(`write_buffer_bytes`, {limits.write_buffer_bytes // 1024} KiB)" in text

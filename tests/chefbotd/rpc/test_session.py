@@ -7,7 +7,13 @@ from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
 
-LIMITS = ApiParameters(authenticate_s=5.0, request_s=10.0, idle_s=60.0, requests_per_s=10.0, requests_burst=2)
+LIMITS = ApiParameters(
+    authenticate_timeout_s=5.0,
+    request_timeout_s=10.0,
+    idle_timeout_s=60.0,
+    requests_per_s=10.0,
+    requests_burst=2,
+)
 
 
 def session(role: Role | None = Role.ADMIN, host: str = "10.0.0.7") -> Session:

@@ -9,12 +9,12 @@ from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
-from chefbotd.safety.deaf import DeafParameters
 from chefbotd.safety.echo import EchoParameters
 from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
 from chefbotd.safety.gate import SafetyParameters, SourceParameters
 from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
 from chefbotd.safety.overspeed import OverspeedParameters
+from chefbotd.safety.unresponsive import UnresponsiveParameters
 from chefbotd.safety.wheels import WheelWatchParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
@@ -44,7 +44,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
         SafetyParameters(),
         {
             "command_timeout_s": 0.5,
-            "let_go_s": 1.0,
+            "stop_hold_s": 1.0,
             "rearm": "manual",
             "sources": {
                 "safety": SourceParameters(priority=10, timeout_s=0.2),
@@ -60,22 +60,22 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "margin_m_s": 0.04,
             "braking_m_s2": 0.75,
             "excess_m": 0.015,
-            "lasts_s": 0.1,
-            "late_s": 0.05,
+            "duration_s": 0.1,
+            "stamp_error_s": 0.05,
         },
     ),
     (
-        DeafParameters(),
+        UnresponsiveParameters(),
         {
             "reaction_s": 0.25,
             "readings": 3,
             "braking_m_s2": 0.5,
-            "slack_m": 0.03,
+            "tolerance_m": 0.03,
             "rest_m_s": 0.005,
             "rest_s": 0.2,
         },
     ),
-    (EchoParameters(), {"mismatches": 8.0, "forgiven": 0.5, "believed_after": 5, "memory_s": 3.0}),
+    (EchoParameters(), {"mismatches": 8.0, "forgiven": 0.5, "min_confirmations": 5, "memory_s": 3.0}),
     (BatteryMonitorParameters(), {"critical_s": 5.0, "absent_below_v": 3.0}),
     (EncoderTimeoutParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0}),
     (
@@ -85,19 +85,19 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "stalled_s": 1.75,
             "turned_rad": 0.1,
             "reversed_rad": 1.0,
-            "rolls_on_s": 0.5,
-            "forgotten_s": 30.0,
+            "coast_s": 0.5,
+            "decay_s": 30.0,
             "jumps": 10.0,
-            "forgiven_per_reading": 0.25,
+            "decay_per_reading": 0.25,
         },
     ),
-    (SameSideParameters(), {"memory_s": 0.2, "slack_m": 0.0015, "share": 0.1}),
+    (SameSideParameters(), {"memory_s": 0.2, "tolerance_m": 0.0015, "share": 0.1}),
     (OdometryParameters(), {"travel_variance_m2_per_m": 1e-4, "turn_variance_rad2_per_rad": 3e-4}),
     (
         EncoderParameters(counts_per_turn=4200, max_speed_rad_s=9.0),
         {
             "width_bits": 32,
-            "slack_counts": 4,
+            "tolerance_counts": 4,
             "velocity_window": 5,
             "standstill_rad_s": 0.0,
             "confirmations": 3,
@@ -135,7 +135,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
         {
             "channel": 0,
             "reference_v": 3.3,
-            "longest_gap_s": 0.1,
+            "max_gap_s": 0.1,
             "median_window": 5,
             "min_range_m": 0.2,
             "max_range_m": 1.5,

@@ -10,7 +10,7 @@ from chefbotd.transport.framing import LineFraming
 from chefbotd.transport.outbox import Outbox
 from tests.fakes.transport import FakeTransport
 
-LIMITS = ApiParameters(write_buffer_bytes=4096, outbox_bytes=4096, stuck_s=5.0)
+LIMITS = ApiParameters(write_buffer_bytes=4096, outbox_bytes=4096, write_timeout_s=5.0)
 FILL = b"x" * 5000  # more than the write buffer takes before it pauses
 
 
@@ -132,7 +132,7 @@ def test_what_waits_is_not_all_poured_into_a_transport_that_fills_up_again() -> 
 
 
 def test_a_stuck_client_is_cut_off_after_five_seconds() -> None:
-    """With unread output and no progress for ``stuck_s``, the connection is aborted; not a moment before."""
+    """With unread output and no progress for ``write_timeout_s``, the connection is aborted; not a moment before."""
 
     async def scenario() -> None:
         box, transport, _ = outbox()

@@ -36,7 +36,7 @@ async def running(
 ) -> AsyncIterator[tuple[Worker, list[WorkerStatus]]]:
     """A real worker that is ready."""
     statuses: list[WorkerStatus] = []
-    worker = Worker(parameters or WorkerParameters(silent_s=1.5), SystemClock(), {}, statuses.append)
+    worker = Worker(parameters or WorkerParameters(silence_timeout_s=1.5), SystemClock(), {}, statuses.append)
     task = asyncio.create_task(worker.run())
     try:
         await until(lambda: worker.is_ready)

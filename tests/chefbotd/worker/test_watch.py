@@ -18,7 +18,7 @@ from chefbotd.worker.watch import (
 )
 
 S, H = WorkerState, Happened
-PARAMETERS = WorkerParameters(start_s=60, silent_s=3, step_s=20, max_memory_mb=400)
+PARAMETERS = WorkerParameters(start_timeout_s=60, silence_timeout_s=3, step_timeout_s=20, max_memory_mb=400)
 GOOD = Vitals(spawned_s=90.0, heard_s=99.7, checked_s=99.9)
 
 
@@ -66,8 +66,8 @@ def test_silence_is_measured(state: WorkerState, heard_s: float, killed: bool) -
 
 
 def test_a_start_has_its_end() -> None:
-    """A worker that never becomes ready is killed after start_s; one that is ready may be as old as it likes."""
-    assert "within 60 s (worker.start_s)" in why(S.WARMING, spawned_s=39.9)
+    """A worker that never becomes ready is killed after start_timeout_s; one that is ready may be as old as it likes."""
+    assert "within 60 s (worker.start_timeout_s)" in why(S.WARMING, spawned_s=39.9)
     assert why(S.READY, spawned_s=-1e6) == ""
 
 

@@ -106,11 +106,11 @@ async def power_cycle(fault_run: FaultRun) -> AsyncIterator[None]:
         )
 
 
-NOTICED = {"chefbot": None, "khan": "board_deaf"}
+NOTICED = {"chefbot": None, "khan": "board_unresponsive"}
 """KHAN's fifty readings a second tell within half a second that the board does not listen; ChefBot's twenty do not."""
 
 NOTICED_LATER: Mapping[str, Expected | str] = {
-    "duemilanove": Expected("estopped", "board_deaf", 0.5 + AT_ONCE_S)
+    "duemilanove": Expected("estopped", "board_unresponsive", 0.5 + AT_ONCE_S)
 }
 """It has read on for longer when it comes to the stop: 63 bytes a cycle of what the kernel has taken."""
 

@@ -85,7 +85,7 @@ async def distrust(fault_run: FaultRun) -> AsyncIterator[None]:
 
 
 GUARDS = (("token", by_token), ("token and TLS", by_token_and_tls))
-SHORT = {"api.authenticate_s": 1.0}
+SHORT = {"api.authenticate_timeout_s": 1.0}
 
 FAULTS = (
     *(

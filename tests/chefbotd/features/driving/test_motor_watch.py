@@ -61,10 +61,10 @@ def test_a_board_that_is_deaf_after_a_pause_is_found_later() -> None:
     rig = Rig()
     now_s = rig.drive(2.0) + 3.0
     found = [(i, kind) for i in range(50) for kind in rig.read(now_s + i * CYCLE_S, (0.0, 0.0), (0, 0))]
-    assert {kind for _, kind in found} <= {FaultKind.BOARD_DEAF, FaultKind.ECHO_MISMATCH}
-    assert FaultKind.BOARD_DEAF in [kind for _, kind in found]
+    assert {kind for _, kind in found} <= {FaultKind.BOARD_UNRESPONSIVE, FaultKind.ECHO_MISMATCH}
+    assert FaultKind.BOARD_UNRESPONSIVE in [kind for _, kind in found]
     assert min(i for i, _ in found) * CYCLE_S >= 1.0
-    assert 35 <= next(i for i, kind in found if kind is FaultKind.BOARD_DEAF) <= 37
+    assert 35 <= next(i for i, kind in found if kind is FaultKind.BOARD_UNRESPONSIVE) <= 37
 
 
 def stood(rig: Rig, echo: tuple[float, float] | None, seconds: float) -> float:
@@ -82,7 +82,7 @@ def stood(rig: Rig, echo: tuple[float, float] | None, seconds: float) -> float:
     [
         (None, 2.0, set()),  # it stood, its echo said so, and somebody pushes it
         ((120.0, 90.0), 2.0, set()),  # it said once, 2 s ago, that it was driven: that is too old
-        ((120.0, 0.0), 1.0, {FaultKind.BOARD_DEAF}),  # a second ago, and of one motor
+        ((120.0, 0.0), 1.0, {FaultKind.BOARD_UNRESPONSIVE}),  # a second ago, and of one motor
     ],
 )
 def test_what_an_echo_says_of_a_robot_that_rolls_again(
@@ -102,7 +102,7 @@ def test_a_motor_that_is_driven_though_zero_was_said_is_found_by_its_echo() -> N
     now_s = stood(rig, None, 2.0)
     rig.steps, rig.echo = [300, 250], (120.0, 0.0)
     found = [kind for i in range(12) for kind in rig.read(now_s + i * CYCLE_S, (0.0, 0.0), (0, 0))]
-    assert found == [FaultKind.BOARD_DEAF]
+    assert found == [FaultKind.BOARD_UNRESPONSIVE]
 
 
 def test_a_loop_has_paused_after_more_than_a_quarter_of_a_second() -> None:

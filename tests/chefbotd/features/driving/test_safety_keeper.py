@@ -284,7 +284,7 @@ def test_a_board_that_drives_on_during_an_estop_is_logged_as_an_error() -> None:
         kept.keeper.estop("smoke")
         kept.keeper.announce(kept.clock.now_s())
         for _ in range(2):
-            kept.keeper.fail(Fault(FaultKind.BOARD_DEAF, "it does not listen"))
+            kept.keeper.fail(Fault(FaultKind.BOARD_UNRESPONSIVE, "it does not listen"))
             kept.keeper.announce(kept.clock.now_s())
     assert [(entry["log_level"], entry["event"]) for entry in log] == [
         ("warning", "safety mode changed"),

@@ -22,7 +22,13 @@ from chefbotd.perception.depth_camera import DepthSourceParameters
 
 BEARS = encode(BEARINGS, 0.0, np.array([-0.5, 0.25]))
 SEES = encode(SCAN, 3.5, np.array([1.5, 0.0]))
-MOUNTED = {"name": "eye", "mount_x_m": 0.1, "mount_y_m": -0.05, "mount_yaw_rad": 0.3, "silent_s": 2.0}
+MOUNTED = {
+    "name": "eye",
+    "mount_x_m": 0.1,
+    "mount_y_m": -0.05,
+    "mount_yaw_rad": 0.3,
+    "silence_timeout_s": 2.0,
+}
 
 
 class Script:
@@ -138,7 +144,7 @@ def folder_camera(folder: Path) -> DepthSourceParameters:
     """A camera of 8 by 6 pixels from a folder: a wall at 2 m over two rows, the band from the floor to 1 m."""
     Image.fromarray(np.full((6, 8), 2000, np.uint16)).save(folder / "wall.png")
     optics = {"width": 8, "height": 6, "focal_x_px": 8, "focal_y_px": 8, "center_x_px": 4, "center_y_px": 3}
-    told = {"source": "folder", "folder": folder, "beams": 4, "rate_hz": 20, "silent_s": 1.0}
+    told = {"source": "folder", "folder": folder, "beams": 4, "rate_hz": 20, "silence_timeout_s": 1.0}
     return DepthSourceParameters.model_validate({**optics, **told})
 
 

@@ -287,5 +287,5 @@ def test_an_rplidar_that_is_another_or_out_of_order_is_told() -> None:
         await turning(broken, 4.0)
 
     (_, judged, *_) = run(A1, another).told()
-    assert judged[0] == "out_of_order"
+    assert judged[0] == "device_error"
     assert "error 4660" in judged[2]

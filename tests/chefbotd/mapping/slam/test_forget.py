@@ -83,7 +83,7 @@ def test_driving_up_and_down_does_not_fill_the_memory() -> None:
     way = [(2.0, 2.4), (2.05, 3.9), *(back * 10)]
     truth = poses_along(way)
     lidar = Lidar(walls, 5)
-    params = SlamParameters(submaps=SubmapParameters(most_scans_per_place=8))
+    params = SlamParameters(submaps=SubmapParameters(max_scans_per_place=8))
     half = len(truth) // 2
     odom = odometry(truth, 5)
     scans = [lidar.points(pose) for pose in truth]

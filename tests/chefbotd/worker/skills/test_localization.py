@@ -81,8 +81,8 @@ class Bench:
             lidars=lidars,
             folder=Path("/nowhere"),
             pose_file=Path("/nowhere/pose"),
-            search_by_itself=True,
-            save_every_s=1.0,
+            auto_search=True,
+            save_period_s=1.0,
         )
         data = parameters.model_dump_json().encode()
         self.skill = LocalizationSkill(data, self.clock, read_map, self.memory)

@@ -44,13 +44,13 @@ T = TypeVar("T")
 class Bench:
     """A real worker that maps, fed ten times as fast as in life, in its own time."""
 
-    def __init__(self, folder: Path, autosave_s: float) -> None:
+    def __init__(self, folder: Path, autosave_period_s: float) -> None:
         parameters = MappingSkillParameters(
             lidars=("top",),
             folder=folder,
             versions_kept=3,
             session="one",
-            mapping=MappingParameters(autosave_s=autosave_s, publish_period_s=0.2),
+            mapping=MappingParameters(autosave_period_s=autosave_period_s, publish_period_s=0.2),
         )
         skills = {SKILL: parameters.model_dump_json().encode()}
         bounds = WorkerParameters(restart_delay_s=0.05, max_memory_mb=2000)
@@ -82,9 +82,9 @@ class Bench:
 
 
 @contextlib.asynccontextmanager
-async def running(folder: Path, autosave_s: float = 0.1) -> AsyncIterator[Bench]:
+async def running(folder: Path, autosave_period_s: float = 0.1) -> AsyncIterator[Bench]:
     """A bench whose worker is ready."""
-    bench = Bench(folder, autosave_s)
+    bench = Bench(folder, autosave_period_s)
     task = asyncio.create_task(bench.worker.run())
     try:
         await until(lambda: bench.worker.is_ready)
@@ -181,7 +181,7 @@ def test_compiling_for_the_first_time_leaves_no_memory_behind(tmp_path: Path) ->
     parameters = MappingSkillParameters(
         lidars=("top",), folder=tmp_path / "maps", versions_kept=1, session="one", mapping=MappingParameters()
     )
-    bounds = WorkerParameters(cache_folder=tmp_path / "cache", start_s=600.0)
+    bounds = WorkerParameters(cache_folder=tmp_path / "cache", start_timeout_s=600.0)
 
     async def scene() -> None:
         pids: set[int] = set()

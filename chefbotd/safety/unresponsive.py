@@ -17,23 +17,23 @@ from chefbotd.core.record import Record, replace
 from chefbotd.safety.faults import Fault, FaultKind
 
 
-class DeafParameters(Parameters):
+class UnresponsiveParameters(Parameters):
     """When a wheel that turns is no longer coasting.
 
     The board has heard a stop after ``reaction_s`` and ``readings`` of its own. From then on the wheels slow down by
-    ``braking_m_s2``, and more than ``slack_m`` beyond that way is too far. A robot slower than ``rest_m_s`` for
+    ``braking_m_s2``, and more than ``tolerance_m`` beyond that way is too far. A robot slower than ``rest_m_s`` for
     ``rest_s`` has come to rest.
     """
 
     reaction_s: float = Field(default=0.25, gt=0, le=10)
     readings: int = Field(default=3, ge=2, le=1000)
     braking_m_s2: float = Field(default=0.5, gt=0, le=100)
-    slack_m: float = Field(default=0.03, gt=0, le=1)
+    tolerance_m: float = Field(default=0.03, gt=0, le=1)
     rest_m_s: float = Field(default=0.005, gt=0, le=1)
     rest_s: float = Field(default=0.2, gt=0, le=10)
 
 
-class DeafState(Record, frozen=True):
+class UnresponsiveState(Record, frozen=True):
     """What has been seen since the last duty: ``told_s`` is when zero was first sent (None: a duty is in force).
 
     Since then ``readings`` have come. The wheels may roll ``coasting_m`` (None: the board need not have obeyed yet)
@@ -50,27 +50,27 @@ class DeafState(Record, frozen=True):
     beyond: int = 0
 
 
-DRIVEN = DeafState()
+DRIVEN = UnresponsiveState()
 """A duty is in force, or nothing was said yet."""
 
 
-def told(state: DeafState, now_s: float, *, driven: bool) -> DeafState:
+def told(state: UnresponsiveState, now_s: float, *, driven: bool) -> UnresponsiveState:
     """A command goes to the board; ``driven`` says whether it is other than zero."""
     if driven:
         return DRIVEN
-    return DeafState(told_s=now_s) if state.told_s is None else state
+    return UnresponsiveState(told_s=now_s) if state.told_s is None else state
 
 
 def watch(
-    params: DeafParameters,
-    state: DeafState,
+    params: UnresponsiveParameters,
+    state: UnresponsiveState,
     now_s: float,
     travel_m: tuple[float, ...],
     speed_m_s: tuple[float, ...],
     dt_s: float,
     *,
     echoes_motion: bool,
-) -> tuple[DeafState, Fault | None]:
+) -> tuple[UnresponsiveState, Fault | None]:
     """A good reading, ``dt_s`` after the last one; ``speed_m_s`` are the rims' mean speeds lately.
 
     ``echoes_motion``: the board, whose echo follows its commands, says that a motor is driven. A fault is told once
@@ -91,7 +91,7 @@ def watch(
             replace(state, coasting_m=coasting_m, moved_m=(0.0,) * len(travel_m)) if heard else state
         ), None
     moved_m = tuple([moved + travel for moved, travel in zip(state.moved_m, travel_m, strict=True)])
-    too_far = max(map(abs, moved_m)) > state.coasting_m + params.slack_m
+    too_far = max(map(abs, moved_m)) > state.coasting_m + params.tolerance_m
     beyond = state.beyond + 1 if too_far and (echoes_motion or not state.rested) else 0
     fault = _explain(waited_s, fastest_m_s, echoes_motion) if beyond == CONFIRMED else None
     return replace(state, moved_m=moved_m, beyond=beyond), fault
@@ -107,4 +107,4 @@ def _explain(told_s: float, fastest_m_s: float, echoes_motion: bool) -> Fault:
         f"the board ignores commands: the wheels turn at {fastest_m_s:.2f} m/s, {told_s:.1f} s after they were told to "
         f"stand{echo}. Cut the motors' power; then check the board, its cable and the motors' driver"
     )
-    return Fault(FaultKind.BOARD_DEAF, reason)
+    return Fault(FaultKind.BOARD_UNRESPONSIVE, reason)

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
-from chefbotd.safety import deaf
-from chefbotd.safety.deaf import DRIVEN, DeafParameters, DeafState
+from chefbotd.safety import unresponsive
 from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.unresponsive import DRIVEN, UnresponsiveParameters, UnresponsiveState
 
-P = DeafParameters()
+P = UnresponsiveParameters()
 
 
 class Board:
@@ -16,7 +16,7 @@ class Board:
 
     def __init__(self, cycle_s: float = 0.05) -> None:
         self.cycle_s, self.now_s = cycle_s, 3.0
-        self.state: DeafState = deaf.told(DRIVEN, 3.0, driven=False)
+        self.state: UnresponsiveState = unresponsive.told(DRIVEN, 3.0, driven=False)
         self.faults: list[tuple[float, Fault]] = []
 
     def go(
@@ -27,9 +27,9 @@ class Board:
         for _ in range(round(seconds / self.cycle_s)):
             self.now_s += self.cycle_s
             speed_m_s = speed(self.now_s - began_s)
-            self.state = deaf.told(self.state, self.now_s, driven=False)
+            self.state = unresponsive.told(self.state, self.now_s, driven=False)
             travel_m = (speed_m_s * self.cycle_s, -0.5 * speed_m_s * self.cycle_s)
-            self.state, fault = deaf.watch(
+            self.state, fault = unresponsive.watch(
                 P,
                 self.state,
                 self.now_s,
@@ -49,7 +49,7 @@ def test_a_board_that_drives_on_is_found_once(cycle_s: float, way: float) -> Non
     """0.25 s to hear, then 0.295^2 = 87 mm of coasting and 30 mm of slack take 0.4 s: well within a second."""
     ((found_s, fault),) = Board(cycle_s).go(6.0, lambda _: 0.295 * way)
     assert 0.6 <= found_s <= 0.85
-    assert fault.kind is FaultKind.BOARD_DEAF
+    assert fault.kind is FaultKind.BOARD_UNRESPONSIVE
     assert "0.29 m/s" in fault.reason or "0.30 m/s" in fault.reason
     assert "Cut the motors' power" in fault.reason
 
@@ -102,7 +102,7 @@ def test_a_command_ends_the_suspicion() -> None:
     """Any duty begins anew, and so does the next zero."""
     board = Board()
     board.go(0.5, lambda _: 0.295)
-    board.state = deaf.told(board.state, board.now_s, driven=True)
+    board.state = unresponsive.told(board.state, board.now_s, driven=True)
     assert board.state == DRIVEN
     assert board.go(0.5, lambda _: 0.295) == []
 
@@ -113,20 +113,20 @@ def test_a_moment_at_rest_is_no_rest() -> None:
     board.go(0.3, lambda _: 0.295)
     board.go(0.1, lambda _: 0.0)
     ((_, fault),) = board.go(1.5, lambda _: 0.295)
-    assert fault.kind is FaultKind.BOARD_DEAF
+    assert fault.kind is FaultKind.BOARD_UNRESPONSIVE
 
 
 def test_what_just_reaches_the_way_that_it_may_coast_is_no_fault() -> None:
     """Heard at 0.25 s at 0.25 m/s: 62.5 mm and 31.25 mm of slack, which three readings of 31.25 mm are, and no more."""
-    params = DeafParameters(slack_m=0.03125)
-    state = deaf.told(DRIVEN, 0.0, driven=False)
+    params = UnresponsiveParameters(tolerance_m=0.03125)
+    state = unresponsive.told(DRIVEN, 0.0, driven=False)
     for reading in range(3):
-        state, _ = deaf.watch(
+        state, _ = unresponsive.watch(
             params, state, 0.125 * reading + 0.125, (0.0, 0.0), (0.25, -0.1), 0.125, echoes_motion=False
         )
     for reading, travel_m in enumerate((0.03125, 0.03125, 0.03125, 0.0, 0.0, 0.0)):
         now_s = 0.5 + 0.125 * reading
-        state, fault = deaf.watch(
+        state, fault = unresponsive.watch(
             params, state, now_s, (travel_m, 0.0), (0.25, 0.0), 0.125, echoes_motion=False
         )
         assert fault is None
