@@ -87,7 +87,7 @@ class Inbox(Generic[E]):
         finally:
             self._waiter = None
 
-    def take(self) -> E:
+    def take_event(self) -> E:
         """The oldest event, which must be there: raises ``IndexError`` on an empty inbox."""
         return self._events.popleft()
 

@@ -93,7 +93,7 @@ class BoardWriter:
         """How many bytes wait to be read; none without a port."""
         return 0 if self._port is None else self._port.unread_bytes()
 
-    def say(self, line: bytes, now_s: float) -> None:
+    def write(self, line: bytes, now_s: float) -> None:
         """Write a line after all that is unsent; without a port it is dropped."""
         if self._port is not None:
             self._port.write(line)
@@ -101,9 +101,9 @@ class BoardWriter:
 
     def stop_first(self, now_s: float) -> None:
         """Write a stop before all that is unsent, which is dropped."""
-        self.say_first(self._stop, now_s)
+        self.write_first(self._stop, now_s)
 
-    def say_first(self, line: bytes, now_s: float) -> None:
+    def write_first(self, line: bytes, now_s: float) -> None:
         """Write a line before all that is unsent, which is dropped; twice, as what it cuts short takes the first."""
         if self._port is not None:
             self._port.overtake(line * FIRST_STOPS)

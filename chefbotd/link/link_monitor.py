@@ -21,7 +21,7 @@ class LinkMonitor:
         self._before = self._heard()
         self._watch = HealthWatch(now_s, self._before, health_after_s=self._judged_after_s)
 
-    def take(self, data: bytes) -> None:
+    def count_bytes(self, data: bytes) -> None:
         """Bytes that have come in."""
         self.bytes_in += len(data)
         self._sample = (self._sample + data)[-SAMPLE_BYTES:]

@@ -101,7 +101,7 @@ class Restarts:
             self._end(ResetStage.NO_ANSWER)
             return
         if self._reset.may_ask(now_s) and self._writer.has_drained():
-            self._writer.say(self._request_line, now_s)
+            self._writer.write(self._request_line, now_s)
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)

@@ -116,7 +116,7 @@ class BoardSession(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
-        self.monitor.take(data)
+        self.monitor.count_bytes(data)
         told = self._decoder.feed(data)
         self.lines.heard.extend([(now_s, line) for line, _ in told])
         bus, events, listened = self._bus, self._events, self._bus.wanted(LineSeen)
@@ -213,10 +213,10 @@ class BoardSession(asyncio.Protocol):
 
     def _write_duty(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
         if first:  # only what slows
-            self._writer.say_first(self._line(duty), now_s)
+            self._writer.write_first(self._line(duty), now_s)
             self._wrote(duty, now_s, FIRST_STOPS)
         else:
-            self._writer.say(self._line(duty), now_s)
+            self._writer.write(self._line(duty), now_s)
             self._wrote(duty, now_s, 1)
 
     def _encode_duty(self, duty: tuple[int, ...]) -> bytes:

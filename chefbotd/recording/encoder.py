@@ -90,7 +90,7 @@ class Encoder:
         self._said: dict[str, Sentence] = {}
         self.sequence = 0
 
-    def take(self, event: Any) -> None:
+    def encode_event(self, event: Any) -> None:
         """Write an event; raises whatever it is that it cannot be written for."""
         self.sequence += 1
         plan = self._plans.get(type(event))

@@ -107,7 +107,7 @@ class GrowingGrid:
         self._cells = bytearray()
         self._shape: tuple[int, int] = (0, 0)
 
-    def take(self, event: Any) -> bytes | None:
+    def apply(self, event: Any) -> bytes | None:
         """All cells after a ``MapChanged``; None until there was a whole one, or where its cells cannot be read."""
         shape = (event.rows, event.columns)
         try:

@@ -60,12 +60,12 @@ class Intake:
         """Those that are in no piece yet."""
         return self._events
 
-    def take(self, events: Sequence[Any]) -> None:
+    def encode(self, events: Sequence[Any]) -> None:
         """Encode these."""
-        take = self._encoder.take
+        encode_event = self._encoder.encode_event
         for event in events:
             try:
-                take(event)
+                encode_event(event)
             except Exception as error:  # noqa: BLE001 - told; neither control nor the other events are to suffer
                 self._note_failure(type(event).__name__, error)
         self._events += len(events)
@@ -81,7 +81,7 @@ class Intake:
 
     def mark_gap(self, count: int, reason: str, now_s: float) -> None:
         """Say that events are missing here."""
-        self._encoder.take(EventsDropped(now_s, count, reason))
+        self._encoder.encode_event(EventsDropped(now_s, count, reason))
 
     def is_due(self, now_s: float) -> bool:
         """Whether a piece is to be cut."""

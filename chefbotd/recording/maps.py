@@ -31,7 +31,7 @@ class MapDrawer:
         if type(event).__name__ == "MapLoaded":
             found = self._read_map(event)
         else:
-            cells = self._growing.take(event)
+            cells = self._growing.apply(event)
             shape = event.resolution_m, event.map_from_grid, event.columns
             found = None if cells is None else (*shape, cells)
         if found is not None:

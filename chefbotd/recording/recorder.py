@@ -67,7 +67,7 @@ class Recorder:
 
     # what is recorded
 
-    def take(self, piece: Piece, now_s: float) -> None:
+    def record(self, piece: Piece, now_s: float) -> None:
         """Record a piece."""
         self._add(piece.raw, now_s)
         self._holds = piece.holds

@@ -49,7 +49,7 @@ class Writer(Protocol):
         """Events that the thread has not taken yet."""
         ...
 
-    def give(self, events: Sequence[Any], now_s: float) -> None:
+    def put_events(self, events: Sequence[Any], now_s: float) -> None:
         """Leave events; never waits."""
         ...
 
@@ -82,12 +82,12 @@ class _Queue:
         """Events that the recorder has not taken yet."""
         return self._given - self._taken
 
-    def give(self, events: Sequence[Any], now_s: float) -> None:
+    def put_events(self, events: Sequence[Any], now_s: float) -> None:
         """Encode events, and leave a chunk where one is due: all of it or, where there is no room, none."""
         if self._gap and not self._marked:
             self._intake.mark_gap(self._gap, NO_ROOM, now_s)
             self._marked = True
-        self._intake.take(events)
+        self._intake.encode(events)
         if self._intake.is_due(now_s):
             self._cut(now_s)
 
@@ -132,7 +132,7 @@ class _Queue:
         self._given_bytes += weight
 
         def record(recorder: "Recorder") -> None:
-            recorder.take(piece, now_s)
+            recorder.record(piece, now_s)
             self._taken += piece.events
             self._taken_bytes += weight
 

@@ -97,7 +97,7 @@ class ControlLeases:
             self._leases[source] = Lease(session, now_s)
             self._tell(now_s)
 
-    def take(self, source: str, session: Session, now_s: float) -> Session | None:
+    def take_source(self, source: str, session: Session, now_s: float) -> Session | None:
         """Give a source to a client, whoever has it; who had it until now."""
         before = self.holder(source, now_s)
         if before is not None and before is not session:

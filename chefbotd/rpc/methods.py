@@ -125,7 +125,7 @@ class ServerMethods:
             raise Refused(
                 RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(known)}"
             )
-        before = self._leases.take(source, caller.session, self._clock.now_s())
+        before = self._leases.take_source(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
         if others is not None:
             self._resume((source,))

@@ -52,7 +52,7 @@ UNKNOWN = EchoState()
 """A board that was just connected."""
 
 
-def say(state: EchoState, now_s: float, duty: Duty) -> EchoState:
+def note_command(state: EchoState, now_s: float, duty: Duty) -> EchoState:
     """A command goes to the board, or may go: one that a newer one replaces is remembered as well."""
     earlier = state.said
     if earlier and earlier[0][1] == duty:
@@ -65,7 +65,7 @@ def is_believed(params: EchoParameters, state: EchoState) -> bool:
     return state.fitting >= params.min_confirmations
 
 
-def hear(
+def note_echo(
     params: EchoParameters, state: EchoState, now_s: float, shown: tuple[float, ...]
 ) -> tuple[EchoState, Fault | None]:
     """Judge an echo: the next state, and the fault once the score is too high."""

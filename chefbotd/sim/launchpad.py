@@ -50,7 +50,7 @@ class Launchpad:
     def advance(self, to_s: float) -> list[tuple[float, bytes]]:
         """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
         self._run(to_s)
-        return self._uart.take(to_s)
+        return self._uart.take_lines(to_s)
 
     def receive(self, data: bytes, at_s: float) -> None:
         """Bytes from the host; the sketch reads them when its next cycle begins."""

@@ -46,7 +46,7 @@ class LidarRunner:
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host; the lidar answers at once, or not at all."""
-        answer = self._lidar.hear(data)
+        answer = self._lidar.receive(data)
         if answer and (carried := self._line.carry_answer(answer)):
             self._send(carried)
 

@@ -45,10 +45,10 @@ class EdgeRecorder:
 
     def boot(self, at_s: float) -> None:
         """The board's program begins: it has seen nothing of what was before."""
-        self.take(at_s)
+        self.take_edges(at_s)
         self._totals = [0] * len(self._totals)
 
-    def take(self, to_s: float) -> list[Taken]:
+    def take_edges(self, to_s: float) -> list[Taken]:
         """Each wheel's edges up to this time, once."""
         return [self._take(wheel, to_s) for wheel in range(len(self._edges))]
 

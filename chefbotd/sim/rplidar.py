@@ -70,7 +70,7 @@ class SimulatedRplidar(SpinningLidar):
         """It was asked for a scan, and its motor turns: one that stands gives no points (assumed)."""
         return self._is_scanning and self._turns_motor and not self.is_stalled
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Requests, in whatever pieces; bytes that begin none are passed over."""
         self._unread += data
         answers = b""

@@ -144,7 +144,7 @@ class Sketch:
         """The time at which the edges were taken, however long it takes to print them."""
         taken_s = self._now_s
         if self._edges is not None:
-            yield from self._print_edges(self._edges.take(taken_s))
+            yield from self._print_edges(self._edges.take_edges(taken_s))
         yield from self._print(BoardTime(self._micros(taken_s), taken_s - self._previous_s))
 
     def _report_encoders(self) -> Iterator[float]:

@@ -70,7 +70,7 @@ class SpinningLidar(ABC):
         self._flaws = self._flaws.model_copy(update={"points_per_s": points_per_s})
         self._packets = math.ceil(at_s * points_per_s / points - 1e-9)
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Bytes from the host, and what it answers at once: most say nothing and send unasked."""
         return b""
 

@@ -39,7 +39,7 @@ class Uart:
         """When the last byte of the next line leaves; inf when there is none."""
         return self._left[0][0] if self._left else math.inf
 
-    def take(self, to_s: float) -> list[tuple[float, bytes]]:
+    def take_lines(self, to_s: float) -> list[tuple[float, bytes]]:
         """The lines whose last byte has left by ``to_s``, each with its time."""
         taken = []
         while self.next_s <= to_s:

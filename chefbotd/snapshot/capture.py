@@ -36,7 +36,7 @@ class Capture:
         self._numbers: dict[int, int] = {}
         self.left_out: list[str] = []
 
-    def take(self, parts: Mapping[str, object]) -> dict[str, Any]:
+    def capture_parts(self, parts: Mapping[str, object]) -> dict[str, Any]:
         """The parts by their names, as what JSON can hold."""
         return {name: self._value(part, name) for name, part in parts.items()}
 

@@ -38,7 +38,7 @@ class DaemonState:
     def record(self) -> StateRecorded:
         """The state now, between two entries."""
         capture = Capture(self.restorable)
-        parts = capture.take(self.parts)
+        parts = capture.capture_parts(self.parts)
         is_open = tuple(name for name, session in self._entries.links.items() if session.is_open)
         left_out = (*self._under_way(), *capture.left_out)
         return StateRecorded(self._entries.now_s(), parts, is_open, left_out)

@@ -28,7 +28,7 @@ def test_an_event_reaches_every_inbox_of_its_class_and_no_other():
     bus = Bus()
     ticks, more_ticks, tocks = bus.subscribe(Ticked), bus.subscribe(Ticked), bus.subscribe(Tocked)
     bus.publish(Ticked(1))
-    assert (ticks.take(), more_ticks.take(), len(tocks)) == (Ticked(1), Ticked(1), 0)
+    assert (ticks.take_event(), more_ticks.take_event(), len(tocks)) == (Ticked(1), Ticked(1), 0)
 
 
 def test_an_inbox_of_several_classes_keeps_their_order():
@@ -37,7 +37,7 @@ def test_an_inbox_of_several_classes_keeps_their_order():
     inbox = bus.subscribe(Ticked, Tocked)
     for event in (Ticked(1), Tocked(2), Ticked(3)):
         bus.publish(event)
-    assert [inbox.take() for _ in range(3)] == [Ticked(1), Tocked(2), Ticked(3)]
+    assert [inbox.take_event() for _ in range(3)] == [Ticked(1), Tocked(2), Ticked(3)]
 
 
 def test_a_full_inbox_drops_the_oldest_and_counts_it():
@@ -46,7 +46,7 @@ def test_a_full_inbox_drops_the_oldest_and_counts_it():
     inbox = bus.subscribe(Ticked, size=2)
     for number in (1, 2, 3):
         bus.publish(Ticked(number))
-    assert [inbox.take(), inbox.take()] == [Ticked(2), Ticked(3)]
+    assert [inbox.take_event(), inbox.take_event()] == [Ticked(2), Ticked(3)]
     assert inbox.dropped == {Ticked: 1}
     assert bus.drops() == {"Ticked": 1}
 
@@ -57,7 +57,7 @@ def test_a_kept_class_is_never_pushed_out_by_another():
     inbox = bus.subscribe(Ticked, Tocked, size=3, kept=(Tocked,))
     for event in (Tocked(0), Ticked(1), Tocked(2), *map(Ticked, range(3, 100))):
         bus.publish(event)
-    assert [inbox.take() for _ in range(len(inbox))] == [Tocked(0), Tocked(2), Ticked(99)]
+    assert [inbox.take_event() for _ in range(len(inbox))] == [Tocked(0), Tocked(2), Ticked(99)]
     assert inbox.dropped == {Ticked: 97}
 
 
@@ -67,7 +67,7 @@ def test_an_inbox_full_of_kept_events_stays_bounded():
     inbox = bus.subscribe(Ticked, Tocked, size=2, kept=(Tocked,))
     for event in (Tocked(1), Tocked(2), Ticked(3), Tocked(4)):
         bus.publish(event)
-    assert [inbox.take() for _ in range(len(inbox))] == [Tocked(2), Tocked(4)]
+    assert [inbox.take_event() for _ in range(len(inbox))] == [Tocked(2), Tocked(4)]
     assert inbox.dropped == {Ticked: 1, Tocked: 1}
 
 
@@ -79,7 +79,7 @@ def test_closing_an_inbox_ends_its_subscription_but_not_its_contents():
     inbox.close()
     inbox.close()
     bus.publish(Ticked(2))
-    assert inbox.take() == Ticked(1)
+    assert inbox.take_event() == Ticked(1)
     assert len(inbox) == 0
     assert not bus.wanted(Ticked)
 
@@ -163,7 +163,7 @@ def test_a_handler_that_raises_harms_nobody():
     bus.publish(Ticked(1))
     bus.publish(Ticked(2))
     assert heard == [Ticked(1), Ticked(2)]
-    assert (inbox.take(), inbox.take()) == (Ticked(1), Ticked(2))
+    assert (inbox.take_event(), inbox.take_event()) == (Ticked(1), Ticked(2))
     assert bus.handler_errors == {"Ticked": 2}
 
 
@@ -190,8 +190,8 @@ def test_a_subscriber_of_all_events_gets_every_class():
     assert bus.wanted(str)
     for event in (Ticked(1), Tocked(2), "text"):
         bus.publish(event)
-    assert [everything.take() for _ in range(3)] == [Ticked(1), Tocked(2), "text"]
-    assert (before.take(), after.take()) == (Ticked(1), Tocked(2))
+    assert [everything.take_event() for _ in range(3)] == [Ticked(1), Tocked(2), "text"]
+    assert (before.take_event(), after.take_event()) == (Ticked(1), Tocked(2))
     assert (len(before), len(after)) == (0, 0)
 
 
@@ -206,7 +206,7 @@ def test_a_subscriber_of_all_events_is_bounded_and_leaves():
     assert bus.drops() == {"Ticked": 4}
     everything.close()
     bus.publish(Ticked(7))
-    assert [everything.take(), everything.take()] == [Ticked(4), Tocked(9)]
+    assert [everything.take_event(), everything.take_event()] == [Ticked(4), Tocked(9)]
     assert not bus.wanted(Ticked)
     assert not bus.wanted(str)
     with pytest.raises(ValueError, match="at least one event class"):

@@ -157,7 +157,7 @@ def test_a_drive_is_recorded_with_all_that_came_in_and_went_out() -> None:
             await asyncio.sleep(0.7)
 
     run_virtual(main())
-    taken = [inboxes[0].take() for _ in range(len(inboxes[0]))]
+    taken = [inboxes[0].take_event() for _ in range(len(inboxes[0]))]
     assert isinstance(taken[0], DaemonStarted)
     drives = [each for each in taken if isinstance(each, RequestHandled) and each.method == "drive"]
     assert [each.params for each in drives] == [{"linear_m_s": 0.2, "angular_rad_s": -0.3}]

@@ -75,7 +75,7 @@ class FakeRplidar:
         self._nodes = 0
         self.sent: Callable[[bytes], None] = lambda data: None
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Bytes from the host: requests, each whole."""
         while data:
             assert data[0] == rplidar.START

@@ -94,7 +94,7 @@ def replay(story: Story, steps: list[Step]) -> list[str]:
                 await asyncio.sleep(max(0.0, start_s + step.at_s - clock.now_s()))
                 await _apply(step, device, client)
                 await asyncio.sleep(0.0005)
-                said.extend(_tell(inbox.take(), start_s) for _ in range(len(inbox)))
+                said.extend(_tell(inbox.take_event(), start_s) for _ in range(len(inbox)))
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
 

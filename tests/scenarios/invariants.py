@@ -117,7 +117,7 @@ class Invariants:
 
     def _take_modes(self) -> None:
         while len(self._modes):
-            event = self._modes.take()
+            event = self._modes.take_event()
             if isinstance(event, SafetyChanged):
                 self._halted_s = event.stamp_s if self.mode == "armed" else self._halted_s
                 self.mode = event.mode

@@ -72,7 +72,9 @@ def test_steady_damage_both_ways_ends_in_a_stop_or_not_at_all(robot_name: str, s
             changes = robot.daemon.bus.subscribe(SafetyChanged, size=1024)
             damage(robot, {f"{share}_share": 0.01}, seed)
             fastest_m_s, refused = await drive(robot)
-            faults = [event.fault for event in (changes.take() for _ in range(len(changes))) if event.fault]
+            faults = [
+                event.fault for event in (changes.take_event() for _ in range(len(changes))) if event.fault
+            ]
             assert (faults[0] if faults else None) in ENDS[share]
             assert refused is bool(faults)
             assert fastest_m_s < FASTEST_M_S

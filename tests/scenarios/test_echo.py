@@ -68,7 +68,10 @@ def test_behind_a_dead_echo_the_robot_slows_as_ever_and_gets_no_faster(fault):
             assert max(faster) < 0.11
             settled = [sum(faster[n : n + 25]) / 25 for n in range(250, len(faster) - 25, 25)]
             assert max(b - a for a, b in pairwise(settled)) < 0.02
-            assert [judged.take().condition for _ in range(len(judged))][:2] == ["healthy", "echo_stuck"]
+            assert [judged.take_event().condition for _ in range(len(judged))][:2] == [
+                "healthy",
+                "echo_stuck",
+            ]
             await robot.client.stop()
             await asyncio.sleep(0.6)
             assert robot.board.duty == (0, 0)
@@ -93,7 +96,7 @@ def test_an_echo_that_comes_back_gives_the_speed_back():
             assert speeds[-1] == pytest.approx(0.30, abs=0.03)
             means = [sum(speeds[n : n + 25]) / 25 for n in range(0, len(speeds) - 25, 25)]
             assert max(b - a for a, b in pairwise(means)) < 1.6 * DECELERATION_M_S2 * 25 * LOOK_S
-            told = [judged.take().condition for _ in range(len(judged))]
+            told = [judged.take_event().condition for _ in range(len(judged))]
             assert told == ["healthy", "echo_stuck", "healthy"]
 
     run_virtual(run())

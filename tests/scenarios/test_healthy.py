@@ -87,7 +87,7 @@ def faults_of(hall: Path, robot_name: str, mass_kg: float, driven: list[Leg]) ->
                 for leg in driven:
                     await go(robot, leg)
             await asyncio.sleep(1.0)
-            told = [changes.take() for _ in range(len(changes))]
+            told = [changes.take_event() for _ in range(len(changes))]
             return [(str(event.fault), event.reason) for event in told if event.fault in ACCUSED]
 
     return run_virtual(scenario())

@@ -49,7 +49,7 @@ async def watch(robot: SimulatedRobot, linear_m_s: float, seconds: float) -> lis
         await asyncio.sleep(0.005)
         truth = robot.board.truth(0.0)
         distance_m = CUPBOARD_X_M - SENSOR_X_M - truth.world_from_base.x_m
-        seen += [Seen(inbox.take(), distance_m, truth.in_contact) for _ in range(len(inbox))]
+        seen += [Seen(inbox.take_event(), distance_m, truth.in_contact) for _ in range(len(inbox))]
     inbox.close()
     return seen
 

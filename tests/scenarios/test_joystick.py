@@ -75,7 +75,7 @@ def test_who_lets_go_gives_the_robot_back(released: Reading | None):
         changes = robot.daemon.bus.subscribe(SafetyChanged, size=100)
         stop_hold_s, pad.reading = asyncio.get_running_loop().time(), released
         await asyncio.sleep(1.0)
-        told = [changes.take() for _ in range(len(changes))]
+        told = [changes.take_event() for _ in range(len(changes))]
         assert [event.source for event in told] == ["move_base"]
         assert told[0].stamp_s - stop_hold_s <= 0.02
         assert speed_m_s(robot) == pytest.approx(0.1, rel=0.05)

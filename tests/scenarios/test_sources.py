@@ -55,7 +55,7 @@ def test_a_silent_source_keeps_lower_ones_out_until_its_time_out(robot_name: str
         while loop.time() < spoke_s + keeps_s + 0.3:
             await robot.client.drive(0.1, 0.0, lower)
             await asyncio.sleep(0.05)
-        told = [changes.take() for _ in range(len(changes))]
+        told = [changes.take_event() for _ in range(len(changes))]
         steps = [(e.source, e.limited_by) for e in told if e.source is not None]
         taken_over_s = next(e.stamp_s for e in told if e.source == lower) - spoke_s
         assert keeps_s <= taken_over_s <= keeps_s + TICK_S
@@ -80,7 +80,7 @@ def test_a_handover_in_mid_motion_goes_through_zero_within_the_limits():
                 await robot.client.drive(-0.2, 0.0, "safety")
             await robot.client.drive(0.2, 0.0, "navigation")
             await asyncio.sleep(0.05)
-        events = [driven.take() for _ in range(len(driven))]
+        events = [driven.take_event() for _ in range(len(driven))]
         setpoints = [(e.stamp_s, e.target_rad_s[0] * 0.045) for e in events if e.stamp_s > began_s + 0.4]
         assert (setpoints[0][1], setpoints[-1][1]) == (pytest.approx(-0.2), pytest.approx(0.2))
         for (before_s, before_m_s), (after_s, after_m_s) in pairwise(setpoints):
@@ -98,7 +98,7 @@ def test_one_message_moves_khan_for_its_published_command_time_out(source: str):
         await robot.client.drive(0.2, 0.0, source)
         spoke_s = asyncio.get_running_loop().time()
         await asyncio.sleep(1.0)
-        events = [driven.take() for _ in range(len(driven))]
+        events = [driven.take_event() for _ in range(len(driven))]
         targets = [(e.stamp_s - spoke_s, e.target_rad_s[0]) for e in events if e.stamp_s > spoke_s]
         full_rad_s = 0.2 / 0.03
         assert max(t for _, t in targets) == pytest.approx(full_rad_s)

@@ -49,7 +49,7 @@ def test_an_ordinary_drive_is_read_without_a_complaint(sketch: SketchName):
             assert state.safety.mode == "armed"
             assert stats.encoder_readings_refused == 0
             assert stats.refused == {}
-            assert {judged.take().condition for _ in range(len(judged))} == {"healthy"}
+            assert {judged.take_event().condition for _ in range(len(judged))} == {"healthy"}
 
     run_virtual(run())
 
@@ -76,7 +76,7 @@ def test_a_reset_while_driving_stops_first_and_tells_its_end(sketch: SketchName)
             restarts = sketch is not SketchName.DUEMILANOVE
             await robot.client.reset_board()
             await asyncio.sleep(4.5)
-            stages = [progress.take().stage for _ in range(len(progress))]
+            stages = [progress.take_event().stage for _ in range(len(progress))]
             assert stages == ["stopping", "asked", "restarted" if restarts else "not_restarted"]
             assert duties == [(0, 0)]
             assert await odometry_error_m(robot) - off_m < LOST_M

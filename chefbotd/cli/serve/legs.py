@@ -37,7 +37,7 @@ class Truth:
         self.length_m, self.touched = 0.0, False
         self.closest_m = self.closest_of_all_m = math.inf
 
-    def take(self, pose: Pose2D, discs: Sequence[Disc], *, in_contact: bool) -> None:
+    def add_pose(self, pose: Pose2D, discs: Sequence[Disc], *, in_contact: bool) -> None:
         """The robot is here now, and these stand about.
 
         A distance from somebody is the robot's own where it is shorter than from where the robot was before.

@@ -93,7 +93,7 @@ class Serve:
                 data = event.data
                 discs = tuple((each.x_m, each.y_m, each.radius_m) for each in data.discs)
                 pose = Pose2D(data.x_m, data.y_m, data.heading_rad)
-                self._truth.take(pose, discs, in_contact=data.in_contact)
+                self._truth.add_pose(pose, discs, in_contact=data.in_contact)
                 self._scene.discs = discs
 
     async def _load_map(self, robot: Client) -> None:

@@ -51,16 +51,16 @@ class MotorWatch:
         self._echo = echo.UNKNOWN
         self.start_anew()
 
-    def tell(self, now_s: float, duty: tuple[int, ...]) -> None:
+    def note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
         self._unresponsive = unresponsive.told(self._unresponsive, now_s, driven=any(duty))
-        self._echo = echo.say(self._echo, now_s, duty)
+        self._echo = echo.note_command(self._echo, now_s, duty)
 
-    def hear(self, event: DutyEchoed) -> Fault | None:
+    def note_echo(self, event: DutyEchoed) -> Fault | None:
         """What the board says is in force; an echo that may have waited on the line says nothing of now."""
         if event.arrival_s < self._blind_until_s:
             return None
-        self._echo, fault = echo.hear(self._parameters.echo, self._echo, event.arrival_s, event.duty)
+        self._echo, fault = echo.note_echo(self._parameters.echo, self._echo, event.arrival_s, event.duty)
         return fault
 
     def watch(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:

@@ -259,7 +259,7 @@ class SafetyKeeper:
 
     def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
-        self._motors.tell(now_s, duty)
+        self._motors.note_command(now_s, duty)
 
     def watch_motors(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> None:
         """A good encoder reading, after a while in which the rims were asked for these speeds."""
@@ -368,7 +368,7 @@ class SafetyKeeper:
             self._on_fault()
 
     def _on_echo(self, event: DutyEchoed) -> None:
-        fault = self._motors.hear(event)
+        fault = self._motors.note_echo(event)
         if fault is not None:
             self.fail(fault)
             self._on_fault()

@@ -109,7 +109,7 @@ class FoxgloveService:
 
     def _send(self, encoder: Encoder, event: Any) -> None:
         try:
-            encoder.take(event)
+            encoder.encode_event(event)
         except Exception as error:  # noqa: BLE001 - told; the robot is not to suffer
             self._problems.warning(
                 "an event cannot be shown", event_class=type(event).__name__, error=repr(error)

@@ -172,7 +172,7 @@ class RecordingService:
             self._writer.note_dropped(lost - self._lost)
             self._lost = lost
         if events := inbox.take_some(most):
-            self._writer.give(events, self._clock.now_s())
+            self._writer.put_events(events, self._clock.now_s())
         return len(inbox) > 0
 
     async def _tell(self) -> None:

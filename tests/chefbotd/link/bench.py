@@ -45,7 +45,7 @@ class Bench:
 
     def heard(self) -> list[object]:
         """Everything published since the last call."""
-        return [self.inbox.take() for _ in range(len(self.inbox))]
+        return [self.inbox.take_event() for _ in range(len(self.inbox))]
 
 
 def on_bench(scenario: Callable[[Bench], Awaitable[None]], variant: Variant = CLASSIC) -> None:
@@ -55,7 +55,7 @@ def on_bench(scenario: Callable[[Bench], Awaitable[None]], variant: Variant = CL
         bench = Bench(variant)
         await bench.device.open(LinkParameters(), bench.session)
         await asyncio.sleep(0)
-        assert isinstance(bench.inbox.take(), events.LinkOpened)
+        assert isinstance(bench.inbox.take_event(), events.LinkOpened)
         await scenario(bench)
 
     run_virtual(run())

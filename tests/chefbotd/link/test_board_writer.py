@@ -53,12 +53,12 @@ class Wire:
 
 
 def speaking(variant: Variant = CLASSIC) -> tuple[BoardWriter, Wire, Bus, LineRing]:
-    """A speech on an open port."""
+    """A writer on an open port."""
     bus, lines, port = Bus(), LineRing(), Wire()
     stop = to_board(variant).encode(wire.SetDuty((0,) * variant.wheels))
-    speech = BoardWriter(bus, ManualClock(5.0), lines, stop)
-    speech.begin(port)
-    return speech, port, bus, lines
+    writer = BoardWriter(bus, ManualClock(5.0), lines, stop)
+    writer.begin(port)
+    return writer, port, bus, lines
 
 
 def motion(variant: Variant) -> tuple[tuple[int, ...], bytes]:
@@ -86,15 +86,15 @@ def damaged(words: bytes) -> Iterator[bytes]:
 
 def said_last(variant: Variant) -> bytes:
     """The shutdown stop."""
-    speech, port, _, _ = speaking(variant)
-    speech.stop_last()
+    writer, port, _, _ = speaking(variant)
+    writer.stop_last()
     return port.taken
 
 
 def said_first(variant: Variant) -> bytes:
     """What opens, and what overtakes."""
-    speech, port, _, _ = speaking(variant)
-    speech.stop_first(5.0)
+    writer, port, _, _ = speaking(variant)
+    writer.stop_first(5.0)
     return port.taken
 
 
@@ -129,26 +129,26 @@ def test_no_empty_line_is_ever_said():
 
 def test_every_line_is_counted_kept_and_published():
     """A command, the stop that overtakes it and the shutdown stop: each line of them, with its time."""
-    speech, _, bus, lines = speaking()
+    writer, _, bus, lines = speaking()
     seen = bus.subscribe(LineSeen)
-    speech.say(b"s 1 2\r", 5.0)
-    speech.stop_first(5.0)
-    speech.stop_last()
+    writer.write(b"s 1 2\r", 5.0)
+    writer.stop_first(5.0)
+    writer.stop_last()
     told = [b"s 1 2", *[b"s 0 0"] * 6]
-    assert [seen.take().line for _ in range(len(seen))] == told
+    assert [seen.take_event().line for _ in range(len(seen))] == told
     assert list(lines.said) == [(5.0, line) for line in told]
-    assert speech.lines_out == 7
+    assert writer.lines_out == 7
 
 
 def test_after_the_shutdown_stop_nothing_is_said():
     """The port is given up: neither a command, nor a stop, nor one from another thread."""
-    speech, port, _, _ = speaking()
-    speech.stop_last()
+    writer, port, _, _ = speaking()
+    writer.stop_last()
     taken = port.taken
-    speech.say(b"s 1 2\r", 5.0)
-    speech.stop_first(5.0)
-    speech.stop_last()
-    assert not speech.stop_from_thread()
+    writer.write(b"s 1 2\r", 5.0)
+    writer.stop_first(5.0)
+    writer.stop_last()
+    assert not writer.stop_from_thread()
     assert port.closed
     assert port.taken == taken
-    assert not speech.has_drained()
+    assert not writer.has_drained()

@@ -27,7 +27,7 @@ def heard(variant: Variant, *chunks: bytes) -> list[EdgesSeen | AnalogueCounted]
         for chunk in chunks:
             session.data_received(chunk)
             clock.advance(0.02)
-        return [inbox.take() for _ in range(len(inbox))]
+        return [inbox.take_event() for _ in range(len(inbox))]
 
     return run_virtual(scenario())
 

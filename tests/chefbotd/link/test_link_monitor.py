@@ -13,7 +13,7 @@ def hearing(*chunks: bytes) -> LinkMonitor:
     listening.begin(10.0)
     for chunk in chunks:
         decoder.feed(chunk)
-        listening.take(chunk)
+        listening.count_bytes(chunk)
     return listening
 
 

@@ -38,7 +38,7 @@ def run_link(device: FakeSerialDevice, story) -> tuple[list[type], bytes]:
         await story(session)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        return [type(inbox.take()) for _ in range(len(inbox))]
+        return [type(inbox.take_event()) for _ in range(len(inbox))]
 
     return run_virtual(scenario()), bytes(device.written)
 
@@ -177,7 +177,7 @@ def test_why_a_device_cannot_be_opened_is_told_once_for_each_reason():
         await asyncio.sleep(600.0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        return [inbox.take() for _ in range(len(inbox))]
+        return [inbox.take_event() for _ in range(len(inbox))]
 
     told = run_virtual(scenario())
     assert [type(event) for event in told] == [LinkNotOpened, LinkOpened, LinkNotOpened]

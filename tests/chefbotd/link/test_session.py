@@ -132,7 +132,7 @@ def test_raw_lines_are_seen_in_both_directions_while_someone_listens():
         bench.board.say(wire.UltrasonicDistance(8))
         await asyncio.sleep(1.0)
         bench.session.send_duty((5, -5))
-        seen = [raw.take() for _ in range(len(raw))]
+        seen = [raw.take_event() for _ in range(len(raw))]
         assert [(str(e.direction), e.line) for e in seen] == [("in", b"u\t8"), ("out", b"s 5 -5")]
 
     on_bench(scenario)
@@ -289,11 +289,11 @@ def test_the_first_stops_are_told_and_take_their_room():
         said = bench.bus.subscribe(events.DutyWritten)
         await bench.device.open(LinkParameters(), bench.session)
         await asyncio.sleep(0)
-        assert said.take().duty == (0, 0)
+        assert said.take_event().duty == (0, 0)
         for number in (10, 20, 30):
             bench.session.send_duty((number, -200))
             await asyncio.sleep(0.02)
-        assert [said.take().duty for _ in range(len(said))] == [(10, -200), (20, -200)]
+        assert [said.take_event().duty for _ in range(len(said))] == [(10, -200), (20, -200)]
 
     run_virtual(run())
 
@@ -334,14 +334,14 @@ def test_what_the_port_sounds_like_is_published_and_logged():
         await asyncio.sleep(2.1)
         with capture_logs() as log:
             bench.session.judge_health()
-            silent = changes.take()
+            silent = changes.take_event()
             assert (silent.healthy, silent.condition) == (False, "silent")
             assert [entry["event"] for entry in log] == ["the link to the board is not healthy"]
             for number in range(200):
                 bench.session.data_received(cycle(number))
                 await asyncio.sleep(0.02)
                 bench.session.judge_health()
-            well = changes.take()
+            well = changes.take_event()
             assert (well.healthy, well.condition, well.reason) == (True, "healthy", "")
             assert len(log) == 1
 

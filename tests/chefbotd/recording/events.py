@@ -33,9 +33,9 @@ class SyncRecorder(Recorder):
 
     intake: Intake
 
-    def take(self, events: Sequence[Any], now_s: float) -> None:  # type: ignore[override]
+    def record(self, events: Sequence[Any], now_s: float) -> None:  # type: ignore[override]
         """Record events, a chunk at a time."""
-        self.intake.take(events)
+        self.intake.encode(events)
         if self.intake.is_due(now_s):
             self.flush(now_s)
 
@@ -47,7 +47,7 @@ class SyncRecorder(Recorder):
     def flush(self, now_s: float) -> None:
         """What is in no chunk yet."""
         if (piece := self.intake.cut(now_s)) is not None:
-            super().take(piece, now_s)
+            super().record(piece, now_s)
 
     def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> Status:
         """After all that was taken before."""

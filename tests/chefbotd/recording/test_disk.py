@@ -25,7 +25,7 @@ def test_a_ring_that_the_disk_does_not_take_leaves_no_part_of_itself(tmp_path: P
     disk = FailingDisk()
     made = recorder(tmp_path, disk, chunk_s=0.5)
     for k in range(200):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
 
     closed: list[FailingFile] = []
 
@@ -63,10 +63,10 @@ def test_a_disk_that_fails_ends_the_recording_with_whole_chunks(
     made = recorder(tmp_path, disk, chunk_s=0.5)
     made.start("doomed", START_S)
     for k in range(200):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     disk.error = error
     for k in range(200, 400):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     assert made.status.state == "failed"
     assert told in made.status.reason
     disk.error = None
@@ -90,10 +90,10 @@ def test_a_minimum_of_the_disk_stays_free(tmp_path: Path) -> None:
     disk.free = 501 * MEGABYTE
     made.start("tight", START_S)
     for k in range(200):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     disk.free = 499 * MEGABYTE
     for k in range(200, 400):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     assert made.status.state == "failed"
     assert made.status.reason.startswith("only 499 MB of the disk are free, and 500 MB must stay free")
     reader = RecordingReader(next(tmp_path.glob("tight*")))
@@ -113,7 +113,7 @@ def test_on_a_full_disk_recording_goes_on_in_place_of_its_oldest_files(tmp_path:
     made.start(AUTOMATIC, START_S)
     written: list[Path] = []
     for k in range(12_000):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
         written += set(tmp_path.glob("auto_*")) - set(written)
     assert made.status.state == "recording"
     assert made.stop(START_S + 120.0).reason == ""
@@ -133,7 +133,7 @@ def test_no_file_is_removed_where_that_would_not_help(tmp_path: Path) -> None:
     made = recorder(tmp_path, disk, min_free_mb=0.4, rotate_mb=0.1, chunk_s=0.5, ring_s=0.0)
     made.start(AUTOMATIC, START_S)
     for k in range(6_000):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
         if k == 2_000:
             files, disk.capacity = set(tmp_path.glob("auto_*")), 300_000
     assert made.status.state == "failed"
@@ -150,7 +150,7 @@ def test_the_oldest_files_that_nobody_asked_for_give_way(tmp_path: Path) -> None
         path.write_bytes(bytes(400_000))
         past_s = time.time() - 100 + age
         __import__("os").utime(path, (past_s, past_s))
-    made.take(cycle(START_S), START_S)
+    made.record(cycle(START_S), START_S)
     made.save_ring("newest", START_S + 1.0)
     left = {path.name.split("_")[1].partition(".")[0] for path in tmp_path.glob("*.mcap")}
     assert left == {"b", "c", "d", "newest"}
@@ -185,15 +185,15 @@ def test_nobody_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     disk = FailingDisk()
     writer = in_thread(tmp_path, disk, most_bytes=100_000)
     writer.ask(lambda made: made.start("hung", START_S), START_S).result(5.0)
-    writer.give(cycle(START_S), START_S)
+    writer.put_events(cycle(START_S), START_S)
     settle(writer)
     disk.goes_on.clear()
-    writer.give(cycle(START_S + 0.1), START_S + 0.1)
+    writer.put_events(cycle(START_S + 0.1), START_S + 0.1)
     assert disk.entered.wait(5.0)
     slowest_s = 0.0
     for k in range(3000):
         began_s = time.perf_counter()
-        writer.give(cycle(START_S + 0.2 + k / 100), START_S + 0.2 + k / 100)
+        writer.put_events(cycle(START_S + 0.2 + k / 100), START_S + 0.2 + k / 100)
         slowest_s = max(slowest_s, time.perf_counter() - began_s)
     assert slowest_s < 0.1
     dropped, waiting = writer.dropped, writer.waiting
@@ -202,7 +202,7 @@ def test_nobody_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     disk.goes_on.set()
     settle(writer)
     assert writer.waiting == 0
-    writer.give(cycle(START_S + 20.0), START_S + 20.0)
+    writer.put_events(cycle(START_S + 20.0), START_S + 20.0)
     writer.ask(lambda made: made.stop(START_S + 21.0), START_S).result(5.0)
     reader = RecordingReader(next(tmp_path.glob("hung*")))
     events = list(reader.events())
@@ -252,8 +252,8 @@ def test_a_recorder_that_fails_inside_goes_on(tmp_path: Path) -> None:
     """An event that cannot be written takes nothing with it."""
     writer = in_thread(tmp_path, FailingDisk(), most_bytes=100_000)
     writer.ask(lambda made: made.start("odd", START_S), START_S).result(5.0)
-    writer.give([object()], START_S)
-    writer.give([fault(START_S)], START_S)
+    writer.put_events([object()], START_S)
+    writer.put_events([fault(START_S)], START_S)
     writer.ask(lambda made: made.stop(START_S + 1.0), START_S).result(5.0)
     events = list(RecordingReader(next(tmp_path.glob("odd*"))).events())
     assert events == [fault(START_S)]

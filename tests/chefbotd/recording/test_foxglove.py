@@ -28,7 +28,7 @@ def drawn(folder: Path, *events: Any, made: SyncRecorder | None = None) -> dict[
     """The messages of these events by topic, each held against its schema."""
     made = made or recorder(folder)
     made.start("drawn", START_S)
-    made.take(events, START_S)
+    made.record(events, START_S)
     made.stop(START_S + 1.0)
     found: dict[str, list[Any]] = {}
     with next(folder.glob("*.mcap")).open("rb") as file:
@@ -126,7 +126,7 @@ def test_the_map_in_use_is_drawn_and_told_again_in_the_next_file(tmp_path: Path)
         return 0.1, Pose2D(1.0, 2.0, 0.0), 2, b"\x00\x64\xff\x05"
 
     made = recorder(tmp_path, read_map=read_map)
-    made.take(
+    made.record(
         [MapLoaded(START_S, "/maps", "flat", 3), PathChanged(START_S, (0.0, 3.0, 3.0), (0.0, 0.0, 4.0))],
         START_S,
     )

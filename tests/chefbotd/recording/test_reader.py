@@ -42,7 +42,7 @@ def test_damage_in_the_middle_ends_the_reading_and_is_told(tmp_path: Path) -> No
     made = recorder(tmp_path, chunk_s=0.1)
     made.start("damaged", START_S)
     for k in range(300):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     made.stop(START_S + 3.0)
     (path,) = tmp_path.glob("*.mcap")
     path.write_bytes(damaged_chunk(path.read_bytes()))
@@ -60,7 +60,7 @@ def test_a_file_that_ends_within_a_record_was_cut(tmp_path: Path, beyond: int) -
     made = recorder(tmp_path, chunk_s=0.1)
     made.start("cut", START_S)
     for k in range(100):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     made.stop(START_S + 1.0)
     (path,) = tmp_path.glob("*.mcap")
     content, heads = path.read_bytes(), [len(MAGIC)]

@@ -41,7 +41,7 @@ def test_what_was_recorded_comes_back_exactly(tmp_path: Path, compression: str) 
     events = [event for k in range(300) for event in cycle(START_S + k / 97)]
     made.start("drive", START_S)
     for event in events:
-        made.take([event], event.stamp_s)
+        made.record([event], event.stamp_s)
     made.stop(START_S + 4.0)
     (path,) = files_in(tmp_path)
     reader = RecordingReader(path)
@@ -56,7 +56,7 @@ def test_the_library_reads_it_by_its_index(tmp_path: Path) -> None:
     made = recorder(tmp_path, chunk_s=0.5)
     made.start("drive", START_S)
     for k in range(300):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     made.stop(START_S + 3.0)
     (path,) = files_in(tmp_path)
     with path.open("rb") as file:
@@ -86,7 +86,7 @@ def test_every_class_of_events_has_a_schema_that_holds(tmp_path: Path) -> None:
     events = [example(class_of(name) or int) for name in sorted(event_names())]
     assert len(events) > 40
     made.start("all", START_S)
-    made.take(events, START_S)
+    made.record(events, START_S)
     made.stop(START_S + 1.0)
     (path,) = files_in(tmp_path)
     checked = set[str]()
@@ -125,7 +125,7 @@ def test_a_killed_recorder_leaves_what_it_had_written(tmp_path: Path) -> None:
         made.start("killed", START_S)
         k = 0
         while True:
-            made.take(cycle(START_S + k / 100), START_S + k / 100)
+            made.record(cycle(START_S + k / 100), START_S + k / 100)
             k += 1
             if k == 2000:
                 print("now", flush=True)
@@ -150,7 +150,7 @@ def test_a_file_that_was_cut_anywhere_is_read_up_to_its_last_chunk(tmp_path: Pat
     events = [event for k in range(300) for event in cycle(START_S + k / 100)]
     made.start("cut", START_S)
     for event in events:
-        made.take([event], event.stamp_s)
+        made.record([event], event.stamp_s)
     made.stop(START_S + 3.0)
     (path,) = files_in(tmp_path)
     path.write_bytes(path.read_bytes()[:-cut])
@@ -167,7 +167,7 @@ def test_a_file_is_rotated_by_size(tmp_path: Path) -> None:
     events = [event for k in range(6000) for event in cycle(START_S + k / 100)]
     made.start("long", START_S)
     for event in events:
-        made.take([event], event.stamp_s)
+        made.record([event], event.stamp_s)
     ended = made.stop(START_S + 60.0)
     paths = sorted(files_in(tmp_path), key=lambda path: (len(path.name), path.name))
     assert len(paths) >= 3
@@ -180,9 +180,9 @@ def test_a_file_is_rotated_by_age_and_begins_with_what_holds(tmp_path: Path) -> 
     """After its minutes another file goes on. In it the mode of the gate is told again, as no new event."""
     made = recorder(tmp_path, rotate_minutes=0.5, chunk_s=1.0)
     made.start("old", START_S)
-    made.take([fault(START_S)], START_S)
+    made.record([fault(START_S)], START_S)
     for k in range(1, 70):
-        made.take(cycle(START_S + k), START_S + k)
+        made.record(cycle(START_S + k), START_S + k)
     made.stop(START_S + 70.0)
     first, second, third = sorted(files_in(tmp_path), key=lambda path: (len(path.name), path.name))
     assert third.name.endswith("_part3.mcap")
@@ -196,7 +196,7 @@ def test_the_ring_keeps_the_last_seconds_and_no_more_bytes(tmp_path: Path) -> No
     """Of 60 s a ring of 10 s writes the last 10 to 11; a smaller bound in bytes holds first."""
     made = recorder(tmp_path, ring_s=10.0, chunk_s=0.5)
     for k in range(6000):
-        made.take(cycle(START_S + k / 100), START_S + k / 100)
+        made.record(cycle(START_S + k / 100), START_S + k / 100)
     saved = made.save_ring("stalled", START_S + 60.0, fault=True)
     stamps = [event.stamp_s for event in read(Path(str(saved.saved)))]
     assert 10.0 <= stamps[-1] - stamps[0] < 11.1
@@ -205,7 +205,7 @@ def test_the_ring_keeps_the_last_seconds_and_no_more_bytes(tmp_path: Path) -> No
 
     small = recorder(tmp_path, ring_s=3600.0, ring_mb=0.1, chunk_s=0.5)
     for k in range(6000):
-        small.take(cycle(START_S + k / 100), START_S + k / 100)
+        small.record(cycle(START_S + k / 100), START_S + k / 100)
     assert 50_000 < small.status.ring_bytes <= 100_000
 
 
@@ -213,9 +213,9 @@ def test_a_gap_is_said_where_it_is(tmp_path: Path) -> None:
     """Between the events before it and after it stands how many are missing, also in the log for people."""
     made = recorder(tmp_path)
     made.start("gap", START_S)
-    made.take(cycle(START_S), START_S)
+    made.record(cycle(START_S), START_S)
     made.note_gap(17, "the disk was too slow", START_S + 1.0)
-    made.take(cycle(START_S + 2.0), START_S + 2.0)
+    made.record(cycle(START_S + 2.0), START_S + 2.0)
     made.stop(START_S + 3.0)
     (path,) = files_in(tmp_path)
     names = [type(each).__name__ for each in read(path)]
@@ -241,7 +241,7 @@ def test_one_recording_at_a_time(tmp_path: Path) -> None:
     with pytest.raises(RecordingError) as refused:
         made.start("two", START_S)
     assert refused.value.kind is RefusalKind.ALREADY_RECORDING
-    made.take(cycle(START_S), START_S)
+    made.record(cycle(START_S), START_S)
     made.stop(START_S + 1.0)
     (path,) = files_in(tmp_path)
     assert len(read(path)) == 2
@@ -262,7 +262,7 @@ def test_two_recordings_of_one_name_and_second_are_two_files(tmp_path: Path) -> 
     made = recorder(tmp_path)
     for _ in range(3):
         made.start("same", START_S)
-        made.take(cycle(START_S), START_S)
+        made.record(cycle(START_S), START_S)
         made.stop(START_S + 1.0)
     assert len(files_in(tmp_path)) == 3
     assert {len(read(path)) for path in files_in(tmp_path)} == {2}
@@ -272,7 +272,7 @@ def test_files_are_listed_with_what_is_wrong(tmp_path: Path) -> None:
     """A file that was cut is not complete, the one that is being written is told."""
     made = recorder(tmp_path)
     made.start("whole", START_S)
-    made.take(cycle(START_S), START_S)
+    made.record(cycle(START_S), START_S)
     made.stop(START_S + 1.0)
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(files_in(tmp_path)[0].read_bytes()[:-3])

@@ -39,7 +39,7 @@ class BusRecorder:
 
     def events(self) -> list[Any]:
         """All that was recorded."""
-        return [self.inbox.take() for _ in range(len(self.inbox))]
+        return [self.inbox.take_event() for _ in range(len(self.inbox))]
 
 
 async def driven(

@@ -93,7 +93,7 @@ def test_control_is_taken_over_explicitly() -> None:
     """Who had it is named, its command is withdrawn, and its next drive is refused."""
     desk = Desk()
     desk.drive(ANN, 0.0)
-    assert desk.control.take("teleop", BOB, 1.0) is ANN
+    assert desk.control.take_source("teleop", BOB, 1.0) is ANN
     assert desk.withdrawn == ["teleop"]
     with pytest.raises(Unserved, match="controlled by Bob"):
         desk.drive(ANN, 1.1)
@@ -106,7 +106,7 @@ def test_taking_what_is_free_or_ones_own_withdraws_nothing(holder: Session | Non
     desk = Desk()
     if holder is not None:
         desk.drive(holder, 0.0)
-    assert desk.control.take("teleop", BOB, 2.0) is holder
+    assert desk.control.take_source("teleop", BOB, 2.0) is holder
     assert desk.withdrawn == []
     assert desk.control.holder("teleop", 5.0) is BOB
 

@@ -25,10 +25,10 @@ class Wire:
         for cycle in range(cycles):
             self.now_s += 0.02
             self.said.append((60 + len(self.said) % 17, -3 - len(self.said) % 5))
-            self.state = echo.say(self.state, self.now_s, self.said[-1])
+            self.state = echo.note_command(self.state, self.now_s, self.said[-1])
             true = self.said[-1 - self.late] if len(self.said) > self.late else (0, 0)
             seen = shown if shown is not None and cycle % every == 0 else true
-            self.state, fault = echo.hear(P, self.state, self.now_s, (float(seen[0]), float(seen[1])))
+            self.state, fault = echo.note_echo(P, self.state, self.now_s, (float(seen[0]), float(seen[1])))
             self.fault = self.fault or fault
         return self.fault
 
@@ -53,7 +53,7 @@ def test_an_old_command_that_is_still_in_force_is_found() -> None:
     """One that was said last 3 s ago, and others since."""
     wire = Wire()
     wire.go(10)
-    wire.state = echo.say(wire.state, wire.now_s, (91, 45))
+    wire.state = echo.note_command(wire.state, wire.now_s, (91, 45))
     assert wire.go(100, (91.0, 45.0)) is None
     assert wire.go(100, (91.0, 45.0)) is not None
 
@@ -89,8 +89,8 @@ def believed() -> EchoState:
     state = UNKNOWN
     for number in range(5):
         assert not echo.is_believed(P, state)
-        state = echo.say(state, 2.0, (0, -40 - number))
-        state, fault = echo.hear(P, state, 2.0, (0.0, -40.0 - number))
+        state = echo.note_command(state, 2.0, (0, -40 - number))
+        state, fault = echo.note_echo(P, state, 2.0, (0.0, -40.0 - number))
         assert fault is None
     assert echo.is_believed(P, state)
     return state
@@ -100,7 +100,7 @@ def faults(state: EchoState, now_s: float, *shown: tuple[float, float]) -> list[
     """Whether each of these echoes is a fault."""
     found = []
     for each in shown:
-        state, fault = echo.hear(P, state, now_s, each)
+        state, fault = echo.note_echo(P, state, now_s, each)
         found.append(fault is not None)
     return found
 
@@ -123,26 +123,26 @@ def test_after_a_fault_the_counting_begins_anew() -> None:
 
 def test_zero_proves_no_echo_and_needs_no_command() -> None:
     """A board that only ever says zero is not believed; one that is believed may say it with nothing said lately."""
-    state = echo.say(UNKNOWN, 2.0, (50, -40))
+    state = echo.note_command(UNKNOWN, 2.0, (50, -40))
     for _ in range(20):
-        state, _ = echo.hear(P, state, 2.1, STILL)
+        state, _ = echo.note_echo(P, state, 2.1, STILL)
     assert not echo.is_believed(P, state)
     assert faults(believed(), 60.0, *[STILL] * 20) == [False] * 20
 
 
 def test_a_command_that_is_repeated_is_remembered_once() -> None:
     """300 times (50, -40) within 2.9 s; the board may still show what was said before it."""
-    state = echo.say(believed(), 3.0, (90, -12))
+    state = echo.note_command(believed(), 3.0, (90, -12))
     for number in range(300):
-        state = echo.say(state, 3.0 + 0.0096 * number, (50, -40))
+        state = echo.note_command(state, 3.0 + 0.0096 * number, (50, -40))
     assert not any(faults(state, 5.9, *[(90.0, -12.0)] * 20))
 
 
 def test_256_different_commands_are_remembered() -> None:
     """The one before them is not."""
-    state = echo.say(believed(), 3.0, (90, -12))
+    state = echo.note_command(believed(), 3.0, (90, -12))
     for number in range(255):
-        state = echo.say(state, 3.0, (91 + number, -40))
+        state = echo.note_command(state, 3.0, (91 + number, -40))
     assert not any(faults(state, 3.1, *[(90.0, -12.0)] * 8))
-    state = echo.say(state, 3.0, (91 + 255, -40))
+    state = echo.note_command(state, 3.0, (91 + 255, -40))
     assert any(faults(state, 3.1, *[(90.0, -12.0)] * 8))

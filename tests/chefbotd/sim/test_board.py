@@ -22,7 +22,7 @@ class Host:
         self._clock = clock
         self.heard: list[tuple[float, bytes]] = []
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Take bytes from the board."""
         self.heard.append((self._clock.now_s(), data))
 
@@ -33,7 +33,7 @@ def test_lines_are_sent_when_they_leave_the_board() -> None:
     async def scenario() -> tuple[list[tuple[float, bytes]], float]:
         clock = LoopClock()
         host, started_s = Host(clock), clock.now_s()
-        runner = BoardRunner(a_launchpad(), host.hear, clock)
+        runner = BoardRunner(a_launchpad(), host.receive, clock)
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(runner.run(), 2.0)
         return host.heard, started_s
@@ -50,7 +50,7 @@ def test_commands_reach_the_board_and_move_the_robot() -> None:
 
     async def scenario() -> None:
         host = Host(LoopClock())
-        runner = BoardRunner(a_launchpad(), host.hear, LoopClock())
+        runner = BoardRunner(a_launchpad(), host.receive, LoopClock())
         task = asyncio.create_task(runner.run())
         await asyncio.wait({task}, timeout=1.0)
         runner.receive(b"s 400 400\r")
@@ -70,7 +70,7 @@ def test_after_a_stall_the_host_gets_the_present() -> None:
     async def scenario() -> None:
         clock = ManualClock()
         host = Host(clock)
-        runner = BoardRunner(a_launchpad(), host.hear, clock)
+        runner = BoardRunner(a_launchpad(), host.receive, clock)
         clock.advance(60.0)
         task = asyncio.create_task(runner.run())
         await asyncio.wait({task}, timeout=0.001)
@@ -90,7 +90,7 @@ def test_commands_in_a_stall_do_not_turn_time_back() -> None:
     async def scenario() -> None:
         clock = ManualClock(5.0)
         host = Host(clock)
-        runner = BoardRunner(a_launchpad(), host.hear, clock)
+        runner = BoardRunner(a_launchpad(), host.receive, clock)
         clock.advance(2.0)
         runner.truth(stamp_s=0.0)
         runner.receive(b"s 9 9\r")

@@ -62,7 +62,7 @@ class Ears:
     def __init__(self) -> None:
         self._chunks: asyncio.Queue[bytes] = asyncio.Queue()
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Take bytes from the host."""
         self._chunks.put_nowait(data)
 
@@ -76,7 +76,7 @@ def test_bytes_pass_both_ways(run: Run, tmp_path: Path) -> None:
 
     async def scenario() -> None:
         ears, link = Ears(), tmp_path / "chefbot"
-        board = PtyBoard(ears.hear, link)
+        board = PtyBoard(ears.receive, link)
         device = board.plug()
         assert link.readlink() == device
         assert board.plug() == device
@@ -98,7 +98,7 @@ def test_unplugging_hangs_up_and_plugging_makes_a_fresh_device(run: Run, tmp_pat
 
     async def scenario() -> None:
         ears, link = Ears(), tmp_path / "chefbot"
-        board = PtyBoard(ears.hear, link)
+        board = PtyBoard(ears.receive, link)
         board.plug()
         with opened(link) as host:
             os.write(host, b"x")
@@ -123,7 +123,7 @@ def test_a_device_that_nobody_has_open_takes_nothing(run: Run) -> None:
     """Bytes sent while nobody listens are lost and counted: a host that opens later gets only fresh ones."""
 
     async def scenario() -> None:
-        board = PtyBoard(Ears().hear)
+        board = PtyBoard(Ears().receive)
         device = board.plug()
         board.send(b"stale")
         with opened(device) as host:
@@ -139,7 +139,7 @@ def test_a_host_that_does_not_read_neither_blocks_nor_grows_the_board(run: Run) 
     """Of 200 kB for a host that never reads, the kernel keeps at most 64 kB; the rest is counted as lost."""
 
     async def scenario() -> None:
-        board = PtyBoard(Ears().hear)
+        board = PtyBoard(Ears().receive)
         with opened(board.plug()):
             for _ in range(2000):
                 board.send(bytes(100))
@@ -154,7 +154,7 @@ def test_the_next_host_does_not_get_what_the_last_left_unread(run: Run) -> None:
 
     async def scenario() -> None:
         ears = Ears()
-        board = PtyBoard(ears.hear)
+        board = PtyBoard(ears.receive)
         device = board.plug()
         with opened(device) as host:
             os.write(host, b"here")
@@ -176,7 +176,7 @@ def test_waiting_for_a_host_costs_next_to_nothing(run: Run) -> None:
 
     async def scenario() -> None:
         ears = Ears()
-        board = PtyBoard(ears.hear)
+        board = PtyBoard(ears.receive)
         with opened(board.plug()) as host:
             os.write(host, b"x")
             await ears.next()
@@ -196,12 +196,12 @@ def test_only_a_symbolic_link_is_ever_replaced(run: Run, tmp_path: Path) -> None
         taken, stale = tmp_path / "taken", tmp_path / "stale"
         taken.write_text("precious")
         stale.symlink_to("/nowhere")
-        board = PtyBoard(Ears().hear, taken)
+        board = PtyBoard(Ears().receive, taken)
         with pytest.raises(FileExistsError, match="not a symbolic link"):
             board.plug()
         assert taken.read_text() == "precious"
         assert board.device is None
-        board = PtyBoard(Ears().hear, stale)
+        board = PtyBoard(Ears().receive, stale)
         assert board.plug() == stale.readlink()
         board.unplug()
 
@@ -213,7 +213,7 @@ def test_a_link_that_another_board_has_taken_is_left_alone(run: Run, tmp_path: P
 
     async def scenario() -> None:
         link = tmp_path / "chefbot"
-        first, second = PtyBoard(Ears().hear, link), PtyBoard(Ears().hear, link)
+        first, second = PtyBoard(Ears().receive, link), PtyBoard(Ears().receive, link)
         first.plug()
         device = second.plug()
         first.unplug()

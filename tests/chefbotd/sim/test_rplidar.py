@@ -63,7 +63,7 @@ class Conversation:
     def say(self, data: bytes, chunk: int = 100) -> list[Answer]:
         """Bytes in pieces; the answers."""
         pieces = [data[at : at + chunk] for at in range(0, len(data), chunk)]
-        return self.decoder.feed_bytes(b"".join(self.lidar.hear(piece) for piece in pieces))
+        return self.decoder.feed_bytes(b"".join(self.lidar.receive(piece) for piece in pieces))
 
     def wait(self, seconds: float) -> list[ScanNode]:
         """The nodes of so long a time."""
@@ -170,7 +170,7 @@ def test_out_of_order_it_scans_after_a_reset_only() -> None:
     assert device.say(request(Request.GET_HEALTH)) == [DeviceHealth(Health.ERROR, 0)]
     device.say(request(Request.SCAN))
     assert device.wait(0.1) == []
-    assert device.lidar.hear(request(Request.RESET)).startswith(b"RP LIDAR")
+    assert device.lidar.receive(request(Request.RESET)).startswith(b"RP LIDAR")
     device.say(request(Request.SCAN))
     assert len(device.wait(0.3)) > 590
 

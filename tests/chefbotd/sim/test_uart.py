@@ -13,8 +13,8 @@ def test_a_line_has_left_when_its_last_byte_has() -> None:
     uart.send(b"0123456789", 1.0)
     uart.send(b"abcdefghij", 1.0)
     assert uart.next_s == pytest.approx(1.1)
-    assert [line for _, line in uart.take(1.15)] == [b"0123456789"]
-    [(left_s, line)] = uart.take(1.25)
+    assert [line for _, line in uart.take_lines(1.15)] == [b"0123456789"]
+    [(left_s, line)] = uart.take_lines(1.25)
     assert left_s == pytest.approx(1.2)
     assert line == b"abcdefghij"
     assert uart.next_s == math.inf

@@ -25,7 +25,7 @@ async def told_and_left(fault_run: FaultRun) -> AsyncIterator[None]:
     changes = fault_run.robot.daemon.bus.subscribe(SafetyChanged, size=64)
     async with unplugged(fault_run):
         yield
-    told = [changes.take().fault for _ in range(len(changes))]
+    told = [changes.take_event().fault for _ in range(len(changes))]
     changes.close()
     fault_run.check("link_lost" in told, f"told as {told}")
 

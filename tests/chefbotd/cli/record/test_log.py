@@ -33,14 +33,14 @@ def recorded(tmp_path: Path) -> Path:
     made = recorder(tmp_path)
     made.start("drive", START_S)
     for k in range(101):
-        made.take(cycle(START_S + k / 50), START_S + k / 50)
-    made.take([BatteryMeasured(START_S, START_S, 12.25, 80.0, BatteryLevelStatus.OK)], START_S + 2.0)
+        made.record(cycle(START_S + k / 50), START_S + k / 50)
+    made.record([BatteryMeasured(START_S, START_S, 12.25, 80.0, BatteryLevelStatus.OK)], START_S + 2.0)
     beams = np.linspace(-3.0, 3.0, 40)
-    made.take(
+    made.record(
         [ScanMeasured(START_S, "top", Pose2D(), LaserScan(START_S, beams, beams**2, beams))], START_S + 2.0
     )
-    made.take([EventsDropped(START_S + 1.0, 9, "slow")], START_S + 2.0)
-    made.take([fault(START_S + 1.5)], START_S + 2.0)
+    made.record([EventsDropped(START_S + 1.0, 9, "slow")], START_S + 2.0)
+    made.record([fault(START_S + 1.5)], START_S + 2.0)
     made.stop(START_S + 2.0)
     (path,) = tmp_path.glob("*.mcap")
     return path
@@ -90,7 +90,7 @@ def test_wheels_are_named_as_in_the_configuration_that_was_recorded(
     configured = {**ABOUT.metadata, "configuration": {"json": names}}
     made = recorder(tmp_path, about=About(configured, None))
     made.start("drive", START_S)
-    made.take(cycle(START_S), START_S)
+    made.record(cycle(START_S), START_S)
     made.stop(START_S + 1.0)
     assert run("plot", next(tmp_path.glob("*.mcap"))).exit_code == 0
     assert ("front left", "speed, rad/s", "time, s") in drawn
@@ -208,7 +208,7 @@ def test_a_recording_without_motion_has_nothing_to_draw(tmp_path: Path) -> None:
     """The message names what would be drawn."""
     made = recorder(tmp_path)
     made.start("nothing", START_S)
-    made.take([EventsDropped(START_S, 1, "x")], START_S)
+    made.record([EventsDropped(START_S, 1, "x")], START_S)
     made.stop(START_S + 1.0)
     (path,) = tmp_path.glob("*.mcap")
     result = run("plot", path, "--out", tmp_path / "x.png")

@@ -43,12 +43,12 @@ def test_a_thing_that_closes_the_way_leaves_none() -> None:
 def test_a_leg_is_held_against_the_truth() -> None:
     """An oblique way of 0.5 + 0.6 m past somebody; 3 cm and 0.1 rad off at its end; 0.30 m/s, 1.2 rad/s at best."""
     truth = Truth(World([(3.0, -9.0, 3.0, 9.0)]), radius_m=0.18)
-    truth.take(Pose2D(9.0, 9.0), (), in_contact=True)
+    truth.add_pose(Pose2D(9.0, 9.0), (), in_contact=True)
     start, goal = Pose2D(0.0, 0.0, 0.2), Pose2D(0.3, 1.03, 1.6)
-    truth.take(start, (), in_contact=False)
+    truth.add_pose(start, (), in_contact=False)
     truth.begin_leg()
-    truth.take(Pose2D(0.3, 0.4, 0.9), ((0.9, 0.4, 0.25),), in_contact=False)
-    truth.take(Pose2D(0.3, 1.0, 1.5), ((1.9, 0.4, 0.25),), in_contact=False)
+    truth.add_pose(Pose2D(0.3, 0.4, 0.9), ((0.9, 0.4, 0.25),), in_contact=False)
+    truth.add_pose(Pose2D(0.3, 1.0, 1.5), ((1.9, 0.4, 0.25),), in_contact=False)
     leg = ended_leg("table 1", start, goal, ("reached", "reached"), 6.0, truth, Best(room(), [], 0.18))
     assert leg.length_m == pytest.approx(1.1)
     assert leg.closest_m == pytest.approx(0.6 - 0.25 - 0.18)
@@ -63,7 +63,7 @@ def test_a_leg_is_held_against_the_truth() -> None:
 def test_a_leg_fails_that_was_not_reached_or_touched_something() -> None:
     """Each says why."""
     truth = Truth(World([(3.0, -9.0, 3.0, 9.0)]), radius_m=0.18)
-    truth.take(Pose2D(0.5, 0.0), (), in_contact=True)
+    truth.add_pose(Pose2D(0.5, 0.0), (), in_contact=True)
     best, here = Best(room(), [], 0.18), Pose2D(0.5, 0.0)
     blocked = ended_leg("table 2", here, here, ("blocked", "blocked for 60 s"), 60.0, truth, best)
     assert blocked.failure == "table 2: blocked for 60 s"
@@ -74,13 +74,13 @@ def test_a_leg_fails_that_was_not_reached_or_touched_something() -> None:
 def test_who_walks_up_to_a_standing_robot_is_not_its_closest_approach_but_a_touch_counts() -> None:
     """0.3 m from the wall by its own motion; then somebody comes to 0.05 m, and the robot backs off towards the wall."""
     truth = Truth(World([(3.0, -9.0, 3.0, 9.0)]), radius_m=0.18)
-    truth.take(Pose2D(2.4, 0.1), (), in_contact=False)
-    truth.take(Pose2D(2.52, 0.1), ((1.5, 0.1, 0.25),), in_contact=False)
-    truth.take(Pose2D(2.52, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
+    truth.add_pose(Pose2D(2.4, 0.1), (), in_contact=False)
+    truth.add_pose(Pose2D(2.52, 0.1), ((1.5, 0.1, 0.25),), in_contact=False)
+    truth.add_pose(Pose2D(2.52, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
     assert truth.closest_m == pytest.approx(0.3)
     assert truth.closest_of_all_m == pytest.approx(0.05)
-    truth.take(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
+    truth.add_pose(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=False)
     assert truth.closest_m == pytest.approx(0.03)
     assert not truth.touched
-    truth.take(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=True)
+    truth.add_pose(Pose2D(2.50, 0.1), ((2.52 - 0.48, 0.1, 0.25),), in_contact=True)
     assert truth.touched

@@ -55,7 +55,7 @@ class Robot:
             await asyncio.sleep(end)
         await asyncio.sleep(10.0)
         pose = order.PLACES[place]
-        self.truth.take(Pose2D(pose.x_m + 0.01, pose.y_m, pose.heading_rad), (), in_contact=False)
+        self.truth.add_pose(Pose2D(pose.x_m + 0.01, pose.y_m, pose.heading_rad), (), in_contact=False)
         return "reached"
 
     async def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
@@ -80,7 +80,7 @@ def served(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Any:
     async def run() -> Any:
         run = Serve((*order.TABLES, order.HOME), lambda scene: None)
         robot.scene, robot.truth = run._scene, run._truth
-        run._truth.take(order.START, (), in_contact=False)
+        run._truth.add_pose(order.START, (), in_contact=False)
         monkeypatch.setattr(serve, "listen", nothing)
         monkeypatch.setattr(serve, "until_worker_ready", nothing)
         monkeypatch.setattr(serve.time, "monotonic", asyncio.get_running_loop().time)

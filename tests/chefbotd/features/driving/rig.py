@@ -106,7 +106,7 @@ class Rig:
 
     def modes(self) -> list[tuple[str, str | None]]:
         """Safety events since the last call, as mode and source."""
-        events = [self.safety.take() for _ in range(len(self.safety))]
+        events = [self.safety.take_event() for _ in range(len(self.safety))]
         return [(event.mode, event.source) for event in events]
 
 

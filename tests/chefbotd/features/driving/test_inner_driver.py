@@ -36,7 +36,7 @@ class Navigation:
             await asyncio.sleep(STEP_S)
 
     def sources(self) -> list[str | None]:
-        return [self.changes.take().source for _ in range(len(self.changes))]
+        return [self.changes.take_event().source for _ in range(len(self.changes))]
 
     @property
     def speed_m_s(self) -> float:

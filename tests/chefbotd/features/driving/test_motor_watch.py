@@ -35,8 +35,8 @@ class Rig:
         faults = [fault.kind for fault in self.watch.watch(now_s, setpoint_m_s, seen)]
         echoed = None
         if self.echo is not None:
-            echoed = self.watch.hear(DutyEchoed(now_s - 0.004, now_s, self.echo))
-        self.watch.tell(now_s, duty)
+            echoed = self.watch.note_echo(DutyEchoed(now_s - 0.004, now_s, self.echo))
+        self.watch.note_command(now_s, duty)
         return faults if echoed is None else [*faults, echoed.kind]
 
     def drive(self, seconds: float) -> float:

@@ -39,7 +39,7 @@ def counted(*heard: EdgesSeen | BoardRestarted) -> Outcome:
                 await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        readings = [inbox.take() for _ in range(len(inbox))]
+        readings = [inbox.take_event() for _ in range(len(inbox))]
         return Outcome(
             readings, service.illegal_transitions, service.repeated_levels, service.lost_edges, warnings
         )

@@ -57,7 +57,9 @@ def test_nothing_moves_before_the_first_reading_of_a_link():
             await asyncio.sleep(0.1)
             rig.service.command("teleop", AHEAD)
             assert {duty for _, duty in rig.written[before:]} <= {(0, 0)}
-            assert [rig.safety.take() for _ in range(len(rig.safety))][-1].limited_by == "encoders_stale"
+            assert [rig.safety.take_event() for _ in range(len(rig.safety))][
+                -1
+            ].limited_by == "encoders_stale"
             await rig.drive_for(0.1)
             assert any(rig.duty)
             rig.bus.publish(LinkClosed(rig.clock.now_s(), "fake", "unplugged"))
@@ -202,7 +204,9 @@ def test_wheels_are_measured_in_radians_and_board_time():
         rig.bus.publish(EncodersCounted(rig.clock.now_s(), rig.clock.now_s(), 10.5, (500, -500)))
         await asyncio.sleep(0)
         measured = [
-            e for e in (rig.wheels.take() for _ in range(len(rig.wheels))) if isinstance(e, WheelsMeasured)
+            e
+            for e in (rig.wheels.take_event() for _ in range(len(rig.wheels)))
+            if isinstance(e, WheelsMeasured)
         ]
         assert measured[-1].travel_rad == pytest.approx((3.14159265, -3.14159265))
         assert measured[-1].velocity_rad_s == pytest.approx((6.2831853, -6.2831853))
@@ -220,7 +224,7 @@ def test_an_impossible_jump_moves_nothing_and_is_counted():
         assert len(rig.wheels) == before
         assert rig.service.readings_refused == 1
         await rig.frames(0.01, counts=(12346, 12346))
-        assert rig.wheels.take().position_rad == (0.0, 0.0)
+        assert rig.wheels.take_event().position_rad == (0.0, 0.0)
 
     on_rig(scenario)
 
@@ -233,7 +237,9 @@ def test_a_board_restart_rebases_the_encoders():
         rig.bus.publish(BoardRestarted(rig.clock.now_s(), "banner"))
         await rig.frames(0.02, counts=(0, 0))
         measured = [
-            e for e in (rig.wheels.take() for _ in range(len(rig.wheels))) if isinstance(e, WheelsMeasured)
+            e
+            for e in (rig.wheels.take_event() for _ in range(len(rig.wheels)))
+            if isinstance(e, WheelsMeasured)
         ]
         assert len(measured) == 4
         assert all(event.travel_rad == (0.0, 0.0) for event in measured)

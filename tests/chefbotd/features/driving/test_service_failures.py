@@ -138,7 +138,7 @@ def test_a_loop_that_stood_still_while_it_drove_disarms_whoever_wakes_first(firs
             WAKES_FIRST[first](rig)
         await asyncio.sleep(0.03)
         assert rig.duty == (0, 0)
-        told = [rig.safety.take() for _ in range(len(rig.safety))][-1]
+        told = [rig.safety.take_event() for _ in range(len(rig.safety))][-1]
         assert (told.mode, told.fault) == ("disarmed", "loop_blocked")
 
     on_rig(scenario)

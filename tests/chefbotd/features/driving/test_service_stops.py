@@ -89,7 +89,9 @@ def test_a_flood_of_frames_does_not_push_a_fault_out(fault: object, named: str):
             if number == 10:
                 rig.bus.publish(fault)
         await rig.frames(0.01)
-        latched = [event for event in (rig.safety.take() for _ in range(len(rig.safety))) if event.fault]
+        latched = [
+            event for event in (rig.safety.take_event() for _ in range(len(rig.safety))) if event.fault
+        ]
         assert [event.fault for event in latched] == [named]
         assert rig.duty == (0, 0)
         assert not rig.service.is_driving
@@ -158,7 +160,7 @@ def test_after_a_daemon_that_ended_badly_nothing_moves_before_arm(tmp_path: Path
         with pytest.raises(Refused) as refusal:
             rig.service.command("teleop", AHEAD)
         assert refusal.value.kind is RefusalKind.DISARMED
-        assert {rig.safety.take().fault for _ in range(len(rig.safety))} == {FaultKind.UNCLEAN_SHUTDOWN}
+        assert {rig.safety.take_event().fault for _ in range(len(rig.safety))} == {FaultKind.UNCLEAN_SHUTDOWN}
         rig.service.arm()
         await rig.drive_for(0.3)
         assert rig.duty > (0, 0)

@@ -48,7 +48,7 @@ def poses(*story: WheelsMeasured | Pose2D) -> list[OdometryUpdated]:
         await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        return [updates.take() for _ in range(len(updates))]
+        return [updates.take_event() for _ in range(len(updates))]
 
     return run_virtual(scenario())
 
@@ -88,7 +88,7 @@ def test_wheels_left_out_do_not_move_the_robot():
         await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        return updates.take()
+        return updates.take_event()
 
     update = run_virtual(scenario())
     assert (update.odom_from_base.x_m, update.odom_from_base.heading_rad) == (0.5, 0.0)

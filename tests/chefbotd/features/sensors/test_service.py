@@ -45,7 +45,7 @@ def interpreted(*raw: object, bare: bool = False, first: tuple[object, ...] = ()
                 await asyncio.sleep(0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        return [inbox.take() for _ in range(len(inbox))]
+        return [inbox.take_event() for _ in range(len(inbox))]
 
     return run_virtual(scenario())
 

@@ -36,7 +36,7 @@ def test_a_sample_a_second_with_the_worst_lag_of_that_second():
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         assert service.sample().figures["loop_lag_s"] == pytest.approx(0.0, abs=1e-6)
-        return [samples.take() for _ in range(len(samples))]
+        return [samples.take_event() for _ in range(len(samples))]
 
     lags = [sample.figures["loop_lag_s"] for sample in run_virtual(scenario())]
     assert lags == pytest.approx([0.0, 0.25, 0.0], abs=1e-6)

@@ -21,7 +21,7 @@ class Talk:
         self.now_s, self._size = 10.0, size
         self._unread = b""
         device.sent = self._keep
-        device.hear(self.reader.begin(self.now_s))
+        device.receive(self.reader.begin(self.now_s))
 
     def _keep(self, data: bytes) -> None:
         self._unread += data
@@ -34,7 +34,7 @@ class Talk:
             unread, self._unread = self._unread, b""
             for at in range(0, len(unread), self._size):
                 self.turns += self.reader.read_bytes(unread[at : at + self._size], self.now_s)
-            self.device.hear(self.reader.poll(self.now_s))
+            self.device.receive(self.reader.poll(self.now_s))
         return self
 
 

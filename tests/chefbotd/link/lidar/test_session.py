@@ -64,7 +64,7 @@ class Rig:
         """What was told of the lidar since the last look: condition, whether healthy, reason."""
         found = []
         while len(self.changes):
-            event = self.changes.take()
+            event = self.changes.take_event()
             assert (event.lidar, event.device) == (self.session.lidar.name, "/dev/lidar")
             assert event.is_open == (event.condition != "down")
             found.append((event.condition, event.healthy, event.reason))
@@ -94,7 +94,7 @@ def test_an_ld19_s_turns_are_scans_on_the_bus() -> None:
 
     rig = run(LD19, story)
     assert len(rig.scans) == 19
-    event = rig.scans.take()
+    event = rig.scans.take_event()
     assert (event.lidar, event.base_from_lidar) == ("top", Pose2D(0.11, -0.07, 0.7))
     assert event.stamp_s == event.scan.stamp_s
     left = np.argmin(abs((event.scan.bearing_rad - math.pi / 2) % math.tau))
@@ -218,7 +218,7 @@ def test_an_unplugged_lidar_is_opened_again_by_itself() -> None:
 
 def connected(device: FakeRplidar, rig: Rig) -> None:
     """Put the fake RPLIDAR behind the fake port."""
-    rig.device.on_write = device.hear
+    rig.device.on_write = device.receive
     device.sent = lambda data: asyncio.get_running_loop().call_soon(rig.device.feed, data)
 
 
@@ -275,8 +275,8 @@ def test_an_rplidar_that_is_another_or_out_of_order_is_told() -> None:
     class Broken(FakeRplidar):
         """Comes back from a reset as it was."""
 
-        def hear(self, data: bytes) -> None:
-            super().hear(data)
+        def receive(self, data: bytes) -> None:
+            super().receive(data)
             self.health = Health.ERROR
 
     broken = Broken(noisy_box())
