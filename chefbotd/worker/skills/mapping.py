@@ -8,14 +8,11 @@ from collections.abc import Generator, Iterable, Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.localization.mount_check import MountCheck, MountCheckParameters, checked, mount_problem
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.occupancy import occupancy
-from chefbotd.mapping.parts import apart
-from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.mapping.saved import saved
 from chefbotd.mapping.slam import step
 from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
@@ -23,6 +20,7 @@ from chefbotd.maps.names import map_name
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import mapping_messages as messages
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
+from chefbotd.worker.skills.beginnings import Beginning, Beginnings
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
 from chefbotd.worker.skills.map_updates import MapUpdates, pose_found, way_m
 from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
@@ -32,16 +30,10 @@ from chefbotd.worker.skills.skill import Done, Job, Struct
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
 
-SESSION: Final = "daemon_session"
-"""Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
-
 MOUNT: Final = MountCheckParameters()
 
 BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
-
-
-UNREADABLE: Final = "there was a map that was never finished, and nothing of it can be read"
 
 
 class Mode(StrEnum):
@@ -60,6 +52,7 @@ class MappingSkill:
         self._parameters = MappingSkillParameters.model_validate_json(parameters)
         self._clock = clock
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
+        self._beginnings = Beginnings(self._files, self._parameters.session)
         self._aligner = ScanAligner(self._parameters.lidars)
         self._mode, self._reason, self._warning = Mode.IDLE, "", ""
         self._silence = Silence(self._parameters.lidars)
@@ -136,7 +129,9 @@ class MappingSkill:
 
     def _autosaved(self, now_s: float) -> Iterator[Struct]:
         try:
-            self._files.autosave(self._updates.grid or occupancy(self._state.nodes), self._arrays())
+            self._files.autosave(
+                self._updates.grid or occupancy(self._state.nodes), self._beginnings.to_keep(self._state)
+            )
             self._saved_number, self._reason = self._state.next_number, ""
         except Refused as problem:
             self._reason = str(problem)
@@ -175,53 +170,24 @@ class MappingSkill:
             return self._status()
         if self._mode is not Mode.IDLE:
             raise Refused(RefusalKind.ALREADY_MAPPING, f"a map is being made already (it is {self._mode})")
-        found = self._files.read_autosave()
-        if found is not None and not request.unfinished:
-            raise Refused(
-                RefusalKind.ALREADY_MAPPING,
-                "there is an unfinished map: continue it (unfinished = true), or send discard_mapping",
-            )
-        damage = self._files.autosave_damage()
-        if request.unfinished and found is None:
-            if damage:
-                raise Refused(RefusalKind.MAP_UNREADABLE, f"{UNREADABLE} ({damage})")
-            raise Refused(RefusalKind.NOT_MAPPING, "there is no unfinished map")
-        warning = _warning(damage, is_found=found is not None)
-        name = request.name
-        if name is not None and not request.unfinished:
-            found = self._files.read_slam(name)
-            if found is None:
-                raise Refused(
-                    RefusalKind.MAP_UNREADABLE,
-                    f"mapping cannot go on with {name!r}: SLAM did not make this map, or its graph is not there",
-                )
-        state = start() if found is None else self._continued(found)
-        self._forget()
-        self._state, self._mode, self._name, self._reason = state, Mode.MAPPING, name, ""
-        self._warning = warning
+        self._begin(self._beginnings.asked_for(request.name, unfinished=request.unfinished), request.name)
+        self._mode = Mode.MAPPING
         return self._status()
 
     def _resume(self, request: messages.Resume) -> MappingStatus:
-        found, damage = self._files.read_autosave(), self._files.autosave_damage()
-        if found is None:
+        beginning = self._beginnings.unfinished()
+        if beginning is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
             return self._status()
-        state = self._continued(found)
-        self._forget()
-        self._state, self._name, self._reason = state, request.name, ""
-        self._warning = _warning(damage, is_found=True)
+        self._begin(beginning, request.name)
         self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
-        self._saved_number = state.next_number
+        self._saved_number = self._state.next_number
         return self._status()
 
-    def _continued(self, arrays: Arrays) -> SlamState:
-        """A saved state; where odometry has not gone on since, the robot may be anywhere in it."""
-        same_run = SESSION in arrays and str(arrays[SESSION]) == self._parameters.session
-        try:
-            state = restored(arrays)
-        except NotASavedState as problem:
-            raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
-        return state if same_run or not len(state.nodes) else apart(state)
+    def _begin(self, beginning: Beginning, name: str | None) -> None:
+        self._forget()
+        self._state, self._warning = beginning
+        self._name, self._reason = name, ""
 
     def _pause(self) -> MappingStatus:
         self._require_map()
@@ -291,7 +257,7 @@ class MappingSkill:
         state, is_idle = self._state, self._mode is Mode.IDLE
         unfinished, warning = is_idle and self._files.has_autosave(), self._warning
         if is_idle:
-            warning = _warning(self._files.autosave_damage(), is_found=unfinished)
+            warning = self._beginnings.warning(is_found=unfinished)
         return MappingStatus(
             state=str(self._mode),
             name=self._name,
@@ -307,20 +273,6 @@ class MappingSkill:
     def _mount_problem(self) -> str:
         told = mount_problem(self._mount, self._parameters.lidars)
         return f"{told}; mend that, and begin the map anew" if told else ""
-
-    def _arrays(self) -> Arrays:
-        return saved(self._state) | {SESSION: np.array(self._parameters.session)}
-
-
-def _warning(damage: str, *, is_found: bool) -> str:
-    """What is lost of a map that was never finished; ``is_found``: an older state of it is whole."""
-    if not damage:
-        return ""
-    return (
-        f"the newest state of it is damaged ({damage}): an older one is used"
-        if is_found
-        else f"{UNREADABLE} ({damage})"
-    )
 
 
 def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generator[Done, None, SlamState]:

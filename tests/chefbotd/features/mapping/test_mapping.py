@@ -214,7 +214,7 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_a_map_of_which_every_autosave_is_damaged_is_never_replaced_in_silence(tmp_path: Path) -> None:
     """Half of each file is lost with the daemon: the topic, the log, a refusal and the new map's answer all say so."""
-    lost = "there was a map that was never finished, and nothing of it can be read (version "
+    lost = "there was an unfinished map, and nothing of it can be read (version "
 
     async def play() -> None:
         async with scene(tmp_path) as s:

@@ -3,143 +3,32 @@
 import math
 import re
 import zlib
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.mapping.poses import Floats, transform
-from chefbotd.mapping.saved import Arrays, restored
+from chefbotd.mapping.saved import restored
 from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
-from chefbotd.worker.skills.mapping import MappingSkill
 from chefbotd.worker.skills.mapping_messages import (
     Discard,
     Finish,
-    Finished,
     GetGrid,
     GetStatus,
     GridPart,
     MappingRequest,
-    MappingSkillParameters,
     MappingStatus,
     Pause,
     PoseFound,
-    Resume,
     Start,
 )
-from chefbotd.worker.skills.skill import Done, Struct
+from chefbotd.worker.skills.skill import Struct
 from tests.chefbotd.mapping.slam.flat import furnished_flat, to_walls_m
 from tests.chefbotd.worker.skills.drives import TRUTH, measured, measured_by_two
-
-SCANS = 130
-
-
-@dataclass
-class Memory:
-    """A folder of maps that forgets with the test; ``full`` refuses to save, ``stubborn`` to forget."""
-
-    maps: dict[str, list[tuple[OccupancyGrid, Arrays]]] = field(default_factory=dict)
-    kept: tuple[OccupancyGrid, Arrays] | None = None
-    autosaves: int = 0
-    full: bool = False
-    stubborn: bool = False
-    damage: str = ""
-
-    def save(self, name: str, grid: OccupancyGrid, slam: Arrays) -> int:
-        """A version more."""
-        self._write()
-        self.maps.setdefault(name, []).append((grid, slam))
-        return len(self.maps[name])
-
-    def read_slam(self, name: str) -> Arrays | None:
-        """The latest."""
-        return self.maps[name][-1][1]
-
-    def autosave(self, grid: OccupancyGrid, slam: Arrays) -> None:
-        """Keep it."""
-        self._write()
-        self.kept = (grid, slam)
-        self.autosaves += 1
-
-    def has_autosave(self) -> bool:
-        """Whether there is one."""
-        return self.kept is not None
-
-    def read_autosave(self) -> Arrays | None:
-        """It."""
-        return None if self.kept is None else self.kept[1]
-
-    def autosave_damage(self) -> str:
-        """What is wrong with its newest states."""
-        return self.damage
-
-    def discard_autosave(self) -> None:
-        """Forget it."""
-        if self.stubborn:
-            raise Refused(RefusalKind.STORAGE_FAILED, "cannot remove .autosave.map: Permission denied")
-        self.kept = None
-
-    def _write(self) -> None:
-        if self.full:
-            raise Refused(RefusalKind.STORAGE_FAILED, "cannot save: the disk is full")
-
-
-class Bench:
-    """A skill, its disk and its clock, and all that it has told."""
-
-    def __init__(
-        self, memory: Memory | None = None, session: str = "one", lidars: tuple[str, ...] = ("top",)
-    ) -> None:
-        self.clock = ManualClock(50.0)
-        self.memory = memory or Memory()
-        parameters = MappingSkillParameters(
-            lidars=lidars,
-            folder=Path("/nowhere"),
-            versions_kept=3,
-            session=session,
-            mapping=MappingParameters(),
-        )
-        self.skill = MappingSkill(parameters.model_dump_json().encode(), self.clock, self.memory)
-        self.told: list[Struct] = []
-
-    def drive(self, first: int, last: int, messages: Iterable[ScanSeen | OdometrySeen] | None = None) -> None:
-        """Give it a part of the tour, in its own time."""
-        for message in messages or measured(first, last):
-            late_s = message.stamp_s - self.clock.now_s()
-            self.clock.advance(late_s if late_s > 0 else 0.0)
-            if isinstance(message, ScanSeen):
-                self.told += self.skill.take_scan(message)
-            else:
-                self.told += self.skill.take_odometry(message)
-                self.told += self.skill.step(self.clock.now_s())
-
-    def ask(self, request: MappingRequest) -> MappingStatus:
-        """Have something done at once."""
-        answer = self.skill.handle(packed(request))
-        assert isinstance(answer, MappingStatus)
-        return answer
-
-    def finish(self, name: str) -> tuple[Finished, list[Done]]:
-        """Finish the map; the answer, and how far it said to be."""
-        job, progress = self.skill.handle(packed(Finish(name))), []
-        assert not isinstance(job, Struct)
-        while True:
-            try:
-                progress.append(next(job))
-            except StopIteration as end:
-                answer: Finished = end.value
-                return answer, progress
-
-    def of(self, kind: type[Struct]) -> list[Struct]:
-        """What it told of this kind."""
-        return [each for each in self.told if isinstance(each, kind)]
+from tests.chefbotd.worker.skills.mapping_bench import SCANS, Bench
 
 
 @pytest.fixture(scope="module")
@@ -454,108 +343,6 @@ def test_a_lidar_from_which_nothing_ever_came_is_said_too() -> None:
     bench.clock.advance(7.0)
     list(bench.skill.step(bench.clock.now_s()))
     assert bench.ask(GetStatus()).reason == ""
-
-
-def test_a_map_that_begins_where_one_was_lost_says_so() -> None:
-    """Both autosaves are damaged: said before, refused to whoever wants to go on, and in the answer of a new map."""
-    bench = Bench(Memory(damage="version 8: slam.npz is missing; version 7: cells.zlib is damaged"))
-    lost = "there was a map that was never finished, and nothing of it can be read (version 8: slam.npz is missing; "
-    before = bench.ask(GetStatus())
-    assert (before.state, before.unfinished) == ("idle", False)
-    assert before.warning.startswith(lost)
-    with pytest.raises(Refused, match="nothing of it can be read") as refused:
-        bench.ask(Start(unfinished=True))
-    assert refused.value.kind is RefusalKind.MAP_UNREADABLE
-    assert bench.ask(Start()).warning.startswith(lost)
-    bench.memory.damage = ""  # it was pruned: two new autosaves are there
-    bench.drive(0, 5)
-    assert bench.ask(GetStatus()).warning.startswith(lost), "it is said as long as this map is made"
-    assert bench.ask(Discard()).warning == ""
-
-
-def test_an_older_state_that_is_gone_on_with_is_said() -> None:
-    """The newest autosave is damaged and the one before it whole: mapping goes on from that, and says so."""
-    bench = Bench()
-    bench.ask(Start())
-    bench.drive(0, 20)
-    bench.skill.close()
-    bench.memory.damage = "version 8: slam.npz is missing"
-    again = Bench(bench.memory, session="two")
-    told = again.ask(Start(unfinished=True))
-    assert told.state == "mapping"
-    assert told.warning is not None
-    assert "version 8: slam.npz is missing" in told.warning
-    assert "an older one is used" in told.warning
-
-
-def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
-    """The next one reads what was saved last; odometry has gone on, so it is not lost, and the poses go on."""
-    first = Bench()
-    first.ask(Start())
-    first.drive(0, 130)
-    kept = first.memory.autosaves
-    assert kept == 2
-    second = Bench(first.memory)
-    assert second.ask(Resume(paused=False)).state == "mapping"
-    second.drive(130, 150)
-    poses = second.of(PoseFound)
-    assert [pose.state for pose in poses].count("mapping") > 15  # type: ignore[attr-defined]
-    last = poses[-1].map_from_base  # type: ignore[attr-defined]
-    first.drive(130, 150)
-    assert last == pytest.approx(first.of(PoseFound)[-1].map_from_base, abs=0.05)  # type: ignore[attr-defined]
-    assert second.of(GridPart)[0].whole  # type: ignore[attr-defined]
-
-
-def test_a_worker_that_was_killed_still_knows_which_map_it_goes_on_with() -> None:
-    """So a pause ends by the same name."""
-    first = Bench()
-    first.ask(Start())
-    first.drive(0, 30)
-    first.finish("flat")
-    first.ask(Start(name="flat"))
-    first.told += first.skill.step(first.clock.now_s())
-    second = Bench(first.memory)
-    assert second.ask(Resume(paused=True, name="flat")).name == "flat"
-    assert second.ask(GetStatus()).state == "paused"
-    assert second.ask(Start(name="flat")).state == "mapping"
-
-
-def test_nothing_kept_is_said() -> None:
-    """A worker that is to go on, and finds nothing, is idle and says so."""
-    status = Bench().ask(Resume(paused=True))
-    assert (status.state, "nothing was kept" in status.reason) == ("idle", True)
-
-
-def test_after_the_daemons_restart_the_map_waits_for_a_word() -> None:
-    """The unfinished map is not overwritten by a new one; gone on with, the robot is lost until it knows a place."""
-    first = Bench()
-    first.ask(Start())
-    first.drive(0, 120)
-    first.skill.close()
-    second = Bench(first.memory, session="two")
-    with pytest.raises(Refused, match="unfinished map") as refused:
-        second.ask(Start())
-    assert refused.value.kind is RefusalKind.ALREADY_MAPPING
-    status = second.ask(Start(unfinished=True))
-    assert status.kept_scans > 30
-    second.drive(100, 105)
-    assert {pose.state for pose in second.of(PoseFound)} == {"lost"}  # type: ignore[attr-defined]
-    assert second.ask(Discard()).state == "idle"
-    assert second.ask(Start()).state == "mapping"
-
-
-def test_a_saved_map_is_gone_on_with_by_its_name() -> None:
-    """It has all of its scans; one that was not made by SLAM is refused in words."""
-    bench = Bench()
-    bench.ask(Start())
-    bench.drive(0, 60)
-    saved, _ = bench.finish("flat")
-    status = bench.ask(Start(name="flat"))
-    assert (status.name, status.kept_scans) == ("flat", saved.kept_scans)
-    bench.ask(Discard())
-    bench.memory.read_slam = lambda name: None  # type: ignore[method-assign]
-    with pytest.raises(Refused, match="SLAM did not make this map"):
-        bench.ask(Start(name="flat"))
 
 
 def test_a_pause_adds_nothing() -> None:
