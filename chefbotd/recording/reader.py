@@ -58,22 +58,14 @@ class RecordingReader:
         self._topics: dict[int, tuple[str, str]] = {}
         self._schemas: dict[int, str] = {}
 
-    def messages(self) -> Iterator[Message]:
-        """Every message, in the order in which they were recorded.
+    def messages(self, schemas: str = "") -> Iterator[Message]:
+        """Every message, in the order in which they were recorded; or those alone whose schemas' names begin so.
 
         Raises:
             UnreadableRecording: nothing at all can be read.
         """
         with self.path.open("rb") as file:
-            for record in self._records(file):
-                if isinstance(record, McapMessage):
-                    if record.channel_id not in self._topics:
-                        self.problem = (
-                            f"it is damaged: a message is of channel {record.channel_id}, which is not in it"
-                        )
-                        return
-                    topic, schema = self._topics[record.channel_id]
-                    yield Message(topic, schema, record.log_time, record.sequence, record.data)
+            yield from self._messages(file, schemas)
 
     def events(self) -> Iterator[Any]:
         """Every event of the daemon as it was published, in its order; those of unknown classes are left out.
@@ -81,8 +73,8 @@ class RecordingReader:
         Raises:
             UnreadableRecording: nothing can be read, or an event is none.
         """
-        for message in self.messages():
-            if not message.schema.startswith(OWN) or message.sequence == REPEATED:
+        for message in self.messages(OWN):
+            if message.sequence == REPEATED:
                 continue
             event_class = class_of(message.schema.removeprefix(OWN))
             if event_class is None:
@@ -99,14 +91,19 @@ class RecordingReader:
         for _ in self.messages():
             return
 
-    def _records(self, file: BinaryIO) -> Iterator[McapRecord]:
+    def _messages(self, file: BinaryIO, schemas: str) -> Iterator[Message]:
         reader, ended = StreamReader(file, emit_chunks=True, record_size_limit=self.size), False
         try:
             for record in reader.records:
                 ended = isinstance(record, Footer)
-                for each in _records_in(record) if isinstance(record, Chunk) else [record]:
-                    self._note(each)
-                    yield each
+                if isinstance(record, Chunk):
+                    yield from self._messages_in(_unpacked(record), schemas)
+                elif isinstance(record, McapMessage):
+                    topic, schema = self._channel(record.channel_id)
+                    if schema.startswith(schemas):
+                        yield Message(topic, schema, record.log_time, record.sequence, record.data)
+                else:
+                    self._note(record)
         except EndOfFile:
             self.problem = CUT
         except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
@@ -119,6 +116,34 @@ class RecordingReader:
         if self.problem is None and not ended:
             self.problem = "it was not finished: its writer was stopped"
 
+    def _messages_in(self, data: bytes, schemas: str) -> Iterator[Message]:
+        """The messages of a chunk. There are a thousand a second, and the library takes 10 us for each of them.
+
+        Raises:
+            ValueError: the chunk is damaged.
+        """
+        at, size, head, topics = 0, len(data), MESSAGE_HEAD.size, self._topics
+        while at < size:
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
+            if end > size:
+                raise ValueError("a record is longer than its chunk")
+            if opcode == Opcode.MESSAGE:
+                channel, sequence, log_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
+                topic, schema = topics.get(channel) or self._channel(channel)
+                if schema.startswith(schemas):
+                    yield Message(topic, schema, log_ns, sequence, data[at + head : end])
+            elif opcode == Opcode.CHANNEL:
+                self._note(Channel.read(ReadDataStream(BytesIO(data[at:end]))))
+            elif opcode == Opcode.SCHEMA:
+                self._note(Schema.read(ReadDataStream(BytesIO(data[at:end]))))
+            at = end
+
+    def _channel(self, number: int) -> tuple[str, str]:
+        if number not in self._topics:
+            raise ValueError(f"a message is of channel {number}, which is not in it")
+        return self._topics[number]
+
     def _note(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
             self._schemas[record.id] = record.name
@@ -128,30 +153,6 @@ class RecordingReader:
             self.metadata[record.name] = record.metadata
         elif isinstance(record, Attachment):
             self.attachments[record.name] = record.data
-
-
-def _records_in(chunk: Chunk) -> Iterator[McapRecord]:
-    """The records of a chunk. There are a thousand messages a second, and the library takes 10 us for each of them.
-
-    Raises:
-        ValueError: the chunk is damaged.
-    """
-    data = _unpacked(chunk)
-    at, size = 0, len(data)
-    while at < size:
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
-        at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
-        if end > size:
-            raise ValueError("a record is longer than its chunk")
-        if opcode == Opcode.MESSAGE:
-            channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(data, at)
-            body = data[at + MESSAGE_HEAD.size : end]
-            yield McapMessage(channel, log_ns, body, publish_ns, sequence)
-        elif opcode == Opcode.CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(data[at:end])))
-        elif opcode == Opcode.SCHEMA:
-            yield Schema.read(ReadDataStream(BytesIO(data[at:end])))
-        at = end
 
 
 def _unpacked(chunk: Chunk) -> bytes:

@@ -64,8 +64,8 @@ class RecordingFiles:
         for path in self._paths:
             try:
                 reader = RecordingReader(path)
-                for message in reader.messages():
-                    if message.sequence != REPEATED and message.schema.startswith(OWN):
+                for message in reader.messages(OWN):
+                    if message.sequence != REPEATED:
                         yield Recorded(message.sequence, message.schema[len(OWN) :], message.data)
             except UnreadableRecording as problem:
                 raise NotReplayable(str(problem)) from problem

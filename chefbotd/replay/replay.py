@@ -150,7 +150,8 @@ class Replay:
         problems = await self._pipeline.begin_late(state, keeps_parameters=self._own_timers)
         if problems and state is not None and not self._any_state:
             raise NotReplayable(
-                f"the state at {state.stamp_s:.6f} s is none that this version of chefbotd recorded: {problems[0]}"
+                f"the state at {state.stamp_s:.6f} s is none that this version of chefbotd recorded: {problems[0]}; "
+                "--any-version puts back the rest"
             )
         self._told()
         if not outcome.from_state and state is not None:

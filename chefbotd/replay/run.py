@@ -5,7 +5,9 @@ import time
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
+import msgspec
 from msgspec import Struct
 from pydantic import ValidationError
 
@@ -18,6 +20,7 @@ from chefbotd.replay.replay import Outcome, Pace, Replay
 from chefbotd.replay.serving import Serving
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
+from chefbotd.settings.errors import explain, with_new_names
 
 
 class Wishes(Struct, frozen=True):
@@ -95,13 +98,16 @@ def settings_of(configuration: str) -> Settings:
         NotReplayable: this version does not understand it.
     """
     try:
-        return Settings.model_validate_json(configuration, strict=True)
+        told = with_new_names(msgspec.json.decode(configuration, type=dict[str, Any]))
+        return Settings.model_validate_json(msgspec.json.encode(told), strict=True)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(each) for each in first["loc"])
+        wrong = explain(error, Settings, told, {}, "").replace("\n", "; ")
         raise NotReplayable(
-            f"the configuration in the recording is not one of this version: {where}: {first['msg']}"
+            f"the configuration in the recording is not one of this version: {wrong[:500]}; "
+            "the version that recorded it replays it ('chefbotctl log info' tells which)"
         ) from error
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise NotReplayable(f"the configuration in the recording is no JSON: {error}") from error
 
 
 def other_settings(recorded: Settings, other: Settings) -> Settings:

@@ -1,6 +1,6 @@
 """What is wrong with a configuration, for people: a line for each refused value, with its key and where it is from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -57,8 +57,8 @@ _RENAMED = {
     "encoders": {"slack_counts": "tolerance_counts"},
     "infrared": {"longest_gap_s": "max_gap_s"},
     "link": {"reconnect_first_s": "reconnect_delay_s", "reconnect_longest_s": "max_reconnect_delay_s"},
-    "localization": {"search_by_itself": "auto_search", "save_every_s": "save_period_s"},
-    "mapping": {"told_every_s": "publish_period_s", "autosave_s": "autosave_period_s"},
+    "localization": {"lidar": "lidars", "search_by_itself": "auto_search", "save_every_s": "save_period_s"},
+    "mapping": {"lidar": "lidars", "told_every_s": "publish_period_s", "autosave_s": "autosave_period_s"},
     "mapping.slam.loops": {
         "window_at_most_m": "max_window_m",
         "least_score": "min_score",
@@ -97,6 +97,27 @@ RENAMED: Mapping[Keys, str] = {
     (*section.split("."), old): new for section, names in _RENAMED.items() for old, new in names.items()
 }
 """Keys of earlier versions, and their names today; one of a list goes without its number."""
+
+
+def with_new_names(values: dict[str, Any]) -> dict[str, Any]:
+    """The same configuration, as one of an earlier version is written today: in a recording nobody can change it."""
+    for (*sections, old), new in RENAMED.items():
+        for section in _sections(values, sections):
+            if old in section:
+                value = section.pop(old)
+                section[new] = [value] if new == "lidars" and isinstance(value, str) else value
+    return values
+
+
+def _sections(values: Any, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The tables with this name, those in lists too."""
+    if isinstance(values, list):
+        for each in values:
+            yield from _sections(each, names)
+    elif isinstance(values, dict) and names:
+        yield from _sections(values.get(names[0]), names[1:])
+    elif isinstance(values, dict):
+        yield values
 
 
 def dotted(values: object, loc: Keys) -> str:

@@ -1,18 +1,27 @@
 """Recordings of strangers: a recorded state can name nothing but what the running daemon has registered."""
 
 import asyncio
+import resource
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import lz4.frame
 import msgspec
 import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk
 
 from chefbotd.core.events.inputs import LimitsExchanged, StateRecorded, TimerFired
+from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import decode, encode
+from chefbotd.recording.reader import MAX_CHUNK_BYTES, RecordingReader
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import MAX_EVENT_BYTES, NotReplayable, Recorded, decoded
+from chefbotd.replay.run import settings_of
 from chefbotd.settings import load, packaged
 from chefbotd.snapshot.restore import Restore
 from tests.chefbotd.replay.recordings import replayed
@@ -178,3 +187,44 @@ def test_a_state_is_neither_huge_nor_endlessly_deep() -> None:
 def test_a_daemons_own_state_has_nothing_that_may_not_be_named(robot: str) -> None:
     """What it cannot put back it does not write, and says so."""
     assert "chefbotd" in msgspec.json.encode(recorded_state(robot)).decode()
+
+
+@pytest.mark.parametrize(
+    ("compression", "size"), [("zstd", 300_000_000), ("lz4", 300_000_000), ("zstd", 90_000)]
+)
+def test_a_chunk_that_unpacks_to_more_than_it_says_is_no_recording(
+    tmp_path: Path, compression: str, size: int
+) -> None:
+    """A few kilobytes of file that would be hundreds of megabytes of memory: told as damage, and never unpacked."""
+    data = bytes(size)
+    packed = zstandard.compress(data) if compression == "zstd" else lz4.frame.compress(data, store_size=False)
+    says = size if size > MAX_CHUNK_BYTES and compression == "zstd" else 80_000
+    chunk = Chunk(compression, packed, 1, 0, 0, says)
+    writer = RecordBuilder()
+    chunk.write(writer)
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(MAGIC + writer.end())
+    del data
+    reader, before = RecordingReader(path), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert list(reader.messages()) == []
+    assert "damaged" in str(reader.problem)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000  # KiB
+
+
+def test_a_recording_with_keys_of_an_earlier_version_is_replayed_with_todays() -> None:
+    """Nobody can change the configuration in a recording: known keys are renamed, another one is told with a way out."""
+    told = msgspec.json.decode(load(packaged("chefbot_lidar")).model_dump_json(by_alias=True))
+    told["mapping"]["lidar"] = "lidar"
+    del told["mapping"]["lidars"]
+    told["worker"]["most_memory_mb"] = 777.5
+    del told["worker"]["max_memory_mb"]
+    settings = settings_of(msgspec.json.encode(told).decode())
+    assert settings.mapping.lidars == ("lidar",)
+    assert settings.worker.max_memory_mb == 777.5
+    told["worker"]["naps"] = 3
+    with pytest.raises(
+        NotReplayable, match=r"worker\.naps: there is no such key \(got 3\).*the version that recorded it"
+    ):
+        settings_of(msgspec.json.encode(told).decode())
+    with pytest.raises(NotReplayable, match="no JSON"):
+        settings_of("{")
