@@ -173,6 +173,6 @@ def _purged(host: Host) -> Iterator[Step]:
 
 
 def _kept(host: Host) -> Iterator[Step]:
-    for name, what in ((FOLDER, "configuration and tokens"), (STATE, "maps")):
+    for name, what in ((FOLDER, "configuration and tokens"), (STATE, "maps and recordings")):
         if host.path(name).exists():
             yield Step(f"{name}: kept ({what}); --purge removes it")
