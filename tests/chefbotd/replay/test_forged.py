@@ -218,12 +218,15 @@ def test_a_recording_with_keys_of_an_earlier_version_is_replayed_with_todays() -
     del told["mapping"]["lidars"]
     told["worker"]["most_memory_mb"] = 777.5
     del told["worker"]["max_memory_mb"]
+    deaf = told["safety"]["deaf"] = told["safety"].pop("unresponsive")
+    deaf["slack_m"] = 3 * deaf.pop("tolerance_m")
     settings = settings_of(msgspec.json.encode(told).decode())
     assert settings.mapping.lidars == ("lidar",)
     assert settings.worker.max_memory_mb == 777.5
+    assert settings.safety.unresponsive.tolerance_m == deaf["slack_m"]
     told["worker"]["naps"] = 3
     with pytest.raises(
-        NotReplayable, match=r"worker\.naps: there is no such key \(got 3\).*the version that recorded it"
+        NotReplayable, match=r"worker\.naps: unknown key \(got 3\).*the version that recorded it"
     ):
         settings_of(msgspec.json.encode(told).decode())
     with pytest.raises(NotReplayable, match="no JSON"):
