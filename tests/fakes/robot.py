@@ -72,7 +72,7 @@ STATS = StatsSampled(
     figures={"uptime_s": 60.0, "frames": {"encoders": 100}, "lines_out": 50, "board_clock_skew_ppm": None},
 )
 
-MAPPING_RESULT = MappingResult(state="mapping", name=None, kept_scans=40, loops=2, path_m=12.5)
+MAPPING_RESULT = MappingResult(state="mapping", name=None, keyframes=40, loops=2, path_m=12.5)
 
 
 class FakeLocalizer:
@@ -264,7 +264,7 @@ class FakeRobot:
         """Remember it, and be half done on the way."""
         self._record("finish_mapping", name)
         progress.report(1, 2, "matching")
-        return MapSaved(name=name, version=3, kept_scans=40, loops=2, path_m=12.5)
+        return MapSaved(name=name, version=3, keyframes=40, loops=2, path_m=12.5)
 
     async def discard(self) -> MappingResult:
         """Remember it."""

@@ -74,7 +74,7 @@ class DemoView:
 
 
 def _standing(tour: Tour) -> str:
-    return f"{tour.kept_scans} scans kept, {tour.loops} loops closed, fit {tour.fit:.2f}, {tour.state}"
+    return f"{tour.keyframes} scans kept, {tour.loops} loops closed, fit {tour.fit:.2f}, {tour.state}"
 
 
 def _table(result: DemoResult, errors: WallErrors) -> Table:
@@ -90,7 +90,7 @@ def rows(result: DemoResult, errors: WallErrors) -> list[tuple[str, str]]:
     return [
         ("walls, off the true ones, median (p95)", f"{errors.median_m:.3f} m ({errors.p95_m:.3f} m)"),
         ("loops closed", str(saved.loops)),
-        ("scans kept", f"{saved.kept_scans} on {saved.path_m:.0f} m in {result.seconds:.0f} s"),
+        ("scans kept", f"{saved.keyframes} on {saved.path_m:.0f} m in {result.seconds:.0f} s"),
         ("control steps missed", f"{result.missed_steps} of {result.control_steps}"),
         ("daemon, with the simulator in it", _cost(used.daemon_cpu, used.daemon_mb)),
         ("worker, which makes the map", _cost(used.worker_cpu, used.worker_mb)),
@@ -113,7 +113,7 @@ def as_json(result: DemoResult, errors: WallErrors, files: list[Path]) -> dict[s
         "files": [str(file) for file in files],
         "walls": {"median_m": errors.median_m, "p95_m": errors.p95_m, "cells": errors.cells},
         "loops": result.saved.loops,
-        "kept_scans": result.saved.kept_scans,
+        "keyframes": result.saved.keyframes,
         "path_m": result.saved.path_m,
         "seconds": result.seconds,
         "control_steps": result.control_steps,

@@ -28,6 +28,6 @@ def take_event(tour: Tour, event: Any) -> None:
         tour.tracker.take_map_pose(event.stamp_s, event.data)
         tour.state, tour.fit = event.data.state, event.data.fit
     elif event.topic == "mapping":
-        tour.loops, tour.kept_scans = event.data.loops, event.data.kept_scans
+        tour.loops, tour.keyframes = event.data.loops, event.data.keyframes
     else:
         tour.live.take_part(event.data)

@@ -31,7 +31,7 @@ def start(context: CommandContext, name: str | None, unfinished: bool) -> None:
     Drive the robot through the rooms then, by whatever means, and 'chefbotctl map finish NAME'.
     """
     told = _run(context, lambda robot: robot.start_mapping(name, unfinished=unfinished))
-    begun = f"Mapping: {told.kept_scans} scans so far." if told.kept_scans else "Mapping."
+    begun = f"Mapping: {told.keyframes} scans so far." if told.keyframes else "Mapping."
     warning = f" Beware: {told.warning}." if told.warning else ""
     output.say(context.as_json, told.model_dump(), f"{begun} 'chefbotctl map live' shows the map.{warning}")
 
@@ -41,7 +41,7 @@ def start(context: CommandContext, name: str | None, unfinished: bool) -> None:
 def pause(context: CommandContext) -> None:
     """Add nothing to the map until 'map start'."""
     told = _run(context, lambda robot: robot.pause_mapping())
-    output.say(context.as_json, told.model_dump(), f"Paused, with {told.kept_scans} scans.")
+    output.say(context.as_json, told.model_dump(), f"Paused, with {told.keyframes} scans.")
 
 
 @click.command()
@@ -51,7 +51,7 @@ def finish(context: CommandContext, name: str) -> None:
     """Match all scans once more, save the map as NAME, and end. Ctrl-C gives up, and mapping goes on."""
     with progress_bar(f"finishing {name}", quiet=context.as_json) as report:
         saved = _run(context, lambda robot: robot.finish_mapping(name, on_progress=report))
-    text = f"Saved {saved.name}, version {saved.version}: {saved.kept_scans} scans on {saved.path_m:.0f} m."
+    text = f"Saved {saved.name}, version {saved.version}: {saved.keyframes} scans on {saved.path_m:.0f} m."
     output.say(context.as_json, saved.model_dump(), text)
 
 

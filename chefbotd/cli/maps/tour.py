@@ -19,7 +19,7 @@ class Tour:
     state: str = ""
     fit: float = 0.0
     loops: int = 0
-    kept_scans: int = 0
+    keyframes: int = 0
     driven_s: float = 0.0
 
 

@@ -6,7 +6,7 @@ from chefbotd.core.record import Record
 class LidarChanged(Record, frozen=True):
     """A lidar's port was opened, lost or cannot be opened, or what comes in on it sounds different.
 
-    ``condition`` is its stable name (``down``, ``judging``, ``healthy``, ``silent``, ...), ``reason`` for people (empty:
+    ``condition`` is its stable name (``down``, ``unknown``, ``healthy``, ``silent``, ...), ``reason`` for people (empty:
     healthy). ``healthy`` is None until it can be told.
     """
 

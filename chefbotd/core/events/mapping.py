@@ -51,7 +51,7 @@ class MappingChanged(Record, frozen=True):
     stamp_s: float
     state: str
     name: str | None
-    kept_scans: int
+    keyframes: int
     loops: int
     path_m: float
     scans: int

@@ -23,7 +23,7 @@ class LinkData(TopicData):
     )
     condition: str = Field(
         default="down",
-        description="healthy, silent, wrong_baud, wrong_device, echo_stuck, judging or down",
+        description="healthy, silent, wrong_baud, wrong_device, echo_stuck, unknown or down",
     )
 
 
@@ -77,7 +77,7 @@ def link_data(event: LinkEvent | None) -> LinkData:
     """The link's state; None: nothing has been heard of it, so it is down."""
     match event:
         case events.LinkOpened():
-            return LinkData(state="up", device=event.device, reason="", healthy=None, condition="judging")
+            return LinkData(state="up", device=event.device, reason="", healthy=None, condition="unknown")
         case events.LinkHealthChanged():
             return LinkData(
                 state="up",

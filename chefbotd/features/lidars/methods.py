@@ -34,7 +34,7 @@ class LidarData(TopicData):
     state: Literal["up", "down"]
     healthy: bool | None = Field(description="whether it measures; null until it is known")
     condition: str = Field(
-        description="healthy, silent, wrong_baud, wrong_device, motor_stalled, frozen, device_error, judging or down"
+        description="healthy, silent, wrong_baud, wrong_device, motor_stalled, frozen, device_error, unknown or down"
     )
     reason: str
     stamp_s: float = Field(description="since when that is so")

@@ -37,7 +37,7 @@ class MappingResult(Result):
 
     state: str = Field(description="idle, mapping, paused or finishing")
     name: str | None = Field(description="the map that is being extended")
-    kept_scans: int
+    keyframes: int
     loops: int
     path_m: float
     warning: str | None = Field(default=None, description="what is lost of the unfinished map")
@@ -48,7 +48,7 @@ class MapSaved(Result):
 
     name: str
     version: int
-    kept_scans: int
+    keyframes: int
     loops: int
     path_m: float
 
@@ -58,7 +58,7 @@ class MappingData(TopicData):
 
     state: str = Field(default="idle", description="idle, mapping, paused or finishing")
     name: str | None = Field(default=None, description="the map that is being extended")
-    kept_scans: int = 0
+    keyframes: int = 0
     loops: int = 0
     path_m: float = 0.0
     scans: int = 0
@@ -164,7 +164,7 @@ def _mapping(event: MappingChanged | None) -> MappingData:
     return MappingData(
         state=event.state,
         name=event.name,
-        kept_scans=event.kept_scans,
+        keyframes=event.keyframes,
         loops=event.loops,
         path_m=event.path_m,
         scans=event.scans,

@@ -89,7 +89,7 @@ class MappingService:
         return MapSaved(
             name=saved.name,
             version=saved.version,
-            kept_scans=saved.kept_scans,
+            keyframes=saved.keyframes,
             loops=saved.loops,
             path_m=saved.path_m,
         )
@@ -124,7 +124,7 @@ class MappingService:
 
     async def _resume(self) -> None:
         status = self._status
-        begun = status.kept_scans > 0 or status.name is not None
+        begun = status.keyframes > 0 or status.name is not None
         request = Resume(status.state == "paused", status.name) if begun else Start()
         try:
             await self._ask(request, LONG_S)
@@ -143,7 +143,7 @@ class MappingService:
         return MappingResult(
             state=status.state,
             name=status.name,
-            kept_scans=status.kept_scans,
+            keyframes=status.keyframes,
             loops=status.loops,
             path_m=status.path_m,
             warning=status.warning or None,
@@ -171,7 +171,7 @@ class MappingService:
                 self._clock.now_s(),
                 status.state,
                 status.name,
-                status.kept_scans,
+                status.keyframes,
                 status.loops,
                 status.path_m,
                 status.scans,

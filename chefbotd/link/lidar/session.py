@@ -25,7 +25,7 @@ from firmware_protocol.lidar import ld19, rplidar
 log = structlog.get_logger(component="lidar")
 
 SAMPLE_BYTES = 128
-DOWN, JUDGING = "down", "judging"
+DOWN, UNKNOWN = "down", "unknown"
 POLL_EVERY_S = 0.05
 
 
@@ -97,7 +97,7 @@ class LidarSession(asyncio.Protocol):
         self._scans_before, self._sample = self.scans, b""
         self._health = HealthWatch(now_s, self._heard())
         self._say(self.reader.begin(now_s))
-        self._tell(JUDGING, "", healthy=None)
+        self._tell(UNKNOWN, "", healthy=None)
         self._poll()
 
     def connection_lost(self, exc: Exception | None) -> None:

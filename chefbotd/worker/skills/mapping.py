@@ -238,7 +238,7 @@ class MappingSkill:
             self._files.discard_autosave()
         except Refused as problem:  # the map is saved nevertheless
             self._reason = str(problem)
-        return messages.Finished(name, version, status.kept_scans, status.loops, status.path_m)
+        return messages.Finished(name, version, status.keyframes, status.loops, status.path_m)
 
     def _require_map(self) -> None:
         if self._mode in (Mode.IDLE, Mode.FINISHING):
@@ -261,7 +261,7 @@ class MappingSkill:
         return MappingStatus(
             state=str(self._mode),
             name=self._name,
-            kept_scans=len(state.nodes),
+            keyframes=len(state.nodes),
             loops=int(state.edges.loop.sum()),
             path_m=way_m(state),
             scans=self._scans,

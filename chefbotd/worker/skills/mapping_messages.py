@@ -78,7 +78,7 @@ class MappingStatus(Message, frozen=True, tag="status"):
 
     state: str
     name: str | None = None
-    kept_scans: int = 0
+    keyframes: int = 0
     loops: int = 0
     path_m: float = 0.0
     scans: int = 0
@@ -92,7 +92,7 @@ class Finished(Message, frozen=True, tag="finished"):
 
     name: str
     version: int
-    kept_scans: int
+    keyframes: int
     loops: int
     path_m: float
 

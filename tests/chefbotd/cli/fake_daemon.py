@@ -23,7 +23,7 @@ WHEELS = ("left_wheel", "right_wheel")
 PID = PidParameters(kp=400.0, ki=100.0, output_limit=255.0).model_dump()
 
 
-MAPPING = {"state": "mapping", "name": None, "kept_scans": 40, "loops": 2, "path_m": 12.4}
+MAPPING = {"state": "mapping", "name": None, "keyframes": 40, "loops": 2, "path_m": 12.4}
 
 
 RECORDED = {

@@ -137,7 +137,7 @@ def test_link() -> None:
     closed = events.LinkClosed(2.0, "/dev/ttyACM0", "unplugged")
     judged = events.LinkHealthChanged(1.5, "/dev/ttyACM0", False, "silent", "nothing heard")
     up = {"state": "up", "device": "/dev/ttyACM0"}
-    assert data_of("link", opened) == {**up, "reason": "", "healthy": None, "condition": "judging"}
+    assert data_of("link", opened) == {**up, "reason": "", "healthy": None, "condition": "unknown"}
     silent = {**up, "reason": "nothing heard", "healthy": False, "condition": "silent"}
     assert data_of("link", opened, judged) == silent
     assert data_of("link", opened, closed) == {

@@ -115,7 +115,7 @@ def test_a_map_is_made_and_saved(tmp_path: Path) -> None:
             assert len(pose.covariance) == 9
             cells = np.frombuffer(decompress(b64decode(patch.cells)), np.int8)
             assert cells.size == patch.part_rows * patch.part_columns
-            assert (await s.data("mapping")).kept_scans > 20
+            assert (await s.data("mapping")).keyframes > 20
             growing = await s.client.get_map()
             assert growing.version == patch.revision
             assert (growing.rows, growing.columns) == (patch.rows, patch.columns)
@@ -146,7 +146,7 @@ def test_a_killed_worker_goes_on_by_itself(tmp_path: Path) -> None:
         async with scene(tmp_path, workers.spawn) as s:
             await s.client.call("start_mapping")
             await s.drive(0, 105)
-            kept = (await s.data("mapping")).kept_scans
+            kept = (await s.data("mapping")).keyframes
             workers.children[0].kill()
             await asyncio.sleep(0.1)
             assert (await s.data("worker")).state == "restarting"
@@ -159,13 +159,13 @@ def test_a_killed_worker_goes_on_by_itself(tmp_path: Path) -> None:
             await s.drive(105, 130)
             assert len(s.poses) - before >= 24
             assert {pose.state for pose in s.poses[before + 2 :]} == {"mapping"}
-            assert (await s.data("mapping")).kept_scans > kept
+            assert (await s.data("mapping")).keyframes > kept
             grown = await s.client.get_map()
             assert (grown.name, grown.saved_at_s) == (None, None)
             assert np.any(grown.grid().percent == 100)
             saved = await s.client.call("finish_mapping", name="flat")
             assert (await s.client.list_maps()).in_use == "flat"
-            assert saved["kept_scans"] > kept
+            assert saved["keyframes"] > kept
 
     run_virtual(play())
 
@@ -196,7 +196,7 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
         async with scene(tmp_path) as s:
             await s.client.call("start_mapping")
             await s.drive(0, 40)
-            kept = (await s.data("mapping")).kept_scans
+            kept = (await s.data("mapping")).keyframes
         async with scene(tmp_path) as s:
             assert (await s.data("mapping")).unfinished, "told without having been asked"
             with pytest.raises(CallError, match="unfinished map"):
@@ -204,9 +204,9 @@ def test_a_daemon_that_ended_in_mid_mapping_keeps_the_map(tmp_path: Path) -> Non
             with pytest.raises(CallError, match=r"params: expected name or unfinished, not both"):
                 await s.client.call("start_mapping", name="flat", unfinished=True)
             started = await s.client.call("start_mapping", unfinished=True)
-            assert started["kept_scans"] >= kept
+            assert started["keyframes"] >= kept
             assert (await s.client.call("discard_mapping"))["state"] == "idle"
-            assert (await s.client.call("start_mapping"))["kept_scans"] == 0
+            assert (await s.client.call("start_mapping"))["keyframes"] == 0
 
     run_virtual(play())
 

@@ -99,7 +99,7 @@ def test_an_ld19_s_turns_are_scans_on_the_bus() -> None:
     assert event.stamp_s == event.scan.stamp_s
     left = np.argmin(abs((event.scan.bearing_rad - math.pi / 2) % math.tau))
     assert event.scan.range_m[left] == pytest.approx(1.0, abs=0.03)
-    assert [condition for condition, *_ in rig.told()] == ["judging", "healthy", "down"]
+    assert [condition for condition, *_ in rig.told()] == ["unknown", "healthy", "down"]
     assert rig.session.turn_s == pytest.approx(0.1, abs=0.003)
     assert rig.opened[0].baud == 230_400  # type: ignore[attr-defined]
 
@@ -171,7 +171,7 @@ def test_bytes_that_are_replayed_are_no_scans() -> None:
     assert rig.session.repeated > 10
     assert rig.session.refused["repeated_turn"] == rig.session.repeated
     conditions = [condition for condition, *_ in rig.told()]
-    assert conditions[:2] == ["judging", "healthy"]
+    assert conditions[:2] == ["unknown", "healthy"]
     assert "frozen" in conditions
 
 
@@ -184,7 +184,7 @@ def test_a_lidar_that_falls_silent_and_comes_back_is_told_both_times() -> None:
         await rig.feed(ld19_packets(noisy_box(2)), 1.5)
 
     conditions = [condition for condition, *_ in run(LD19, story).told()]
-    assert conditions == ["judging", "healthy", "silent", "healthy", "down"]
+    assert conditions == ["unknown", "healthy", "silent", "healthy", "down"]
 
 
 def test_an_unplugged_lidar_is_opened_again_by_itself() -> None:
@@ -205,11 +205,11 @@ def test_an_unplugged_lidar_is_opened_again_by_itself() -> None:
     assert rig.session.opens == 2
     told = rig.told()
     assert [condition for condition, *_ in told] == [
-        "judging",
+        "unknown",
         "healthy",
         "down",
         "down",
-        "judging",
+        "unknown",
         "healthy",
         "down",
     ]
@@ -244,7 +244,7 @@ def test_an_rplidar_is_asked_started_and_stopped() -> None:
     assert device.requests == [Request.GET_INFO, Request.GET_HEALTH, EXPRESS_SCAN, Request.STOP]
     assert rig.opened[0].dtr is False  # type: ignore[attr-defined]
     assert transports[0].dtr is True
-    assert [condition for condition, *_ in rig.told()] == ["judging", "healthy", "down"]
+    assert [condition for condition, *_ in rig.told()] == ["unknown", "healthy", "down"]
 
 
 def test_an_rplidar_that_answers_and_does_not_turn_has_a_stalled_motor() -> None:
@@ -269,7 +269,7 @@ def test_an_rplidar_that_is_another_or_out_of_order_is_told() -> None:
         await turning(device, 2.0)
 
     rig = run(A1, story)
-    assert [condition for condition, *_ in rig.told()] == ["judging", "wrong_device", "down"]
+    assert [condition for condition, *_ in rig.told()] == ["unknown", "wrong_device", "down"]
     assert len(rig.scans) > 10
 
     class Broken(FakeRplidar):

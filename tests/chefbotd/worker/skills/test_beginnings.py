@@ -95,7 +95,7 @@ def test_after_the_daemons_restart_the_map_waits_for_a_word() -> None:
         second.ask(Start())
     assert refused.value.kind is RefusalKind.ALREADY_MAPPING
     status = second.ask(Start(unfinished=True))
-    assert status.kept_scans > 30
+    assert status.keyframes > 30
     second.drive(100, 105)
     assert {pose.state for pose in second.of(PoseFound)} == {"lost"}  # type: ignore[attr-defined]
     assert second.ask(Discard()).state == "idle"
@@ -109,7 +109,7 @@ def test_a_saved_map_is_gone_on_with_by_its_name() -> None:
     bench.drive(0, 60)
     saved, _ = bench.finish("flat")
     status = bench.ask(Start(name="flat"))
-    assert (status.name, status.kept_scans) == ("flat", saved.kept_scans)
+    assert (status.name, status.keyframes) == ("flat", saved.keyframes)
     bench.ask(Discard())
     bench.memory.read_slam = lambda name: None  # type: ignore[method-assign]
     with pytest.raises(Refused, match="was not made by mapping"):

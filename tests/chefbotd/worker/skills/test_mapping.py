@@ -81,7 +81,7 @@ def test_it_is_told_and_saved_now_and_then(driven: Bench) -> None:
     last = driven.of(MappingStatus)[-1]
     assert isinstance(last, MappingStatus)
     assert (last.state, last.name, last.reason) == ("mapping", None, "")
-    assert last.kept_scans > 30
+    assert last.keyframes > 30
 
 
 def walls_off_m(grid: OccupancyGrid) -> Floats:
@@ -180,7 +180,7 @@ def test_a_finished_map_is_saved_with_all_to_go_on_from() -> None:
     assert shares == sorted(shares)
     assert [done.text for done in progress[-2:]] == ["drawing the map", "saving the map"]
     assert bench.memory.kept is None
-    assert len(restored(bench.memory.maps["flat"][0][1]).nodes) == saved.kept_scans
+    assert len(restored(bench.memory.maps["flat"][0][1]).nodes) == saved.keyframes
     with pytest.raises(Refused) as refused:
         bench.ask(Pause())
     assert refused.value.kind is RefusalKind.NOT_MAPPING
@@ -350,11 +350,11 @@ def test_a_pause_adds_nothing() -> None:
     bench = Bench()
     bench.ask(Start())
     bench.drive(0, 20)
-    kept = bench.ask(Pause()).kept_scans
+    kept = bench.ask(Pause()).keyframes
     bench.drive(20, 40)
     assert len(bench.of(PoseFound)) == 20
     status = bench.ask(Start())
-    assert (status.state, status.kept_scans) == ("mapping", kept)
+    assert (status.state, status.keyframes) == ("mapping", kept)
 
 
 @pytest.mark.parametrize(
@@ -392,4 +392,4 @@ def test_the_end_of_the_daemon_saves_what_there_is() -> None:
     bench.skill.close()
     assert bench.memory.kept is not None
     kept = len(restored(bench.memory.kept[1]).nodes)
-    assert kept == bench.of(MappingStatus)[-1].kept_scans or kept > 20  # type: ignore[attr-defined]
+    assert kept == bench.of(MappingStatus)[-1].keyframes or kept > 20  # type: ignore[attr-defined]

@@ -132,10 +132,10 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 assert len(nodes) >= kept
                 kept = len(nodes)
                 status = await bench.ask(Resume(paused=False))
-                assert (status.state, status.kept_scans) == ("mapping", kept)
+                assert (status.state, status.keyframes) == ("mapping", kept)
             await bench.drive(at, at + 20)
             answer = await bench.worker.request(SKILL, Finish("flat"), deadline_s=60.0)
-            assert FINISHED.decode(answer).kept_scans >= kept
+            assert FINISHED.decode(answer).keyframes >= kept
         assert MapStore(tmp_path).names() == ["flat"]
         assert MapStore(tmp_path).read_autosave() is None
 
