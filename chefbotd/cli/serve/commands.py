@@ -152,8 +152,8 @@ async def _looked(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
     if turn:
         told = (await robot.localize(turn=True)).reason
     else:
-        async with robot.subscribe("localization") as events:
-            await robot.localize()
+        await robot.localize()
+        async with robot.subscribe("localization") as events:  # the first one tells how it stands since then
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(LOOKED_S):
                     async for event in events:

@@ -200,6 +200,7 @@ class Searching(Robot):
     def __init__(self, *, helps: bool) -> None:
         super().__init__()
         self.turns: list[bool] = []
+        self.looked = False
         self._helps = helps
 
     async def localize(self, *, turn: bool = False) -> Any:
@@ -215,10 +216,12 @@ class Searching(Robot):
     @contextlib.asynccontextmanager
     async def subscribe(self, topic: str) -> AsyncIterator[AsyncIterator[Any]]:
         assert topic == "localization"
-        yield self._states()
+        yield self._states("searching" if self.turns else "localized")
 
-    async def _states(self) -> AsyncIterator[Any]:
-        yield SimpleNamespace(data=SimpleNamespace(state="searching"))
+    async def _states(self, first: str) -> AsyncIterator[Any]:
+        """As it stands when it is subscribed to, and then: before it was asked to look, it was sure."""
+        yield SimpleNamespace(data=SimpleNamespace(state=first))
+        self.looked = True
         yield SimpleNamespace(data=SimpleNamespace(state=self.state["localization"]["state"]))
 
 
@@ -242,3 +245,4 @@ def test_localize_has_the_robot_turn_only_if_it_is_asked_to(
     assert result.exit_code == exit_code, result.output
     assert told in " ".join(result.output.split())
     assert searching.turns == [bool(arguments)]
+    assert searching.looked is not bool(arguments)
