@@ -96,7 +96,7 @@ def plan(
         told = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
     else:
         told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
-    nearest = nearest_free(params, outline, costs, here, there)
+    nearest = nearest_free(params, outline, costs, here, there, goal.tolerance_m)
     if nearest is None and not _reached(params, costs, here).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
@@ -144,13 +144,23 @@ def _touches(outline: OutlineParameters, costs: Costmap, pose: Pose2D) -> bool:
 
 
 def nearest_free(
-    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D
+    params: PlannerParameters,
+    outline: OutlineParameters,
+    costs: Costmap,
+    here: Pose2D,
+    there: Pose2D,
+    tolerance_m: float = 0.0,
 ) -> Pose2D | None:
-    """The pose nearest to ``there``, with its heading, that the robot can be at and get to; in the grid's frame."""
+    """The pose nearest to ``there``, with its heading, that the robot can be at and get to; in the grid's frame.
+
+    Where guards would stop a robot that drives towards a wall it is not got to: a pose with more room may be farther, up
+    to twice as much as the other lacks, but not beyond ``tolerance_m`` where one within has less.
+    """
     rows, columns = np.nonzero(_reached(params, costs, here))
-    cell_m = costs.frame.resolution_m
+    cell_m, told = costs.frame.resolution_m, costs.inflation
     away = np.hypot((columns + 0.5) * cell_m - there.x_m, (rows + 0.5) * cell_m - there.y_m)
-    for k in np.argsort(away, kind="stable")[:5000]:
+    lacking_m = np.maximum(told.inner_m + told.tight_m - costs.distance_m[rows, columns], 0.0)
+    for k in np.lexsort((away + 2 * lacking_m, away > tolerance_m))[:5000]:
         x_m, y_m = costs.frame.center(int(rows[k]), int(columns[k]))
         pose = Pose2D(x_m, y_m, there.heading_rad)
         if not _touches(outline, costs, pose):

@@ -199,12 +199,12 @@ def test_what_the_map_rules_out_is_unreachable_at_once() -> None:
 
 @pytest.mark.slow
 def test_a_tolerance_allows_the_nearest_free_place_and_says_so() -> None:
-    """0.1 m from the wall: driven to 0.18 m from it, since 0.2 m are allowed."""
+    """0.1 m from the wall: driven to 0.27 m from it, since 0.2 m are allowed; 0.12 m beside the outline are too far."""
     drive = hall()
     end = sent(drive, Goal(6.9, 1.5, 0.0, tolerance_m=0.2))
     assert end.end is End.REACHED
     assert "nearest free place" in end.reason
-    assert drive.pose.x_m == pytest.approx(6.79, abs=0.05)
+    assert drive.pose.x_m == pytest.approx(6.73, abs=0.03)
 
 
 def test_waypoints_are_reached_in_turn_and_end_with_the_first_that_is_not() -> None:

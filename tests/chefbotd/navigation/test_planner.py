@@ -174,6 +174,17 @@ def test_a_goal_where_the_robot_cannot_be_is_refused(goal: Goal, told: str) -> N
     assert isinstance(plan(PARAMS, ROUND, FLAT, KITCHEN, offered), Path)
 
 
+@pytest.mark.parametrize(("tolerance_m", "room_m"), [(0.0, 0.12), (0.12, 0.02), (0.4, 0.12)])
+def test_what_is_offered_has_room_for_guards_where_that_is_near(tolerance_m: float, room_m: float) -> None:
+    """In a wall at x = 3: facing it at 0 m, a guard would stop the robot short; 0.12 m, but what is tolerated first."""
+    grid = rasterised(box(0.0, 0.0, 3.0, 2.0), 3.2, 2.2)
+    costs = costmap(COSTS, ROUND, grid, 0.3)
+    found = plan(PARAMS, ROUND, costs, Pose2D(0.8, 0.9, 0.4), Goal(2.92, 1.1, tolerance_m=tolerance_m))
+    x_m = found.nearest.x_m if isinstance(found, NoPath) else found.goal.x_m
+    assert isinstance(found, NoPath) is (tolerance_m == 0.0)
+    assert 3.0 - RADIUS_M - x_m == pytest.approx(room_m, abs=0.03)
+
+
 def test_a_goal_in_unknown_space_is_refused_unless_configured() -> None:
     """The nearest known place is offered; where unknown space is avoided only, it is driven."""
     grid = drawn(*["." * 30 + "?" * 10] * 30)
