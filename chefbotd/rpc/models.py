@@ -1,6 +1,6 @@
 """What goes over the socket, as pydantic models: the bases that features build on, and the server's own messages."""
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, SerializeAsAny
 
@@ -45,6 +45,11 @@ class TopicData(BaseModel):
     """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
 
     model_config = ConfigDict(frozen=True, defer_build=True)
+
+    @classmethod
+    def of(cls, event: object | None) -> Self:
+        """What an event has under the same names; without an event the defaults."""
+        return cls() if event is None else cls.model_validate(event, from_attributes=True)
 
 
 class UnknownData(TopicData):

@@ -159,19 +159,8 @@ def _map_pose(event: MapPoseUpdated) -> MapPoseData:
 
 
 def _mapping(event: MappingChanged | None) -> MappingData:
-    if event is None:
-        return MappingData()
-    return MappingData(
-        state=event.state,
-        name=event.name,
-        keyframes=event.keyframes,
-        loops=event.loops,
-        path_m=event.path_m,
-        scans=event.scans,
-        unfinished=event.unfinished,
-        reason=event.reason,
-        warning=event.warning or None,
-    )
+    data = MappingData.of(event)
+    return data if data.warning else data.model_copy(update={"warning": None})
 
 
 TOPICS = (

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 from typing import Final
 
 import structlog
+from msgspec.structs import asdict
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
@@ -13,6 +14,7 @@ from chefbotd.core.commands import Refused
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.features.mapping.methods import MappingResult, MapSaved
+from chefbotd.features.maps.grid_part import grid_event
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import Progress
 from chefbotd.worker.skills.mapping_messages import (
@@ -105,7 +107,7 @@ class MappingService:
     async def grid(self) -> MapChanged:
         """The whole map that is being made, as it is now."""
         answer = await self._worker.request(SKILL, GetGrid(), deadline_s=SHORT_S)
-        return _map_changed(GRID.decode(answer))
+        return grid_event(MapChanged, GRID.decode(answer))
 
     async def run(self) -> None:
         """Each time that a worker is ready, have it go on with the map, or ask whether one was never finished."""
@@ -156,7 +158,7 @@ class MappingService:
             case PoseFound():
                 self._bus.publish(self._pose_updated(told))
             case GridPart():
-                self._bus.publish(_map_changed(told))
+                self._bus.publish(grid_event(MapChanged, told))
             case MappingStatus():
                 self._publish(told)
 
@@ -166,20 +168,7 @@ class MappingService:
         if status.reason and not self._status.reason:
             log.warning("the unfinished map has a problem", reason=status.reason)
         self._status = status
-        self._bus.publish(
-            MappingChanged(
-                self._clock.now_s(),
-                status.state,
-                status.name,
-                status.keyframes,
-                status.loops,
-                status.path_m,
-                status.scans,
-                status.unfinished,
-                status.reason,
-                status.warning,
-            )
-        )
+        self._bus.publish(MappingChanged(self._clock.now_s(), **asdict(status)))
 
     def _pose_updated(self, found: PoseFound) -> MapPoseUpdated:
         map_from_base, steady_from_base = Pose2D(*found.map_from_base), Pose2D(*found.odometry)
@@ -192,20 +181,3 @@ class MappingService:
             found.fit,
             found.state,
         )
-
-
-def _map_changed(part: GridPart) -> MapChanged:
-    return MapChanged(
-        part.stamp_s,
-        part.revision,
-        part.resolution_m,
-        Pose2D(*part.origin),
-        part.columns,
-        part.rows,
-        part.column,
-        part.row,
-        part.part_columns,
-        part.part_rows,
-        part.whole,
-        part.cells,
-    )

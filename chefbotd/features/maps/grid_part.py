@@ -1,13 +1,18 @@
 """A part of a grid as topics tell it: of the map that is being made, and of the costs."""
 
 from base64 import b64encode
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
+from msgspec import Struct
+from msgspec.structs import asdict
 from pydantic import Field
 
 from chefbotd.core.events.mapping import MapChanged
 from chefbotd.core.events.navigation import CostmapChanged
+from chefbotd.core.geometry import Pose2D
 from chefbotd.rpc.models import TopicData
+
+E = TypeVar("E", MapChanged, CostmapChanged)
 
 
 class GridPartData(TopicData):
@@ -44,3 +49,9 @@ def grid_part(event: MapChanged | CostmapChanged) -> dict[str, Any]:
         "part_rows": event.part_rows,
         "cells": b64encode(event.cells).decode(),
     }
+
+
+def grid_event(kind: type[E], part: Struct) -> E:
+    """A part of a grid from the worker as an event, whose fields have the same names."""
+    fields = asdict(part)
+    return kind(map_from_grid=Pose2D(*fields.pop("origin")), **fields)

@@ -230,18 +230,6 @@ class NavigationMethods:
         return DONE
 
 
-def _navigation(event: NavigationChanged | None) -> NavigationData:
-    if event is None:
-        return NavigationData()
-    return NavigationData(
-        state=event.state,
-        goal=event.goal,
-        reason=event.reason,
-        distance_m=event.distance_m,
-        time_s=event.time_s,
-    )
-
-
 def _path(event: PathChanged | None) -> PathData:
     return PathData() if event is None else PathData(x_m=event.x_m, y_m=event.y_m)
 
@@ -266,6 +254,6 @@ def shown_topics(
 
 
 TOPICS = (
-    Topic("navigation", (NavigationChanged,), NavigationData, _navigation, always_known=True),
+    Topic("navigation", (NavigationChanged,), NavigationData, NavigationData.of, always_known=True),
     Topic("path", (PathChanged,), PathData, _path, always_known=True),
 )

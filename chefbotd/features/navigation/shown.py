@@ -2,7 +2,7 @@
 
 from chefbotd.bus import Bus
 from chefbotd.core.events.navigation import CostmapChanged, ObstaclesSeen
-from chefbotd.core.geometry import Pose2D
+from chefbotd.features.maps.grid_part import grid_event
 from chefbotd.worker.process import Worker
 from chefbotd.worker.skills.navigation_messages import SKILL, CostsShown, ObstaclesShown, Show
 
@@ -31,23 +31,6 @@ class ShownOnDemand:
     def publish(self, told: CostsShown | ObstaclesShown) -> None:
         """A part of the costs, or all obstacles."""
         if isinstance(told, CostsShown):
-            self._bus.publish(_costmap_changed(told))
+            self._bus.publish(grid_event(CostmapChanged, told))
         else:
             self._bus.publish(ObstaclesSeen(told.stamp_s, told.x_m, told.y_m, told.omitted, told.movers))
-
-
-def _costmap_changed(part: CostsShown) -> CostmapChanged:
-    return CostmapChanged(
-        part.stamp_s,
-        part.map,
-        part.revision,
-        part.resolution_m,
-        Pose2D(*part.origin),
-        part.columns,
-        part.rows,
-        part.column,
-        part.row,
-        part.part_columns,
-        part.part_rows,
-        part.cells,
-    )

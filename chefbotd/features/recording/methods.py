@@ -153,24 +153,4 @@ class RecordingMethods:
         return await waiting(self._recordings.save_ring(params.reason or "asked"), progress)
 
 
-def _data(event: RecordingChanged | None) -> RecordingData:
-    if event is None:
-        return RecordingData()
-    return RecordingData(
-        state=event.state,
-        name=event.name,
-        file=event.file,
-        seconds=event.seconds,
-        bytes_written=event.bytes_written,
-        messages=event.messages,
-        dropped=event.dropped,
-        waiting=event.waiting,
-        ring_s=event.ring_s,
-        ring_bytes=event.ring_bytes,
-        free_bytes=event.free_bytes,
-        saved=event.saved,
-        reason=event.reason,
-    )
-
-
-TOPICS = (Topic("recording", (RecordingChanged,), RecordingData, _data, always_known=True),)
+TOPICS = (Topic("recording", (RecordingChanged,), RecordingData, RecordingData.of, always_known=True),)

@@ -20,17 +20,4 @@ class WorkerData(TopicData):
     reason: str = ""
 
 
-def _worker(event: WorkerReported | None) -> WorkerData:
-    if event is None:
-        return WorkerData()
-    return WorkerData(
-        state=event.state,
-        pid=event.pid,
-        restarts=event.restarts,
-        rss_mb=event.rss_mb,
-        cpu=event.cpu,
-        reason=event.reason,
-    )
-
-
-TOPICS = (Topic("worker", (WorkerReported,), WorkerData, _worker, always_known=True),)
+TOPICS = (Topic("worker", (WorkerReported,), WorkerData, WorkerData.of, always_known=True),)
