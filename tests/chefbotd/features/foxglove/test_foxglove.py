@@ -1,11 +1,13 @@
 """Live in Foxglove: a client of its protocol sees the channels of a recording, and their messages."""
 
 import asyncio
+import contextlib
 import json
 import struct
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
@@ -14,9 +16,10 @@ from chefbotd.clock import SystemClock
 from chefbotd.core.events.recording import EventsDropped
 from chefbotd.features.foxglove.parameters import FoxgloveParameters
 from chefbotd.features.foxglove.server import FoxgloveServer
-from chefbotd.features.foxglove.service import FoxgloveService
+from chefbotd.features.foxglove.service import EXCLUDED, FoxgloveService
+from chefbotd.recording.classes import class_of, event_names
 from chefbotd.settings import SettingsError, load, packaged
-from tests.chefbotd.recording.events import cycle
+from tests.chefbotd.recording.events import cycle, example
 
 LAYOUT = Path(__file__).parents[4] / "config" / "foxglove_layout.json"
 SUBPROTOCOL = "foxglove.sdk.v1"
@@ -66,6 +69,58 @@ def test_a_client_sees_the_channels_and_what_happens() -> None:
             await asyncio.gather(serving, return_exceptions=True)
 
     asyncio.run(main())
+
+
+@pytest.mark.realtime
+def test_every_channel_has_messages_that_hold_by_its_schema() -> None:
+    """By the protocol's words: an event of each class, transforms, pose, scan, path and log come as offered."""
+
+    async def main() -> None:
+        bus, first = Bus(), example(class_of("ScanMeasured") or int).lidar
+        service = FoxgloveService(
+            bus, SystemClock(), lambda: FoxgloveServer(FREE, "fox"), first, lambda _: None
+        )
+        serving = asyncio.create_task(service.run())
+        events = [example(class_of(name) or int) for name in sorted(event_names() - EXCLUDED)]
+        offered, subscribed, held = dict[int, dict[str, Any]](), dict[int, int](), set[str]()
+        wanted = {"/tf", "/pose", "/scan", "/path", "/log"}
+        try:
+            await asyncio.sleep(0.1)
+            async with (
+                asyncio.timeout(20.0),
+                connect(f"ws://127.0.0.1:{service.port}", subprotocols=[SUBPROTOCOL]) as socket,  # type: ignore[list-item]
+            ):
+                while not wanted <= held or len(held) < len(events) or len(held) < len(offered):
+                    for event in events:
+                        bus.publish(event)
+                    await asyncio.sleep(0.05)
+                    for message in await heard(socket):
+                        if isinstance(message, bytes):
+                            channel = offered[subscribed[struct.unpack_from("<BIQ", message)[1]]]
+                            jsonschema.validate(json.loads(message[13:]), json.loads(channel["schema"]))
+                            held.add(channel["topic"])
+                            continue
+                        new = {each["id"]: each for each in json.loads(message).get("channels", ())}
+                        offered |= new
+                        asked = {len(subscribed) + index: number for index, number in enumerate(new)}
+                        subscribed |= asked
+                        wishes = [{"id": wish, "channelId": number} for wish, number in asked.items()]
+                        await socket.send(json.dumps({"op": "subscribe", "subscriptions": wishes}))
+        finally:
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
+        assert {each["encoding"] for each in offered.values()} == {"json"}
+
+    asyncio.run(main())
+
+
+async def heard(socket: ClientConnection) -> list[str | bytes]:
+    """What has come by now."""
+    messages: list[str | bytes] = []
+    with contextlib.suppress(TimeoutError):
+        while True:
+            messages.append(await asyncio.wait_for(socket.recv(), 0.05))
+    return messages
 
 
 async def tell(bus: Bus, clock: SystemClock) -> None:
