@@ -28,7 +28,7 @@ RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 MAX_CHUNK_BYTES = 256_000_000
 """Ours have a second in them; other programs' mostly 1 to 4 MB."""
 
-CUT = "its end is missing: its writer was killed, its disk was full, or the file was cut"
+CUT = "its end is missing: it is still being recorded, its writer was killed, its disk was full, or the file was cut"
 OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 

@@ -129,7 +129,8 @@ class Recorder:
         if self._file is not None:
             raise RecordingError(
                 RefusalKind.ALREADY_RECORDING,
-                f"{self._file.path.name} is being recorded: send stop_recording first",
+                f"{self._file.path.name} is being recorded, with all that happens: stop_recording ends it, and "
+                "save_ring ('chefbotctl record --ring') copies the last minutes of it",
             )
         name = file_name(name) if name is not None else "recording"
         self._require_room()

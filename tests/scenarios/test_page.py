@@ -400,7 +400,9 @@ def test_a_robot_with_four_wheels_and_no_lidar_shows_what_it_has(page: Any, khan
     """KHAN: a row for each wheel, its one range finder, no lidar, map, goal or place; and it drives."""
     open_page(page, khan)
     assert page.locator("#robot").inner_text() == "khan"
-    sync_api.expect(page.locator("#wheels tr")).to_have_count(4)
+    sync_api.expect(page.locator("#wheels th")).to_have_text(
+        ["front left", "front right", "rear left", "rear right"]
+    )
     sync_api.expect(page.locator("#sensors li")).to_have_count(1)
     sync_api.expect(page.locator("#sensors li")).to_contain_text("front")
     for part in ("#map-part", "#goal-part", "#gesture-label", "#costs-label", "#legend-scan", "#legend-map"):

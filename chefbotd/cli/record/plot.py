@@ -93,7 +93,7 @@ def plot_png(path: Path, out: Path, *, force: bool) -> None:
     figure = Figure(figsize=(WIDTH_INCHES, sum(heights) + 0.8), dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     axes = list(figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0])
-    note = f" (cut: {curves.problem})" if curves.problem else ""
+    note = f" ({curves.problem})" if curves.problem else ""
     figure.suptitle(f"{path.name}{note}", fontsize=11)
     for wheel in range(wheels):
         _draw_wheel(axes[wheel], curves, wheel)

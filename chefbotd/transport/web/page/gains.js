@@ -4,6 +4,9 @@ const $ = (id) => document.getElementById(id);
 const NAMES = ["kp", "ki", "kd"];
 const FIRST = 4; // column of the first gain
 
+// A wheel's name for people: "front left" for front_left_wheel.
+export const shown = (wheel) => wheel.replace(/_wheel$/, "").replaceAll("_", " ");
+
 export class Gains {
   constructor(ask, row) {
     Object.assign(this, { ask, row });
@@ -23,7 +26,7 @@ export class Gains {
     const answer = await this.ask(method, params);
     if (!answer) return;
     const wheels = Object.keys(answer.wheels);
-    if ($("gain-wheel").length !== wheels.length + 1) $("gain-wheel").append(...wheels.map((name) => new Option(name, name)));
+    if ($("gain-wheel").length !== wheels.length + 1) $("gain-wheel").append(...wheels.map((name) => new Option(shown(name), name)));
     for (const name of wheels) {
       NAMES.forEach((gain, index) => { this.row(name).children[FIRST + index].textContent = String(answer.wheels[name][gain]); });
     }

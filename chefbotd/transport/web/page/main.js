@@ -3,7 +3,7 @@
 import { Connection } from "./connection.js";
 import { Driver, joystick } from "./drive.js";
 import { Costs } from "./costs.js";
-import { Gains } from "./gains.js";
+import { Gains, shown } from "./gains.js";
 import { Goal } from "./goal.js";
 import { Maps } from "./maps.js";
 import { Places } from "./places.js";
@@ -208,7 +208,7 @@ on("wheels", (wheels, { stamp_s }) => {
   wheels.name.forEach((name, index) => {
     const cells = row(name).children;
     const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
-    cells[0].textContent = wheels.excluded.includes(name) ? `${name} (excluded)` : name;
+    cells[0].textContent = wheels.excluded.includes(name) ? `${shown(name)} (excluded)` : shown(name);
     [number(wheels.velocity_rad_s[index], 2), number(wheels.target_rad_s[index], 2), number(wheels.duty[index], 0)]
       .forEach((words, column) => { cells[column + 1].textContent = words; });
   });
@@ -221,7 +221,7 @@ function row(name) {
   made.dataset.wheel = name;
   const head = document.createElement("th");
   head.scope = "row";
-  head.textContent = name;
+  head.textContent = shown(name);
   made.append(head, ...Array.from({ length: 6 }, () => document.createElement("td")));
   $("wheels").append(made);
   return made;

@@ -94,7 +94,9 @@ def test_a_file_that_was_cut_off_is_replayed_up_to_there(whole: bytes, share: fl
     assert result.exit_code == Exit.OK, result.output
     told = json.loads(result.stdout)
     assert told["exact"]
-    assert told["problem"].startswith("drive.mcap: its end is missing: its writer was killed")
+    assert told["problem"].startswith(
+        "drive.mcap: its end is missing: it is still being recorded, its writer was killed"
+    )
     assert 0.3 < told["seconds"] < 2.3
     assert "replayed up to there" in replay(cut, tmp_path).output
 
