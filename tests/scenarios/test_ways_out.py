@@ -41,7 +41,7 @@ SENT = (
 )
 
 
-@pytest.mark.parametrize("number", sample(SENT, fast=2), ids=lambda number: number.name)
+@pytest.mark.parametrize("number", sample(SENT), ids=lambda number: number.name)
 def test_a_signal_ends_with_a_stop(tmp_path: Path, number: signal.Signals):
     """In mid-drive: zeros are the last line, and the exit code is 0."""
 

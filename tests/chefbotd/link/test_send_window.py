@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.link.send_window import STOP_AGAIN_S, STUCK_CYCLES, STUCK_S, Duty, SendWindow, slows
+from tests.budget import examples
 
 STILL = (0, 0)
 AVR_BYTES = 63
@@ -253,7 +254,7 @@ def test_what_slows(duty: Duty, before: Duty, expected: bool):
     assert slows(duty, before) is expected
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(st.tuples(st.integers(-1023, 1023), st.integers(-1023, 1023)), max_size=300))
 def test_motion_never_overflows_the_buffer_of_a_board_that_does_not_read(asked: list[Duty]):
     """Whatever is asked, every motion fits whole into what is left of 63 bytes; only stops may not."""

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters
+from tests.budget import examples
 from tests.fakes.wheels import wheel_speeds_rad_s
 
 CHEFBOT = ChassisParameters(
@@ -67,7 +68,7 @@ def test_multipliers_correct_a_whole_side() -> None:
 
 
 @given(st.floats(-2, 2), st.floats(-5, 5), st.sampled_from([CHEFBOT, KHAN]))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_wheel_speeds_lead_back_to_the_twist(
     linear_m_s: float, angular_rad_s: float, chassis: ChassisParameters
 ) -> None:
@@ -90,7 +91,7 @@ def test_saturation_slows_the_whole_twist() -> None:
 
 
 @given(st.floats(-2, 2), st.floats(-20, 20), st.floats(0.01, 1))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_saturation_keeps_the_curvature(linear_m_s: float, angular_rad_s: float, most_m_s: float) -> None:
     """No rim exceeds the limit, and angular to linear stays as asked."""
     kinematics = Kinematics(CHEFBOT)

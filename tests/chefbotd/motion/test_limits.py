@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.motion.limits import AT_REST, AngularLimits, LimiterState, LinearLimits, MotionLimits, limit
+from tests.budget import examples
 
 DT_S = 0.1
 
@@ -112,7 +113,7 @@ jerks = st.none() | st.floats(1, 50)
 
 
 @given(arcs, st.floats(0.1, 0.9), jerks)
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_an_arc_is_one_circle_from_its_beginning(
     arc: tuple[float, float], slower: float, jerk: float | None
 ) -> None:
@@ -134,7 +135,7 @@ def test_a_stop_does_not_wait_for_the_slower_axis() -> None:
 
 
 @given(arcs, arcs, arcs, st.integers(1, 10), jerks)
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_a_target_changed_on_the_way_is_still_reached(
     first: tuple[float, float],
     second: tuple[float, float],

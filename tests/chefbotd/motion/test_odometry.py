@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, PoseCovariance, Twist2D
 from chefbotd.motion import odometry
 from chefbotd.motion.odometry import OdometryParameters, OdometryState, integrate
+from tests.budget import examples
 
 PARAMS = OdometryParameters(travel_variance_m2_per_m=1e-4, turn_variance_rad2_per_rad=3e-4)
 EXACT = OdometryParameters(travel_variance_m2_per_m=0.0, turn_variance_rad2_per_rad=0.0)
@@ -67,7 +68,7 @@ def test_a_square_of_ten_metres_closes() -> None:
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.integers(2, 20))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_an_arc_does_not_depend_on_its_steps(left_m: float, right_m: float, steps: int) -> None:
     """One long step and many short ones of the same arc end at the same pose."""
     whole = roll(odometry.START, (left_m, right_m))
@@ -125,7 +126,7 @@ travel = st.floats(-0.5, 0.5)
 
 
 @given(st.lists(st.tuples(travel, travel), min_size=1, max_size=30))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_covariance_stays_a_covariance(steps: list[tuple[float, float]]) -> None:
     """Symmetric to the last bit, no negative variance along any axis, the heading never surer."""
     state = odometry.START

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from chefbotd.core.events import EdgeBurst
 from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.quadrature import START, QuadratureState, decode, rate_counts_s, rebase
+from tests.budget import examples
 
 PARAMETERS = QuadratureParameters(window_s=0.04, standstill_s=5.0)
 FORWARD = (0b00, 0b10, 0b11, 0b01)
@@ -42,7 +43,7 @@ def test_every_transition_counts_as_the_gray_code_says(old: int, new: int) -> No
     assert seen == {0: (0, 1, 0), 1: (1, 0, 0), 2: (0, 0, 1), 3: (-1, 0, 0)}[along]
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(st.integers(0, 3), min_size=2, max_size=60), st.integers(1, 59))
 def test_how_edges_are_cut_into_bursts_makes_no_difference(levels: list[int], cut: int) -> None:
     """Two bursts leave the same counts, oddities, run and speed as one."""
@@ -51,7 +52,7 @@ def test_how_edges_are_cut_into_bursts_makes_no_difference(levels: list[int], cu
     assert told(told(START, *edges[:cut]), *edges[cut:]) == told(START, *edges)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.sampled_from([1, -1]), max_size=200))
 def test_counts_are_the_way_that_the_wheel_went(steps: list[int]) -> None:
     """Forward and back in any order: the sum of the steps, without an odd one."""

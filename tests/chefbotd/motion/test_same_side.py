@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters
 from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSideWheels
+from tests.budget import examples
 
 RADIUS_M, DT_S = 0.03, 0.02
 NO_MEMORY = SameSideParameters(memory_s=1e-3, tolerance_m=0.001, share=0.1)
@@ -198,7 +199,7 @@ def test_the_effort_of_a_wheel_that_is_left_out_counts_for_a_half_at_least():
 
 
 @given(st.lists(st.tuples(*[st.floats(-0.5, 0.5)] * 8), max_size=20))
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_a_wheel_is_always_left_on_each_side(story: list[tuple[float, ...]]):
     """Whatever the wheels do and were asked for, each side has one to believe, and it leads the others."""
     judge = wheels_of(params=SameSideParameters())

@@ -14,6 +14,7 @@ from chefbotd.navigation.follower import backwards, follow
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.smooth import resampled
 from chefbotd.navigation.steering import FollowerParameters, FollowState, Phase, Track, predicted, slewed
+from tests.budget import examples
 
 ROUND = OutlineParameters(radius_m=0.18)
 OBLONG = OutlineParameters(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
@@ -213,7 +214,7 @@ def test_it_backs_out_beside_a_wall_without_coming_nearer_than_it_likes() -> Non
     st.floats(-math.pi, math.pi),
     st.floats(-1.0, 1.0),
 )
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_from_anywhere_the_pose_is_reached(
     heading: float, bearing: float, length: float, end: float, bend: float
 ) -> None:

@@ -10,6 +10,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
+from tests.budget import examples
 
 
 def test_request_carries_method_params_and_id() -> None:
@@ -145,7 +146,7 @@ def test_refusals_have_codes_of_their_own() -> None:
 ALMOST_JSON = '{}[]":,\\u0123456789eE+-.ntf '
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.binary(max_size=300) | st.text(ALMOST_JSON, max_size=200).map(str.encode))
 def test_any_bytes_are_a_request_or_a_failure(line: bytes) -> None:
     """No line raises, and every failure can be sent."""
@@ -173,7 +174,7 @@ JSON_VALUES = st.recursive(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(
     st.dictionaries(st.text(max_size=5), JSON_VALUES, max_size=4),
     st.integers(-(2**53), 2**53) | st.text(max_size=5),

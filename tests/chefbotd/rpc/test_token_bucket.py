@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.rpc.token_bucket import TokenBucket
+from tests.budget import examples
 
 
 def test_a_full_bucket_gives_its_size_and_then_its_inflow() -> None:
@@ -20,7 +21,7 @@ def test_rest_fills_it_no_further_than_its_size() -> None:
     assert sum(bucket.take_token(3600.0) for _ in range(10)) == 3
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.lists(st.floats(0.0, 2.0), max_size=60))
 def test_no_stretch_of_time_gets_more_than_its_share(pauses_s: list[float]) -> None:
     """From any moment to any later one at most ``size + per_s * seconds`` are let through."""

@@ -11,7 +11,7 @@ from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
 from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
 from chefbotd.safety.outline import Box, Disc, Outline
 from chefbotd.safety.scan_guard import NOT_SEEN, View, limit
-from tests.budget import sample
+from tests.budget import examples, sample
 
 PARAMS = GuardParameters(deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
 ROUND, LONG = Disc(0.18), Box(0.3, 0.15)
@@ -211,7 +211,7 @@ class Drive:
 
 
 @pytest.mark.parametrize("outline", sample([ROUND, LONG]), ids=str)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(wanted=MOTIONS, disc=DISCS)
 def test_a_disc_in_the_way_is_never_touched(
     outline: Outline, wanted: Twist2D, disc: tuple[float, float, float]
@@ -224,7 +224,7 @@ def test_a_disc_in_the_way_is_never_touched(
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(first=MOTIONS, then=MOTIONS, disc=DISCS)
 def test_nor_after_a_change_of_mind_at_speed(
     first: Twist2D, then: Twist2D, disc: tuple[float, float, float]
@@ -240,7 +240,7 @@ def test_nor_after_a_change_of_mind_at_speed(
     assert drive.run(first, 2.0).run(then, 4.0).nearest_m > 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(wanted=MOTIONS, disc=DISCS)
 def test_less_is_driven_never_more_nor_the_other_way(
     wanted: Twist2D, disc: tuple[float, float, float]
@@ -259,7 +259,7 @@ def test_less_is_driven_never_more_nor_the_other_way(
     assert (limited_by is None) == (motion == wanted)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(bearing=st.floats(-math.pi, math.pi))
 def test_a_round_robot_at_one_obstacle_can_always_leave(bearing: float) -> None:
     """Stopped before it: driving away, or turning, is never refused."""

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from chefbotd.core.events import BatteryCounted, BatteryLevelStatus, BatteryMeasured
 from chefbotd.sensing import battery
 from chefbotd.sensing.battery import BatteryParameters, BatteryState, measure
+from tests.budget import examples
 
 OK, LOW, CRITICAL = BatteryLevelStatus
 
@@ -58,7 +59,7 @@ def test_charge_follows_the_configured_curve() -> None:
 
 
 @given(st.floats(0, 15), st.floats(0, 15))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_more_volts_are_never_less_charge(one_v: float, other_v: float) -> None:
     """The percentage rises with the voltage and stays within 0 and 100."""
     curve = ((11.6, 10.0), (12.0, 80.0), (12.5, 80.0))

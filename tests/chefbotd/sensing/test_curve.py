@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.sensing.curve import MonotoneCurve
+from tests.budget import examples
 
 
 def test_slopes_and_values_are_those_computed_by_hand() -> None:
@@ -45,7 +46,7 @@ def test_points_that_make_no_curve_are_refused(points: list[tuple[float, float]]
         MonotoneCurve(points)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(st.tuples(st.floats(0.01, 10), st.floats(0, 10)), min_size=2, max_size=8))
 def test_rising_points_make_a_rising_curve_through_them(steps: list[tuple[float, float]]) -> None:
     """Between points that never fall the curve never falls, and it passes through each of them."""

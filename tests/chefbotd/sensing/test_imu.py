@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from chefbotd.core.events import InertialCounted, OrientationReported
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.sensing.imu import ImuParameters, from_counts, from_quaternion
+from tests.budget import examples
 
 HALF = math.sqrt(0.5)
 
@@ -57,7 +58,7 @@ def test_a_mount_turns_a_tilt_into_the_robots_axes() -> None:
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(0.5, 2.0))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_heading_is_what_was_turned(turned_rad: float, mount_rad: float, length: float) -> None:
     """On level ground the heading is the sensor's yaw less its mount, whatever the length or sign."""
     z, w = length * math.sin(turned_rad / 2), length * math.cos(turned_rad / 2)

@@ -12,6 +12,7 @@ from chefbotd.core.events import AnalogueCounted, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing.infrared import DATASHEET_CURVE_V_M, START, InfraredParameters, interpret
 from chefbotd.sim.infrared import voltage
+from tests.budget import examples
 
 UNFILTERED = InfraredParameters(setback_m=0.10, median_window=1)
 """0.10 m behind the bumper: the near curve says 2.20 V there, so that below 2.0 V nothing is folded."""
@@ -83,7 +84,7 @@ def test_what_comes_slowly_is_a_distance_down_to_the_least() -> None:
     assert measured[SLOWLY.index(2.4)].range_m == pytest.approx(0.25)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(st.floats(0, 4095), min_size=1, max_size=20))
 def test_a_range_is_in_the_band_or_not_there(levels: list[float]) -> None:
     """Whatever the levels and their order: a number exactly when the status is ok, and within 0.20 to 1.50 m."""

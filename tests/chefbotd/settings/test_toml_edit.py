@@ -13,7 +13,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
 from chefbotd.settings.gains_file import save
 from chefbotd.settings.toml_edit import Editor
-from tests.budget import sample
+from tests.budget import examples, sample
 
 SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 255, "integral_limit_duty": 300.0, "ks": 85}
 """Gains in short and long names, of which one may be off."""
@@ -134,7 +134,7 @@ def owned(text: str) -> dict[str, list[str]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.data())
 def test_whatever_the_form(data: st.DataObject) -> None:
     """The file then says the gains asked for, and has every comment where it was; saved again, not a byte changes."""

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from chefbotd.sim.faults import BadCable, CableParameters, Fault
+from tests.budget import examples
 
 EVERYTHING = CableParameters(flip_share=0.02, drop_share=0.02, double_share=0.02, noise_share=0.02)
 BYTES = random.Random(1).randbytes(20_000)
@@ -22,7 +23,7 @@ def test_a_good_cable_changes_nothing():
 
 
 @given(st.lists(st.integers(0, len(BYTES)), max_size=30))
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_chunks_make_no_difference(cuts: list[int]):
     """Cut anywhere, the same bytes are hit in the same way."""
     whole, chunked = BadCable(EVERYTHING, seed=3), BadCable(EVERYTHING, seed=3)

@@ -10,6 +10,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing import infrared as sensing
 from chefbotd.sim.infrared import Infrared, InfraredParameters, voltage
 from chefbotd.sim.world import World
+from tests.budget import examples
 
 WALL_AT_1_M = World([(1.0, -5.0, 1.0, 5.0)])
 
@@ -29,7 +30,7 @@ def test_before_the_fold_a_near_object_looks_far() -> None:
     assert voltage(0.0) == 0.5
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.floats(0.21, 1.49))
 def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> None:
     """Sensor and interpretation join the same points by different curves: within 1 % of each other.

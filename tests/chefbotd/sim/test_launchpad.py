@@ -16,7 +16,7 @@ from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import BoardParameters, SketchName
 from firmware_protocol.codec import FOUR_WHEELS, Variant
-from tests.budget import sample
+from tests.budget import examples, sample
 
 PLAIN = SimulationParameters(board=BoardParameters(sketch=SketchName.KHAN))
 CHEFBOT = Simulation(PLAIN)
@@ -282,7 +282,7 @@ def test_next_event_is_when_to_come_back() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(times=st.lists(st.floats(0, 2), max_size=8))
 def test_how_often_the_board_is_asked_makes_no_difference(times: list[float]) -> None:
     """Any schedule of advances and looks at the truth yields the same lines at the same times."""

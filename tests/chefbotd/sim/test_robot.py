@@ -15,6 +15,7 @@ from chefbotd.sim.rooms import default_room
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.battery import BatteryParameters
 from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
+from tests.budget import examples
 
 FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
 NEAR_WALL = World([(0.5, -50.0, 0.5, 50.0)])
@@ -167,7 +168,7 @@ def test_a_start_inside_a_wall_is_refused() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(shares=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6))
 def test_no_drive_leaves_the_room(shares: list[tuple[float, float]]) -> None:
     """However it is driven, the robot never comes closer to a wall than its radius."""

@@ -226,6 +226,7 @@ def test_the_daemon_takes_the_express_scan_where_there_is_one(
 
 
 @pytest.mark.parametrize("model", sample(["rplidar_a1", "rplidar_a2"]))
+@pytest.mark.slow
 def test_the_daemon_sees_by_it_stops_by_it_and_gets_over_its_faults(model: str) -> None:
     """Healthy with whole turns; the guard holds the robot off a bag; silent and unplugged it is told, and comes back."""
     lidar = {"name": "scan", "model": model, "device": "/dev/rp", "mount_x_m": 0.04, "mount_yaw_rad": 0.6}

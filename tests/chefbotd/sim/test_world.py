@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.sim.world import World
+from tests.budget import examples
 
 EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
 CORNER = World([(2.0, -5.0, 2.0, 2.0), (-5.0, 2.0, 2.0, 2.0)])
@@ -50,7 +51,7 @@ def test_a_move_onto_a_wall_itself_is_refused() -> None:
     assert EAST_WALL.settle((1.0, 0.0), (2.0, 0.0), 0.5) == (1.0, 0.0)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(moves=st.lists(st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), max_size=150))
 def test_no_walk_passes_a_wall(moves: list[tuple[float, float]]) -> None:
     """However a disc is moved about, it stays in its box and off the walls."""

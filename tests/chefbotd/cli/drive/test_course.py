@@ -18,6 +18,7 @@ from chefbotd.cli.drive.course import (
     steer,
 )
 from chefbotd.core.geometry import Pose2D, Twist2D
+from tests.budget import examples
 
 P = CourseParameters()
 EAST_2M = GoTo(Pose2D(2.0, 0.0, 0.0))
@@ -78,7 +79,7 @@ def test_it_turns_the_shorter_way(heading_deg: float, degrees: float) -> None:
     assert math.degrees(left) == pytest.approx(degrees)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.floats(0, 10), st.floats(0, 10))
 def test_slowing_is_monotone(one: float, other: float) -> None:
     """The further to go the faster, never below creeping or above cruising."""
@@ -95,7 +96,7 @@ def follow(leg: GoTo, start: Pose2D, dt_s: float = 0.02) -> Pose2D:
     return pose
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(st.floats(-0.1, 0.1), st.floats(-0.2, 0.2))
 def test_it_recovers_from_a_skewed_start(y_m: float, heading_rad: float) -> None:
     """Starting 10 cm and 11 degrees off still ends near the first corner's line."""

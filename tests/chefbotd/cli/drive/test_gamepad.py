@@ -19,6 +19,7 @@ from chefbotd.cli.drive.gamepad import (
     step,
 )
 from chefbotd.core.geometry import STANDING, Twist2D
+from tests.budget import examples
 
 PARAMETERS = PadParameters(linear_m_s=0.2, angular_rad_s=0.8, turbo=2.0, dead_zone=0.1)
 AHEAD = Twist2D(0.2, 0.0)
@@ -176,7 +177,7 @@ READINGS = st.one_of(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(READINGS, max_size=30))
 def test_no_motion_is_asked_for_without_the_button(looks: list[Reading | None]) -> None:
     """Whatever the driver does: a velocity is asked for only while the button is down, and never above turbo's."""

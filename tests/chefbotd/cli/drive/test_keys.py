@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
 from chefbotd.core.geometry import STANDING, Twist2D
+from tests.budget import examples
 
 P = KeyParameters()
 
@@ -141,7 +142,7 @@ def test_speeds_are_bounded() -> None:
     assert (keys.linear_m_s, keys.angular_rad_s) == (P.max_linear_m_s, P.max_angular_rad_s)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(
     st.lists(
         st.tuples(st.floats(0.001, 1.0), st.sampled_from([*MOVES, *SCALES, "k", "?"])),

@@ -185,6 +185,7 @@ def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:
     assert not link.is_symlink()
 
 
+@pytest.mark.slow
 def test_a_published_sketch_on_a_device(tmp_path: Path) -> None:
     """``--sketch tiva_bare`` sends e, s and b over and over, and neither banner nor time; its first line is cut."""
     link = tmp_path / "board"

@@ -98,6 +98,7 @@ def test_wheels_are_named_as_in_the_configuration_that_was_recorded(
     assert drawn[-1][1:] == ("y in odom, m", "x in odom, m")
 
 
+@pytest.mark.slow
 def test_a_picture_is_named_after_its_recording(
     recorded: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from chefbotd.cli.tune.gain_steps import CAN_BE_OFF, FINE, FIRST_STEP, Gain, stepped
 from chefbotd.cli.tune.tuning_screen import NAMES
 from chefbotd.motion.pid import PidParameters
+from tests.budget import examples
 
 
 @pytest.mark.parametrize(
@@ -36,7 +37,7 @@ def test_a_fine_step() -> None:
     assert stepped("ki", 100.0, 1, FINE) == 101.0
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.sampled_from(sorted(FIRST_STEP)), st.floats(1e-9, 1e5), st.sampled_from([1, -1]))
 def test_steps_go_where_they_should(name: str, value: float, direction: int) -> None:
     """Up is more and down is less, until down is nothing at all."""

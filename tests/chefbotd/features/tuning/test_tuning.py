@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.features.tuning.tuning import Tuning
 from chefbotd.motion.pid import PidParameters
+from tests.budget import examples
 
 START = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0, back_calculation_s=0.5)
 
@@ -94,7 +95,7 @@ def test_the_history_is_bounded() -> None:
 CHANGES = st.tuples(st.sampled_from(["left", "right", "all"]), st.sampled_from([1.0, 2.0, 400.0]))
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(CHANGES, max_size=8))
 def test_undoing_everything_is_the_beginning(changes: list[tuple[str, float]]) -> None:
     """Whatever was changed on whichever wheel, undoing until refused ends with the first gains."""

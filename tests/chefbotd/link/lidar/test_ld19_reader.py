@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from chefbotd.link.lidar.ld19_reader import Ld19Reader
 from chefbotd.link.lidar.turn import Turn
+from tests.budget import examples
 from tests.fakes.lidar import ld19_bytes, ld19_packets, noisy_box, stalled_ld19_packets
 
 BAUD = 230_400
@@ -95,7 +96,7 @@ def test_a_read_in_which_the_lidar_starts_again_has_no_turn_of_before() -> None:
     assert all(500.4 < turn.stamp_s[0] <= turn.stamp_s[-1] <= 502.1 for turn in turns)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.integers(1, 3000))
 def test_chunks_make_no_difference(size: int) -> None:
     """The same angles and ranges, and the same counts, however the bytes are cut."""
@@ -183,7 +184,7 @@ def test_a_motor_that_stands_still_makes_no_turn() -> None:
     assert not reader.refused
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.binary(max_size=400), st.integers(0, 119), st.integers(0, 40))
 def test_noise_and_cuts_never_make_a_beam_that_was_not_sent(noise: bytes, at: int, cut: int) -> None:
     """Whatever is put in or cut out: every range told is one that stands in the room at that angle."""

@@ -12,6 +12,7 @@ from chefbotd.mapping.local_map import CELL_M, SURFEL_M, LocalMap, empty, insert
 from chefbotd.mapping.poses import Floats, between, transform
 from chefbotd.mapping.refine import Prior, polish, solve3
 from chefbotd.mapping.surfaces import Singles, normals
+from tests.budget import examples
 
 CENTER, NO_PRIOR = np.zeros(2), np.zeros((3, 3))
 SIGMA_M = 0.03
@@ -138,7 +139,7 @@ def test_a_map_grows_without_losing_anything() -> None:
     assert place.shape == (2,)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=30))
 def test_coarse_cells_bound_fine_ones(points: list[tuple[float, float]]) -> None:
     """For every shift within a coarse cell the fine likelihood is no higher than the coarse one."""
