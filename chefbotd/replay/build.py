@@ -85,7 +85,7 @@ def replayed_daemon(
 
 
 def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settings:
-    """No token, no certificate, no description of one's own: these were the robot's."""
+    """No token, certificate, description of one's own, Foxglove or announcement: these were the robot's."""
     host, port = listen or ("127.0.0.1", 0)
     api = settings.api.model_copy(
         update={
@@ -102,4 +102,7 @@ def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settin
         update={"enabled": listen is not None and find_spec("aiohttp") is not None, "host": host}
     )
     robot = settings.robot.model_copy(update={"description": None})
-    return settings.model_copy(update={"api": api, "page": page, "robot": robot})
+    foxglove = settings.foxglove.model_copy(update={"enabled": False})
+    discovery = settings.discovery.model_copy(update={"enabled": False})
+    told = {"api": api, "page": page, "robot": robot, "foxglove": foxglove, "discovery": discovery}
+    return settings.model_copy(update=told)

@@ -1,11 +1,18 @@
 """Recorded and replayed events held against each other, and gaps in a recording."""
 
+import asyncio
+import sys
+
 import msgspec
+import pytest
 
 from chefbotd.core.events import DutyWritten
 from chefbotd.core.events.inputs import DaemonStarted, DaemonStopping, LinkBytesRead, TimerFired
+from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.comparison import Comparison
+from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import Recorded, groups_of
+from chefbotd.settings import load, packaged
 from tests.chefbotd.replay.recordings import recorded_of
 
 READ = LinkBytesRead(5.0, "board", bytes(34))
@@ -96,3 +103,21 @@ def test_messages_that_are_missing_are_counted() -> None:
         for number, each in zip((1, 4, 6), recorded_of(events), strict=True)
     ]
     assert [group.lost for group in groups_of(stream)] == [0, 2]
+
+
+def test_what_the_robot_had_beside_it_is_not_needed_to_replay_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot with a lidar, Foxglove and an announcement, on a computer without their extras: nothing of them begins."""
+    for package in ("foxglove", "zeroconf", "aiohttp", "numba", "scipy", "PIL"):
+        monkeypatch.setitem(sys.modules, package, None)
+    for room in ("foxglove.feature", "foxglove.server", "discovery.feature", "discovery.multicast"):
+        monkeypatch.delitem(sys.modules, f"chefbotd.features.{room}", raising=False)
+    settings = load(
+        packaged("chefbot_lidar"), overrides={"foxglove.enabled": True, "discovery.enabled": True}
+    )
+
+    async def features() -> set[str]:
+        return {each.name for each in replayed_daemon(settings, None, ReplayEntries()).features}
+
+    there = asyncio.run(features())
+    assert {"driving", "navigation", "lidars"} <= there
+    assert not there & {"foxglove", "discovery"}
