@@ -1,6 +1,6 @@
 """A recording's files, as the messages in them: in the order in which they were written, up to where they end."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from chefbotd import __version__
@@ -14,18 +14,19 @@ class RecordingFiles:
     """The files of one recording, in their order. ``problem`` says where and why reading ended early, once it has.
 
     Raises:
-        NotReplayable: the first file cannot be read.
+        NotReplayable: a file cannot be read, or is of another recording than the first.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = with_parts(paths)
         self.problem: str | None = None
-        try:
-            first = RecordingReader(self._paths[0])
-            first.read_about()
-        except UnreadableRecording as problem:
-            raise NotReplayable(str(problem)) from problem
-        self._about = first.metadata
+        self._about, *others = [_about(path) for path in self._paths]
+        for path, about in zip(self._paths[1:], others, strict=True):
+            if _recording_of(about) != _recording_of(self._about):
+                raise NotReplayable(
+                    f"{path}: is of another recording than {self._paths[0]}; replay one at a time: "
+                    "its further parts are found by themselves"
+                )
 
     @property
     def configuration(self) -> str:
@@ -71,6 +72,21 @@ class RecordingFiles:
                 raise NotReplayable(str(problem)) from problem
             if reader.problem is not None:
                 self.problem = f"{path.name}: {reader.problem}"
+
+
+def _about(path: Path) -> Mapping[str, Mapping[str, str]]:
+    try:
+        reader = RecordingReader(path)
+        reader.read_about()
+    except UnreadableRecording as problem:
+        raise NotReplayable(str(problem)) from problem
+    return reader.metadata
+
+
+def _recording_of(about: Mapping[str, Mapping[str, str]]) -> tuple[str | None, str | None]:
+    """What all parts of a recording have in common."""
+    told = about.get("recording", {})
+    return told.get("reason"), told.get("clock_offset_ns")
 
 
 def with_parts(paths: Sequence[Path]) -> tuple[Path, ...]:

@@ -175,6 +175,21 @@ def test_a_recording_in_parts_is_replayed_whole(tmp_path: Path) -> None:
     assert told["seconds"] > 2.0
 
 
+def test_two_recordings_are_not_taken_for_one(whole: bytes, tmp_path: Path) -> None:
+    """As by ``auto_*.mcap``: the second would be left out without a word, also where it is not there at all."""
+    other = tmp_path / "other.mcap"
+    result = replay(whole, tmp_path, other)
+    assert result.exit_code == Exit.FAILED
+    assert f"{other} cannot be read" in result.output
+    (tmp_path / "later").mkdir()
+    recorded_file(short, load(), tmp_path / "later").rename(other)
+    result = replay(whole, tmp_path, other)
+    assert result.exit_code == Exit.FAILED
+    assert f"{other}: is of another recording than {tmp_path / 'drive.mcap'}" in " ".join(
+        result.output.split()
+    )
+
+
 def test_a_recording_that_began_later_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     """It has what the robot knew before; that it does not begin with the daemon is told."""
 
