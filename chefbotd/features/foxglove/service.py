@@ -12,13 +12,15 @@ from chefbotd.clock import Clock
 from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.recording.channels import Channel, Channels
-from chefbotd.recording.encoder import REPEATED, Encoder, MapEvent
+from chefbotd.recording.encoder import REPEATED, STATES, Encoder, MapEvent
 from chefbotd.recording.maps import MapDrawer, ReadMap
 
 log = structlog.get_logger(component="foxglove")
 
 INBOX_EVENTS = 4096
-MAP_AGAIN_S = 5.0
+AGAIN_S = 5.0
+"""The map and what else still holds."""
+
 EXCLUDED = frozenset({"LineSeen", "StateRecorded"})
 
 
@@ -100,12 +102,16 @@ class FoxgloveService:
             await inbox.next_put()
             watched = server.is_watched
             for event in inbox.take_all():
-                if watched or type(event) not in offered:
+                if watched or type(event) not in offered or type(event).__name__ in STATES:
                     offered.add(type(event))
                     self._send(encoder, event)
-            drawn = encoder.take_maps()
-            if drawn or (watched and self._now_ns(offset_ns) - maps.drawn_ns > MAP_AGAIN_S * 1e9):
-                await asyncio.to_thread(_draw, maps, drawn, self._now_ns(offset_ns), live)
+            drawn, now_ns = encoder.take_maps(), self._now_ns(offset_ns)
+            is_due = watched and now_ns - maps.drawn_ns > AGAIN_S * 1e9
+            if is_due:  # for whoever has come since
+                for channel, payload in encoder.holds():
+                    live.add(channel, REPEATED, now_ns, payload)
+            if drawn or is_due:
+                await asyncio.to_thread(_draw, maps, drawn, now_ns, live)
 
     def _send(self, encoder: Encoder, event: Any) -> None:
         try:

@@ -19,7 +19,7 @@ from chefbotd.features.foxglove.server import FoxgloveServer
 from chefbotd.features.foxglove.service import EXCLUDED, FoxgloveService
 from chefbotd.recording.classes import class_of, event_names
 from chefbotd.settings import SettingsError, load, packaged
-from tests.chefbotd.recording.events import cycle, example
+from tests.chefbotd.recording.events import cycle, example, fault
 
 LAYOUT = Path(__file__).parents[4] / "config" / "foxglove_layout.json"
 SUBPROTOCOL = "foxglove.sdk.v1"
@@ -69,6 +69,38 @@ def test_a_client_sees_the_channels_and_what_happens() -> None:
             await asyncio.gather(serving, return_exceptions=True)
 
     asyncio.run(main())
+
+
+@pytest.mark.realtime
+@pytest.mark.slow
+def test_who_comes_late_is_told_what_still_holds() -> None:
+    """An e-stop long before the viewer came is shown to it, and it is the last one."""
+
+    async def main() -> dict[str, Any]:
+        bus, clock = Bus(), SystemClock()
+        service = FoxgloveService(bus, clock, lambda: FoxgloveServer(FREE, "fox"), None, lambda _: None)
+        serving = asyncio.create_task(service.run())
+        try:
+            await asyncio.sleep(0.1)
+            for reason in ("stalled", "overspeed"):
+                bus.publish(fault(clock.now_s(), reason))
+            telling = asyncio.create_task(tell(bus, clock))
+            async with connect(f"ws://127.0.0.1:{service.port}", subprotocols=[SUBPROTOCOL]) as socket:  # type: ignore[list-item]
+                found = await channels_of(socket, {"/events/SafetyChanged"})
+                number = found["/events/SafetyChanged"]["id"]
+                await socket.send(
+                    json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": number}]})
+                )
+                while not isinstance(data := await asyncio.wait_for(socket.recv(), 9.0), bytes):
+                    pass
+            telling.cancel()
+            event: dict[str, Any] = json.loads(data[13:])
+            return event
+        finally:
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
+
+    assert asyncio.run(main())["fault"] == "overspeed"
 
 
 @pytest.mark.realtime
