@@ -1,6 +1,7 @@
 """Printing on standard output, with an exit code for a full disk and for closed output."""
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,6 +31,11 @@ def _discard_buffered_output() -> None:
     void = os.open(os.devnull, os.O_WRONLY)
     os.dup2(void, sys.stdout.fileno())
     os.close(void)
+
+
+def plain(text: str) -> str:
+    """The text without what a terminal would take for a command: somebody else may have written it."""
+    return re.sub("[\x00-\x08\x0b-\x1f\x7f-\x9f]", "\N{REPLACEMENT CHARACTER}", text)
 
 
 def echo(text: str) -> None:

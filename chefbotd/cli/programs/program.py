@@ -8,6 +8,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 import click
 
+from chefbotd.cli.common.echo import plain
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 JSON_HELP = "Print JSON for scripts; failures too, on stderr."
@@ -76,7 +77,7 @@ class Program(click.Group):
             error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
             click.echo(json.dumps({"error": error}), err=True)
         else:
-            click.echo(f"Error: {failure}", err=True)
+            click.echo(plain(f"Error: {failure}"), err=True)
 
 
 def _with_json(command: click.Command) -> click.Command:

@@ -2,7 +2,8 @@
 
 import csv
 import json
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -13,6 +14,7 @@ from chefbotd.recording.reader import Message
 WIDEST_LIST = 16
 """A longer list, such as a scan's ranges, is one cell, as JSON."""
 
+MAX_NAME = 100
 OWN_COLUMNS = ("log_time_s", "sequence")
 
 
@@ -33,7 +35,7 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
     if unknown := sorted(set(topics) - columns.keys()):
         known = ", ".join(sorted(columns))
         raise ProgramError(Exit.FAILED, f"{path} has no topic {', '.join(unknown)}; it has {known}")
-    files = {topic: folder / _file_name(topic) for topic in columns if not topics or topic in topics}
+    files = _files(folder, [topic for topic in columns if not topics or topic in topics])
     for file in files.values():
         if file.exists() and not force:
             raise ProgramError(Exit.FAILED, f"{file} exists already; --force replaces it")
@@ -92,5 +94,11 @@ def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-def _file_name(topic: str) -> str:
-    return topic.strip("/").replace("/", "_") + ".csv"
+def _files(folder: Path, topics: Iterable[str]) -> dict[str, Path]:
+    """A file for each topic, whatever somebody has called it: no two are the same, and none is elsewhere."""
+    found: dict[str, Path] = {}
+    for topic in topics:
+        name = re.sub(r"[^\w.-]+", "_", topic.strip("/"))[:MAX_NAME].strip(".") or "topic"
+        number = sum(file.stem.partition("~")[0].lower() == name.lower() for file in found.values())
+        found[topic] = folder / (f"{name}~{number + 1}.csv" if number else f"{name}.csv")
+    return found

@@ -9,7 +9,7 @@ import msgspec
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.record.opening import opened
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.reader import RecordingReader
@@ -32,9 +32,14 @@ def show_info(context: CommandContext, path: Path) -> None:
     if context.as_json:
         output.say(True, found, "")
         return
-    echo("\n".join(_lines(found)))
+    echo("\n".join(plain(line) for line in _lines(found)))
     rows = [
-        [topic, row["schema"], str(row["messages"]), "" if row["hz"] is None else f"{row['hz']:.1f}"]
+        [
+            plain(topic),
+            plain(row["schema"]),
+            str(row["messages"]),
+            "" if row["hz"] is None else f"{row['hz']:.1f}",
+        ]
         for topic, row in found["topics"].items()
     ]
     output.table(False, None, ["topic", "schema", "messages", "Hz"], rows)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from chefbotd.cli.common.arguments import Address, address, configuration
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra
 from chefbotd.cli.programs.load import load_valid
@@ -79,7 +79,7 @@ def replay(
     if wants_json(ctx):
         echo(json.dumps(_as_json(replayed)))
     else:
-        echo("\n".join(_told(replayed, is_other=other is not None)))
+        echo("\n".join(plain(line) for line in _told(replayed, is_other=other is not None)))
     if other is None and not replayed.outcome.exact:
         ctx.exit(Exit.NOT_DONE)
 

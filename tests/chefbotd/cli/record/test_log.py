@@ -162,6 +162,37 @@ def test_a_recording_of_another_program_is_told_and_its_json_exported(tmp_path: 
     assert (tables / "volts.csv").read_text().count("12.5") == 10
 
 
+def test_names_in_a_strangers_file_reach_neither_the_terminal_nor_other_folders(tmp_path: Path) -> None:
+    """Topics that are paths, commands of a terminal, too long, or the same file: as text, tables beside each other."""
+    path, tables = tmp_path / "odd.mcap", tmp_path / "tables"
+    topics = ("/../../pwn", "..", "/" + "a" * 400, "/a b", "/a_b", "/A_B", "/nul\0", "/\x1b[31mred\x9b2J")
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("\x1b]0;title\x07", "jsonschema", b"{}")
+        for topic in topics:
+            writer.add_message(writer.register_channel(topic, "json", schema), 1, b'{"volts": 12.5}', 1)
+        writer.finish()
+    told = run("info", path)
+    assert told.exit_code == Exit.OK
+    assert not set(told.output) & {"\0", "\x07", "\x1b", "\x9b"}
+    assert run("export", path, "--csv", tables).exit_code == Exit.OK
+    names = sorted(each.name for each in tables.iterdir())
+    assert names == sorted(
+        [
+            "A_B~3.csv",
+            "_.._pwn.csv",
+            "_31mred_2J.csv",
+            "a" * 100 + ".csv",
+            "a_b.csv",
+            "a_b~2.csv",
+            "nul_.csv",
+            "topic.csv",
+        ]
+    )
+    assert not list(tmp_path.parent.glob("*pwn*"))
+
+
 def test_tables_have_a_row_for_each_message(recorded: Path) -> None:
     """Nested values have columns of their own, a long list is one cell, and numbers are as they were."""
     folder = recorded.parent / "tables"
