@@ -31,7 +31,6 @@ class Request(IntEnum):
     SCAN = 0x20
     GET_INFO = 0x50
     GET_HEALTH = 0x52
-    GET_SAMPLE_RATE = 0x59
 
 
 EXPRESS_SCAN = 0x82

@@ -46,7 +46,6 @@ CAPSULES = st.builds(
         (Request.SCAN, "A5 20"),
         (Request.GET_INFO, "A5 50"),
         (Request.GET_HEALTH, "A5 52"),
-        (Request.GET_SAMPLE_RATE, "A5 59"),
     ],
 )
 def test_requests_are_the_manual_s(command: Request, raw: str) -> None:
