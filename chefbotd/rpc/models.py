@@ -26,10 +26,19 @@ class NoParams(Params):
     """Nothing."""
 
 
-class Result(BaseModel):
-    """What a method answers."""
+class Sent(BaseModel):
+    """What is sent to clients."""
 
     model_config = ConfigDict(frozen=True, defer_build=True)
+
+    @classmethod
+    def of(cls, source: object | None) -> Self:
+        """What a value has under the same names; without one the defaults."""
+        return cls() if source is None else cls.model_validate(source, from_attributes=True)
+
+
+class Result(Sent):
+    """What a method answers."""
 
 
 class Done(Result):
@@ -41,15 +50,8 @@ class Done(Result):
 DONE: Final = Done()
 
 
-class TopicData(BaseModel):
+class TopicData(Sent):
     """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
-
-    model_config = ConfigDict(frozen=True, defer_build=True)
-
-    @classmethod
-    def of(cls, event: object | None) -> Self:
-        """What an event has under the same names; without an event the defaults."""
-        return cls() if event is None else cls.model_validate(event, from_attributes=True)
 
 
 class UnknownData(TopicData):

@@ -88,13 +88,7 @@ class MappingService:
         self._publish(MappingStatus("idle"))
         await self._learn_status()  # what it saved on its own may be there still
         await self._use(saved.name)
-        return MapSaved(
-            name=saved.name,
-            version=saved.version,
-            keyframes=saved.keyframes,
-            loops=saved.loops,
-            path_m=saved.path_m,
-        )
+        return MapSaved.of(saved)
 
     async def _use(self, name: str) -> None:
         """The map is saved; that it cannot be used right away is told in the log only."""
@@ -142,14 +136,8 @@ class MappingService:
         answer = await self._worker.request(SKILL, request, deadline_s=deadline_s)
         status = STATUS.decode(answer)
         self._publish(status)
-        return MappingResult(
-            state=status.state,
-            name=status.name,
-            keyframes=status.keyframes,
-            loops=status.loops,
-            path_m=status.path_m,
-            warning=status.warning or None,
-        )
+        result = MappingResult.of(status)
+        return result if result.warning else result.model_copy(update={"warning": None})
 
     def _take_told(self, body: bytes) -> None:
         """Raises ``msgspec.DecodeError`` for what the skill does not say."""

@@ -270,17 +270,7 @@ class RecordingService:
     async def list_recordings(self) -> RecordingList:
         """Every file."""
         rows = await self._ask(lambda recorder, now_s: recorder.list_files())
-        files = tuple(
-            RecordedFile(
-                file=row.file,
-                size_bytes=row.size_bytes,
-                changed_at_s=row.changed_at_s,
-                complete=row.complete,
-                recording=row.recording,
-            )
-            for row in rows
-        )
-        return RecordingList(folder=str(self._folder), files=files)
+        return RecordingList(folder=str(self._folder), files=tuple(map(RecordedFile.of, rows)))
 
     async def save_ring(self, reason: str) -> RingSaved:
         """Write the last minutes into a file."""
