@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from chefbotd.clock import run_virtual
 from chefbotd.core.events.depth_cameras import DepthCameraChanged
 from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.maps.contents import save
+from chefbotd.maps.store import MapStore
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
+from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.depth import SimulatedDepthChild
+from chefbotd.testing.worker import worker_in_process
 from tests.budget import sample
 
 EYE: Mapping[str, object] = {
@@ -177,3 +182,44 @@ def test_names_are_the_cameras_own() -> None:
     """One that is called as the lidar is refused."""
     with pytest.raises(SettingsError, match="lidars and depth cameras need names of their own"):
         settings(depth_camera=[{**EYE, "name": "lidar"}])
+
+
+BESIDE_THE_COFFEE_TABLE = {
+    "map_path": "flat",
+    "start_x_m": 2.3,
+    "start_y_m": 0.9,
+    "start_heading_rad": 2.2,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sees", sample([True, False]))
+def test_a_tall_robot_plans_and_drives_to_its_goal_round_a_table_that_only_the_camera_sees(
+    tmp_path: Path, sees: bool
+) -> None:
+    """The coffee table is in the straight way. Its edge is an obstacle between the legs, where a lidar sees nothing."""
+    save(MapStore(tmp_path, 3), "flat", FLAT.grid())
+    cameras, edge = [dict(EYE)] if sees else [], (1.905, 1.58)
+    told = settings(
+        depth_camera=cameras,
+        **TALL,
+        **{"maps.folder": str(tmp_path), "sim.world": dict(BESIDE_THE_COFFEE_TABLE)},
+    )
+
+    async def scenario() -> None:
+        async with simulated_robot(told, spawn_worker=worker_in_process) as robot:
+            await asyncio.sleep(1.5)
+            await robot.client.load_map("flat")
+            await robot.client.set_pose(2.3, 0.9, 2.2)
+            async with robot.client.subscribe("obstacles") as events:
+                told_of = [(await anext(events)).data for _ in range(12)]
+            points = list(zip(told_of[-1].x_m, told_of[-1].y_m, strict=True))
+            assert any(math.dist(point, edge) < 0.15 for point in points) is sees, points
+            if sees:
+                await asyncio.wait_for(robot.client.navigate_to(x_m=1.2, y_m=2.4), 60.0)
+                truth = robot.board.truth(asyncio.get_running_loop().time())
+                at = truth.world_from_base
+                assert math.dist((at.x_m, at.y_m), (1.2, 2.4)) < 0.06
+                assert not truth.in_contact
+
+    run_virtual(scenario())
