@@ -40,7 +40,7 @@ map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six r
 
 # For every change: no long scenario, few examples, each scenario on one robot.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
-	@echo "About 5700 tests; about three minutes on two cores."
+	@echo "About 5800 tests; about two minutes on two cores, three the first time."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
 # One at a time, for a machine on which tests of the real clock may have been held up by others.
