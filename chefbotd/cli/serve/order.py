@@ -43,7 +43,7 @@ def environment(folder: Path) -> dict[str, str]:
     """What makes a daemon simulate this, with its maps in ``folder``."""
     return {
         "CHEFBOTD_MAPS__FOLDER": str(folder.absolute()),
-        "CHEFBOTD_WATCHDOG__PATIENCE_S": repr(PATIENCE_S),
+        "CHEFBOTD_WATCHDOG__TIMEOUT_S": repr(PATIENCE_S),
         "CHEFBOTD_WORKER__NICENESS": "0",
         "CHEFBOTD_SIM__WORLD__START_X_M": repr(START.x_m),
         "CHEFBOTD_SIM__WORLD__START_Y_M": repr(START.y_m),

@@ -1,6 +1,7 @@
 """The order of ``chefbotctl serve`` with a robot that does as the test says, on a virtual clock of its own."""
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from chefbotd.client import CallError
 from chefbotd.client.goals import GoalBlocked
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D
+from chefbotd.settings import load, packaged
 
 
 class Robot:
@@ -91,6 +93,17 @@ def served(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Any:
         return await run._with_robot(client)
 
     return run_virtual(run())
+
+
+def test_the_simulated_robots_configuration_is_one_that_a_daemon_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every key that the order sets in the daemon's environment is there, with such a value."""
+    for name, value in order.environment(tmp_path).items():
+        monkeypatch.setenv(name, value)
+    settings = load(packaged("chefbot_lidar"))
+    assert settings.watchdog.timeout_s == order.PATIENCE_S
+    assert len(settings.sim.people) == len(order.PEOPLE)
 
 
 def test_three_tables_and_home_are_served_and_measured(monkeypatch: pytest.MonkeyPatch) -> None:
