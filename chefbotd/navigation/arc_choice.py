@@ -9,6 +9,9 @@ from chefbotd.navigation.steering import FollowerParameters
 CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
 """A metre less of room to what stands is as bad as so many beside the wanted arc; less than ``SLIGHT_M`` is nothing."""
 
+NEEDED_M = 0.4
+"""An arc that leaves more room need not be free farther than this: the next step takes another one."""
+
 TURN_GAIN_M = 0.015
 """Where an arc lacks so much more room than a turn on the spot and driving straight on, the robot turns."""
 
@@ -50,7 +53,7 @@ def clear_arc(
     best, chosen = CLEAR_WORTH * found.lacking_m, (curvature, found)
     if found.lacking_m < SLIGHT_M:
         return chosen
-    for step in (0.4, 0.8, 1.2, 1.8):
+    for step in (0.15, 0.4, 0.8, 1.2, 1.8):
         off_m = step * params.arcs.keep_for_m**2 / 2
         for side in (-step, step):
             tried = curvature + side
@@ -58,7 +61,7 @@ def clear_arc(
                 continue
             other = arc(params, outline, near, tried, horizon_m)
             worth = CLEAR_WORTH * other.lacking_m + off_m
-            if worth < best and other.free >= min(found.free, 0.6) - 1e-6:
+            if worth < best and other.free >= min(found.free, NEEDED_M) - 1e-6:
                 best, chosen = worth, (tried, other)
     return chosen
 

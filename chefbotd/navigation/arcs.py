@@ -73,8 +73,8 @@ class Surroundings:
 class Way:
     """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows.
 
-    ``lacking_m`` is how much less room than ``keep_m`` it leaves to what stands along ``keep_for_m``: the mean of the
-    average and the worst.
+    ``lacking_m`` is how much less room than ``keep_m`` it leaves to what stands along ``keep_for_m``: on average, and
+    half of that at the worst place on top.
     """
 
     free: float
@@ -203,7 +203,7 @@ def _way(
         allowed = creep + (most - creep) * min(max(nearest, 0.0) / full_room_m, 1.0)
         ahead_m = max(abs(s) - REACTION_M, 0.0)
         speed = min(speed, math.sqrt(allowed * allowed + 2 * braking * ahead_m))
-    return free, max(room_m, 0.0), speed, 0.5 * (lacking_m / max(kept, 1) + most_lacking_m)
+    return free, max(room_m, 0.0), speed, lacking_m / max(kept, 1) + 0.5 * most_lacking_m
 
 
 @kernel

@@ -14,7 +14,7 @@ from chefbotd.navigation.trips import Trip, blocked_after_m, least_room_m, turn_
 TURN_S = 4.0
 """The robot does not stop to turn to a better path where somebody will come by within this time."""
 
-CLEARER_M = 0.03
+CLEARER_M = 0.02
 """A path that leaves so much more room where the present one is tight is a better one."""
 
 
