@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from chefbotd.bus import OnError
 from chefbotd.composition.context import Context
-from chefbotd.features.driving.safety_keeper import Scans
+from chefbotd.features.driving.obstacle_guard import Scans
 from chefbotd.features.feature import Feature
 from chefbotd.settings import Settings
 

@@ -3,9 +3,7 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from typing import Protocol
 
 import structlog
 
@@ -18,26 +16,25 @@ from chefbotd.core.events import (
     DutyEchoed,
     LinkClosed,
     LinkOpened,
-    RangeMeasured,
     SafetyChanged,
 )
 from chefbotd.core.events.inputs import FaultTaken
-from chefbotd.core.geometry import STANDING, Motion, Pose2D
+from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.core.record import replace
 from chefbotd.entries import entries_of
+from chefbotd.features.driving.gate_announcer import GateAnnouncer
 from chefbotd.features.driving.motor_watch import MotorWatch
+from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
 from chefbotd.features.driving.wheel_reader import WheelsRead
-from chefbotd.logs import RateLimitedLog
-from chefbotd.safety import battery_monitor, encoder_timeout, gate, guard, hold, wheels
+from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold, wheels
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
-from chefbotd.safety.faults import UNSTOPPED, Fault, FaultKind
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
 
 ENCODERS_STALE = "encoders_stale"
-OBSTACLE = "obstacle:"
 NO_BOARD = "no_board"
 """The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
 
@@ -51,23 +48,12 @@ LATCHES_PER_SESSION = 2**20
 """The number of a latch is the session's times this, and a count: with 32 bits of session exact in a float, too."""
 
 
-class Scans(Protocol):
-    """What lidars see, as a source of the obstacle guard."""
-
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
-        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
-        ...
-
-
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
 
-    ``scans`` makes what guards by lidars; it is handed what takes the errors of its handlers. ``latch`` remembers the
-    mode beyond the end of the process; what latches is numbered within the ``session``.
-    ``motors`` says whether the board does as it is told.
+    ``scans`` makes what guards by lidars. ``latch`` remembers the mode beyond the end of the process; what latches is
+    numbered within the ``session``. ``motors`` says whether the board does as it is told.
     """
-
-    UNRECORDED = frozenset({"_latch"})
 
     def __init__(
         self,
@@ -85,24 +71,20 @@ class SafetyKeeper:
     ) -> None:
         self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
         self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
-        self._latch, self._motors = latch, motors
+        self._motors = motors
         self._gate, self._decision = latch.recall(), HALT
         self._latched = session * LATCHES_PER_SESSION
         self._attempts: hold.Attempts = ()
         self._silence = EncoderTimeoutState()
         self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
-        self._beams = guard.from_mounts(mounts)
-        self._scans = None if scans is None else scans(self._keep_error)
+        self._obstacles = ObstacleGuard(bus, parameters.guard, mounts, scans, self._keep_error)
         self._link_open = False
         self._reported: Fault | None = None
-        self._announced: SafetyChanged | None = None
-        self._said: tuple[str | int | None, ...] = ()
-        self.faults: Counter[str] = Counter()
-        self._limited_log = RateLimitedLog(log)
+        self._announcer = GateAnnouncer(bus, latch)
+        self._announced: tuple[str | int | None, ...] = ()
         self._reading_error: Exception | None = None
         self._on_fault: Callable[[], None] = _nothing
-        bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
 
@@ -110,6 +92,11 @@ class SafetyKeeper:
     def gate(self) -> GateState:
         """The gate's state."""
         return self._gate
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """How often each fault has latched."""
+        return self._announcer.faults
 
     @property
     def armed(self) -> bool:
@@ -290,30 +277,16 @@ class SafetyKeeper:
         return decision
 
     def announce(self, now_s: float) -> None:
-        """Publish the gate's state if it has changed, leave word of it for the next daemon, and log a change of mode."""
-        state, decision, told = self._gate, self._decision, self._announced
-        mode, reason = (state.mode, state.reason) if self._link_known() else (NO_BOARD, WAITING)
+        """Tell the gate's state if it has changed."""
+        state, decision = self._gate, self._decision
+        known = (
+            self._link_open or state.mode is not Mode.ARMED
+        )  # before, it is armed and there is nothing to move
+        mode, reason = (state.mode, state.reason) if known else (NO_BOARD, WAITING)
         said = (mode, reason, decision.source, state.fault, decision.limited_by, self._latched)
-        if said == self._said:
-            return
-        self._said, limited_by, fault = said, decision.limited_by, state.fault
-        event = SafetyChanged(now_s, mode, reason, decision.source, fault, limited_by, self._latched)
-        self._announced = event
-        if fault is not None and (told is None or told.fault != fault):
-            self.faults[fault] += 1
-        self._latch.keep(state)
-        self._bus.publish(event)
-        if limited_by is not None and (told is None or told.limited_by != limited_by):
-            self._limited_log.warning("motion limited", by=limited_by)
-        if told is not None and told.mode != mode:
-            logged = log.info if self.armed else log.warning
-            logged("safety mode changed", mode=str(mode), reason=reason, fault=fault)
-        elif fault in UNSTOPPED and (told is None or told.fault != fault):
-            log.error("the robot moves although it must stand", reason=reason, fault=fault)
-
-    def _link_known(self) -> bool:
-        """Not before the board is first connected: the gate is armed already, but there is nothing that could move."""
-        return self._link_open or not self.armed
+        if said != self._announced:
+            self._announced = said
+            self._announcer.announce(SafetyChanged(now_s, *said), state)
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
@@ -328,26 +301,10 @@ class SafetyKeeper:
             return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
         if not self._parameters.guard.enabled or decision.motion == STANDING:
             return decision
-        motion, limited_by = self._within_ranges(decision.motion, now_s)
-        if self._scans is not None:
-            free, seen = self._scans.limit(motion, now_s)
-            if seen is not None:
-                motion, limited_by = self._agreed(self._scans, free, now_s), seen
+        motion, limited_by = self._obstacles.limit(decision.motion, now_s)
         if limited_by is None:
             return decision
         return Decision(motion, decision.source, halted=False, limited_by=limited_by)
-
-    def _within_ranges(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
-        """What the single beams allow."""
-        motion, sensor = guard.limit(self._parameters.guard, self._beams, wanted, now_s)
-        return motion, None if sensor is None else OBSTACLE + sensor
-
-    def _agreed(self, scans: Scans, motion: Motion, now_s: float) -> Motion:
-        """A part of a motion may bring a beam closer than the whole: what the scans do not allow then is not driven."""
-        again, limited_by = self._within_ranges(motion, now_s)
-        if limited_by is None:
-            return motion
-        return again if scans.limit(again, now_s)[1] is None else STANDING
 
     def _take_report(self) -> None:
         if self._reported is not None:
@@ -355,9 +312,6 @@ class SafetyKeeper:
             if self._clock.recording:
                 self._clock.publish(FaultTaken(self._clock.now_s(), str(fault.kind), fault.reason))
             self.fail(fault)
-
-    def _on_range(self, event: RangeMeasured) -> None:
-        self._beams = guard.update(self._beams, event)
 
     def _on_battery(self, event: BatteryMeasured) -> None:
         self._critical_since_s, fault = battery_monitor.judge(

@@ -26,11 +26,11 @@ from chefbotd.entries import entries_of
 from chefbotd.features.driving.motor_watch import PAUSE_S
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.watch_timer import WatchTimer
+from chefbotd.features.driving.wheel_controller import WheelController
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
 from chefbotd.metrics import Histogram
-from chefbotd.motion import ceiling
 from chefbotd.motion.drive import Drive
-from chefbotd.motion.limits import AT_REST, MotionLimits
+from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision, GateState
@@ -51,8 +51,7 @@ class ControlParameters(Parameters):
 class DriveService:
     """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
-    ``reader`` says what the wheels did; ``wheel_names`` are in the order of the configured wheels. ``duty_ceiling`` is
-    the hardest that each wheel may be pushed while commands that are faster are held back on the way to the board.
+    ``reader`` says what the wheels did; ``wheel_names`` and ``duty_ceiling`` are the ``WheelController``'s.
     A loop that stood still for ``patience_s`` while it drove disarms, whether or not a watchdog looked meanwhile.
     """
 
@@ -73,9 +72,8 @@ class DriveService:
         patience_s: float = WatchdogParameters().timeout_s,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
-        self._drive, self._state, self._keeper = drive, drive.at_rest, keeper
-        self._reader, self._wheel_names = reader, wheel_names
-        self._duty_ceiling = duty_ceiling
+        self._wheels = WheelController(drive, wheel_names, duty_ceiling)
+        self._keeper, self._reader = keeper, reader
         self._patience_s = patience_s
         self._watch_timer = WatchTimer(
             self._clock, control.watch_period_s, min(patience_s, PAUSE_S), self._watch
@@ -83,7 +81,6 @@ class DriveService:
         keeper.call_on_fault(self._look_soon)
         self._failure = HandlerFailure()
         self._still = (0,) * len(wheel_names)
-        self._when_at_rest: Callable[[], None] | None = None
         self.stops, self.stopped_by = 0, ""
         self._remove_handlers = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
@@ -110,7 +107,7 @@ class DriveService:
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
         """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
-        return self._drive.wheel_velocities(velocity_rad_s)
+        return self._wheels.wheel_velocities(velocity_rad_s)
 
     def release(self, source: str) -> None:
         """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
@@ -167,37 +164,19 @@ class DriveService:
     @property
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
-        return any(self._state.duty)
+        return any(self._wheels.state.duty)
 
     def gains(self) -> dict[str, PidParameters]:
         """The present gains by wheel name."""
-        return dict(zip(self._wheel_names, self._drive.gains, strict=True))
+        return self._wheels.gains()
 
     def retune(self, gains: Mapping[str, PidParameters]) -> None:
         """Exchange the gains of every wheel without a bump."""
-        self._state = self._drive.retune(self._state, tuple([gains[name] for name in self._wheel_names]))
+        self._wheels.retune(gains)
 
     def relimit(self, limits: MotionLimits, then: Callable[[], None]) -> bool:
-        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once.
-
-        Of several changes that wait, the last one is made.
-        """
-
-        def exchange() -> None:
-            self._drive.relimit(limits)
-            then()
-
-        self._when_at_rest = exchange
-        self._rest()
-        return self._when_at_rest is None
-
-    def _rest(self) -> None:
-        """Do what waits for the robot to be at rest, if it is: no duty in force, and nothing asked of any wheel."""
-        action, state = self._when_at_rest, self._state
-        rests = state.limiter == AT_REST and not any(state.duty) and not any(state.setpoint_m_s)
-        if action is not None and rests:
-            self._when_at_rest = None
-            action()
+        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once."""
+        return self._wheels.relimit(limits, then)
 
     @property
     def faults(self) -> Mapping[str, int]:
@@ -247,7 +226,7 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        seen = self._reader.read(event, self._state.setpoint_m_s)
+        seen = self._reader.read(event, self._wheels.state.setpoint_m_s)
         reading = seen.reading
         self._keeper.loop_runs(now_s)
         if reading.refused:
@@ -257,15 +236,15 @@ class DriveService:
             self._watch_timer.note_activity(now_s)
             self._act(now_s)
             return
-        effort = self._reader.effort(seen, self._drive.effort(self._state))
+        effort = self._reader.effort(seen, self._wheels.effort)
         self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
-        self._keeper.watch_motors(now_s, self._state.setpoint_m_s, seen)
-        self._regulate(now_s, seen)
-        self._send_duty(now_s, self._state.duty)
+        self._keeper.watch_motors(now_s, self._wheels.state.setpoint_m_s, seen)
+        self._wheels.regulate(self._keeper.decide(now_s, driven=self.is_driving), now_s, seen)
+        self._send_duty(now_s, self._wheels.state.duty)
         self._watch_timer.restart(now_s)
-        if self._when_at_rest is not None:
-            self._rest()
-        if self._state.duty != self._still or any(reading.travel_rad) or self._is_asked():
+        if self._wheels.change_waits:
+            self._wheels.make_change()
+        if self._wheels.state.duty != self._still or any(reading.travel_rad) or self._is_asked():
             if self._watch_timer.still_since_s is not None:
                 self._watch_timer.note_activity(now_s)
         else:
@@ -274,25 +253,6 @@ class DriveService:
         self._keeper.announce(now_s)
         self._publish(event, seen)
         self.step_times.observe(perf_counter() - began_s)
-
-    def _regulate(self, now_s: float, seen: WheelsRead) -> None:
-        decision = self._decide(now_s)
-        if decision.halted:
-            self._state = self._drive.halt(self._state)
-            return
-        apart = decision.limited_by is not None
-        before = self._state
-        after = self._drive.regulate(
-            before,
-            decision.motion,
-            now_s,
-            seen.reading.velocity_rad_s,
-            seen.dt_s,
-            measured_over_s=seen.reading.measured_over_s,
-            apart=apart,
-            substitutes=seen.same_side.substitutes,
-        )
-        self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, excluded = event.stamp_s, seen.same_side.excluded
@@ -308,40 +268,28 @@ class DriveService:
                 excluded,
             )
         )
-        targets = self._drive.targets_rad_s(self._state)
-        self._bus.publish(
-            WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, self._state.duty, excluded)
-        )
+        targets, duty = self._wheels.targets_rad_s, self._wheels.state.duty
+        self._bus.publish(WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, duty, excluded))
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
         """Step without a measurement; ``repeat`` writes the duty even when it has not changed. A stop always is.
 
         One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
         """
-        decision, before = self._decide(now_s), self._state
-        if decision.halted:
-            self._state = self._drive.halt(self._state)
-        else:
-            apart = decision.limited_by is not None
-            after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
-            self._state = ceiling.under(self._duty_ceiling(now_s), before, after)
-        if repeat or self._state.duty != before.duty or not any(self._state.duty):
-            self._send_duty(now_s, self._state.duty)
-        if self._when_at_rest is not None:
-            self._rest()
+        before = self._wheels.state.duty
+        self._wheels.retarget(self._decide(now_s), now_s)
+        duty = self._wheels.state.duty
+        if repeat or duty != before or not any(duty):
+            self._send_duty(now_s, duty)
+        if self._wheels.change_waits:
+            self._wheels.make_change()
         if self._watch_timer.resting and self._is_asked():
             self._watch_timer.note_activity(now_s)
         self._keeper.announce(now_s)
 
     def _is_asked(self) -> bool:
         """Whether a duty is in force, a setpoint is not zero, or a source commands, be it to stand."""
-        state = self._state
-        return (
-            any(state.duty)
-            or any(state.setpoint_m_s)
-            or state.limiter != AT_REST
-            or self._keeper.is_commanded
-        )
+        return self._keeper.is_commanded or not self._wheels.rests
 
     def _decide(self, now_s: float) -> Decision:
         self._note_run(now_s)
@@ -400,5 +348,5 @@ class DriveService:
         self._write_duty(duty)
 
     def _halt(self) -> None:
-        self._state = self._drive.halt(self._state)
-        self._send_duty(self._clock.now_s(), self._state.duty)
+        self._wheels.halt()
+        self._send_duty(self._clock.now_s(), self._still)

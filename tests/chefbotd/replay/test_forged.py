@@ -54,6 +54,13 @@ def put_back(state: State) -> list[str]:
     return asyncio.run(put())
 
 
+def forge(state: State, attribute: str, value: Any) -> None:
+    """Give the drive service another attribute, or its wheels' controller where that has it."""
+    service = state[DRIVING]["is"]
+    wheels = service["_wheels"]["is"]
+    (wheels if attribute in wheels else service)[attribute] = value
+
+
 def deep(value: Any, levels: int) -> Any:
     """A list in a list in a list."""
     for _ in range(levels):
@@ -109,8 +116,8 @@ FORGERIES: dict[str, tuple[str, Callable[[State], Any], str]] = {
     ),
     "a text for a number": ("stops", lambda state: "many", "stops cannot be a str"),
     "a flag for a number": ("stops", lambda state: True, "stops cannot be a bool"),
-    "a number for a state": ("_state", lambda state: 5, "_state cannot be a int"),
-    "another state": ("_state", lambda state: of("chefbotd.motion.pid:PidState", "value"), "_state"),
+    "a number for a state": ("state", lambda state: 5, "state cannot be a int"),
+    "another state": ("state", lambda state: of("chefbotd.motion.pid:PidState", "value"), "state"),
     "a field's type": (
         "_still",
         lambda state: {"$": "tuple", "is": [of("chefbotd.core.geometry:Pose2D", "value", x_m="a")]},
@@ -145,7 +152,7 @@ def test_a_state_names_nothing_but_what_is_registered(forgery: str) -> None:
     """Neither a class, nor a method, nor an attribute, nor a type; the refusal names it, and nothing was imported."""
     attribute, value, told = FORGERIES[forgery]
     state = recorded_state()
-    state[DRIVING]["is"][attribute] = value(state)
+    forge(state, attribute, value(state))
     loaded = set(sys.modules)
     (problem,) = put_back(state)
     assert problem.startswith(f"{DRIVING}: ")
@@ -157,7 +164,7 @@ def test_a_state_names_nothing_but_what_is_registered(forgery: str) -> None:
 def test_the_whole_recording_is_refused_with_the_name() -> None:
     """Nothing is replayed from a state that is none of a daemon's."""
     state = recorded_state()
-    state[DRIVING]["is"]["_when_at_rest"] = of(DISK)
+    forge(state, "_when_at_rest", of(DISK))
     with pytest.raises(NotReplayable, match=r"recording\.disk:Disk"):
         replayed([StateRecorded(1.0, state, (), ()), TimerFired(1.2, "drive watch")], load())
 

@@ -20,7 +20,8 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.geometry import Motion, Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
-from chefbotd.features.driving.safety_keeper import SafetyKeeper, Scans
+from chefbotd.features.driving.obstacle_guard import Scans
+from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters

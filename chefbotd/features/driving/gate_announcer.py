@@ -1,0 +1,42 @@
+"""Tells everyone that the gate's state has changed: the bus, the log, and the next daemon."""
+
+from collections import Counter
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.core.events import SafetyChanged
+from chefbotd.logs import RateLimitedLog
+from chefbotd.safety.faults import UNSTOPPED
+from chefbotd.safety.gate import GateState, Mode
+from chefbotd.safety.latch import GateStore
+
+log = structlog.get_logger(component="safety")
+
+
+class GateAnnouncer:
+    """``latch`` remembers the mode beyond the end of the process; ``faults`` counts those that latched, by kind."""
+
+    UNRECORDED = frozenset({"_latch"})
+
+    def __init__(self, bus: Bus, latch: GateStore) -> None:
+        self._bus, self._latch = bus, latch
+        self._announced: SafetyChanged | None = None
+        self.faults: Counter[str] = Counter()
+        self._limited_log = RateLimitedLog(log)
+
+    def announce(self, event: SafetyChanged, state: GateState) -> None:
+        """Publish a change, leave word of ``state`` for the next daemon, and log what people should know."""
+        told, self._announced = self._announced, event
+        is_new_fault = event.fault is not None and (told is None or told.fault != event.fault)
+        if is_new_fault:
+            self.faults[str(event.fault)] += 1
+        self._latch.keep(state)
+        self._bus.publish(event)
+        if event.limited_by is not None and (told is None or told.limited_by != event.limited_by):
+            self._limited_log.warning("motion limited", by=event.limited_by)
+        if told is not None and told.mode != event.mode:
+            logged = log.info if state.mode is Mode.ARMED else log.warning
+            logged("safety mode changed", mode=str(event.mode), reason=event.reason, fault=event.fault)
+        elif is_new_fault and event.fault in UNSTOPPED:
+            log.error("the robot moves although it must stand", reason=event.reason, fault=event.fault)

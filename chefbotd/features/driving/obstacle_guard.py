@@ -1,0 +1,58 @@
+"""What the range sensors and the lidars allow of a motion."""
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from chefbotd.bus import Bus, OnError
+from chefbotd.core.events import RangeMeasured
+from chefbotd.core.geometry import STANDING, Motion, Pose2D
+from chefbotd.safety import guard
+from chefbotd.safety.guard import GuardParameters
+
+OBSTACLE = "obstacle:"
+
+
+class Scans(Protocol):
+    """What lidars see, as a source of the obstacle guard."""
+
+    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
+        ...
+
+
+class ObstacleGuard:
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
+
+    ``scans`` makes what guards by lidars; it is handed ``on_error``, which takes what a reading's handler raises.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        parameters: GuardParameters,
+        mounts: Mapping[str, Pose2D],
+        scans: Callable[[OnError], Scans] | None,
+        on_error: OnError,
+    ) -> None:
+        self._parameters, self._beams = parameters, guard.from_mounts(mounts)
+        self._scans = None if scans is None else scans(on_error)
+        bus.add_handler(self._on_range, RangeMeasured, on_error=on_error)
+
+    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
+        motion, sensor = guard.limit(self._parameters, self._beams, wanted, now_s)
+        limited_by = None if sensor is None else OBSTACLE + sensor
+        if self._scans is None:
+            return motion, limited_by
+        free, seen = self._scans.limit(motion, now_s)
+        return (motion, limited_by) if seen is None else (self._agreed(self._scans, free, now_s), seen)
+
+    def _agreed(self, scans: Scans, motion: Motion, now_s: float) -> Motion:
+        """A part of a motion may bring a beam closer than the whole: what the scans do not allow then is not driven."""
+        again, sensor = guard.limit(self._parameters, self._beams, motion, now_s)
+        if sensor is None:
+            return motion
+        return again if scans.limit(again, now_s)[1] is None else STANDING
+
+    def _on_range(self, event: RangeMeasured) -> None:
+        self._beams = guard.update(self._beams, event)

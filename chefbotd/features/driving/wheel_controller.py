@@ -1,0 +1,115 @@
+"""What is asked of the wheels now: by the last decision, and by changes that wait for the robot to be at rest."""
+
+from collections.abc import Callable, Mapping
+
+from chefbotd.core.geometry import WheelVelocities
+from chefbotd.features.driving.wheel_reader import WheelsRead
+from chefbotd.motion import ceiling
+from chefbotd.motion.drive import Drive
+from chefbotd.motion.limits import AT_REST, MotionLimits
+from chefbotd.motion.pid import PidParameters
+from chefbotd.safety.gate import Decision
+
+
+class WheelController:
+    """Steps the drive; ``state`` has the setpoints and duties that are in force. ``wheel_names`` has the drive's order.
+
+    ``duty_ceiling`` is the hardest that each wheel may be pushed while commands that are faster are held back on the
+    way to the board.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        wheel_names: tuple[str, ...],
+        duty_ceiling: Callable[[float], tuple[int, ...] | None],
+    ) -> None:
+        self._drive, self._wheel_names, self._duty_ceiling = drive, wheel_names, duty_ceiling
+        self.state = drive.at_rest
+        self._when_at_rest: Callable[[], None] | None = None
+
+    def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
+        """Step with a measurement."""
+        before = self.state
+        if decision.halted:
+            self.state = self._drive.halt(before)
+            return
+        after = self._drive.regulate(
+            before,
+            decision.motion,
+            now_s,
+            seen.reading.velocity_rad_s,
+            seen.dt_s,
+            measured_over_s=seen.reading.measured_over_s,
+            apart=decision.limited_by is not None,
+            substitutes=seen.same_side.substitutes,
+        )
+        self.state = ceiling.under(self._duty_ceiling(now_s), before, after)
+
+    def retarget(self, decision: Decision, now_s: float) -> None:
+        """Step without one."""
+        before = self.state
+        if decision.halted:
+            self.state = self._drive.halt(before)
+            return
+        apart = decision.limited_by is not None
+        after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
+        self.state = ceiling.under(self._duty_ceiling(now_s), before, after)
+
+    def halt(self) -> None:
+        """No duty, and nothing asked of any wheel."""
+        self.state = self._drive.halt(self.state)
+
+    @property
+    def rests(self) -> bool:
+        """Whether no duty is in force, and nothing is asked of any wheel."""
+        state = self.state
+        return not any(state.duty) and not any(state.setpoint_m_s) and state.limiter == AT_REST
+
+    @property
+    def effort(self) -> tuple[float, ...]:
+        """How hard each wheel is pushed by now, as ``Drive.effort`` has it."""
+        return self._drive.effort(self.state)
+
+    @property
+    def targets_rad_s(self) -> tuple[float, ...]:
+        """The speed that each wheel is asked for."""
+        return self._drive.targets_rad_s(self.state)
+
+    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
+        """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
+        return self._drive.wheel_velocities(velocity_rad_s)
+
+    def gains(self) -> dict[str, PidParameters]:
+        """The present gains by wheel name."""
+        return dict(zip(self._wheel_names, self._drive.gains, strict=True))
+
+    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+        """Exchange the gains of every wheel without a bump."""
+        self.state = self._drive.retune(self.state, tuple([gains[name] for name in self._wheel_names]))
+
+    def relimit(self, limits: MotionLimits, then: Callable[[], None]) -> bool:
+        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once.
+
+        Of several changes that wait, the last one is made.
+        """
+
+        def exchange() -> None:
+            self._drive.relimit(limits)
+            then()
+
+        self._when_at_rest = exchange
+        self.make_change()
+        return self._when_at_rest is None
+
+    @property
+    def change_waits(self) -> bool:
+        """Whether a change waits for the robot to be at rest."""
+        return self._when_at_rest is not None
+
+    def make_change(self) -> None:
+        """Make the change that waits, if the robot is at rest."""
+        change = self._when_at_rest
+        if change is not None and self.rests:
+            self._when_at_rest = None
+            change()
