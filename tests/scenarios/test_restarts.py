@@ -82,7 +82,7 @@ def test_an_estop_outlives_the_program(
             async with second_daemon(program) as second, second.client() as again:
                 assert (await again.call("get_state"))["safety"]["reason"] == "smoke"
                 await board_there(again)
-                with pytest.raises(CallError, match="started anew"):
+                with pytest.raises(CallError, match="the daemon was restarted"):
                     await again.arm(seen)
                 await refused_until_armed(second, again, "estopped")
 
