@@ -1,6 +1,7 @@
 """Services and long requests in a replay: each goes on when it did in the recording."""
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
@@ -74,7 +75,8 @@ class Tasks:
     def close(self) -> None:
         """The replay is over."""
         for running in self._running.values():
-            running.task.close()
+            with contextlib.suppress(Exception):  # why it ends is told already
+                running.task.close()
         self._running.clear()
         self._requests.clear()
 

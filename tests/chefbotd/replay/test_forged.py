@@ -169,6 +169,15 @@ def test_the_whole_recording_is_refused_with_the_name() -> None:
         replayed([StateRecorded(1.0, state, (), ()), TimerFired(1.2, "drive watch")], load())
 
 
+def test_the_refusal_is_what_is_told_however_the_replay_ends() -> None:
+    """A part of the drive service is taken away, so that it cannot even end in order, and another one is forged."""
+    state = recorded_state()
+    state[DRIVING]["is"]["_watch_timer"] = None
+    state["leases"] = of(DISK)
+    with pytest.raises(NotReplayable, match=r"recording\.disk:Disk"):
+        replayed([StateRecorded(1.0, state, (), ()), TimerFired(1.2, "drive watch")], load())
+
+
 def test_what_cannot_be_handled_is_told_and_no_traceback() -> None:
     """Limits that are none: the entry is named, with what is wrong."""
     events = [StateRecorded(1.0, recorded_state(), ("board",), ()), LimitsExchanged(1.1, {"linear": "fast"})]
