@@ -5,7 +5,6 @@ holds the latest beam of every sensor). States are cheap. Data is made from them
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from msgspec import Struct
@@ -28,8 +27,3 @@ class Topic(Struct, frozen=True):
     on_demand: bool = False
     always_known: bool = False
     demanded: Callable[[bool], None] | None = None
-
-
-def same_fields(model: type[TopicData]) -> Callable[[object], TopicData]:
-    """The conversion of an event whose fields have the names of the model's."""
-    return partial(model.model_validate, from_attributes=True)

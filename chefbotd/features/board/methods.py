@@ -9,7 +9,7 @@ from chefbotd.core.events import Direction
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import DONE, Done, NoParams, TopicData
 from chefbotd.rpc.roles import Role
-from chefbotd.rpc.topics import Topic, same_fields
+from chefbotd.rpc.topics import Topic
 
 
 class LinkData(TopicData):
@@ -103,7 +103,7 @@ TOPICS = (
         link_data,
         always_known=True,
     ),
-    Topic("reset", (events.BoardResetProgressed,), ResetData, same_fields(ResetData)),
-    Topic("text", (events.TextReceived,), TextData, same_fields(TextData)),
+    Topic("reset", (events.BoardResetProgressed,), ResetData, ResetData.of),
+    Topic("text", (events.TextReceived,), TextData, TextData.of),
     Topic("raw", (events.LineSeen,), RawData, _raw, on_demand=True),
 )

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured, ImuMeasured, RangeMeasured, RangeStatus
 from chefbotd.rpc.models import TopicData
-from chefbotd.rpc.topics import Topic, same_fields
+from chefbotd.rpc.topics import Topic
 
 
 class ImuData(TopicData):
@@ -58,7 +58,7 @@ def _ranges(beams: Beams) -> RangesData:
 
 
 TOPICS = (
-    Topic("imu", (ImuMeasured,), ImuData, same_fields(ImuData)),
+    Topic("imu", (ImuMeasured,), ImuData, ImuData.of),
     Topic("ranges", (RangeMeasured,), RangesData, _ranges, join=_join_beam),
-    Topic("battery", (BatteryMeasured,), BatteryData, same_fields(BatteryData)),
+    Topic("battery", (BatteryMeasured,), BatteryData, BatteryData.of),
 )

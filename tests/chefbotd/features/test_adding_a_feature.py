@@ -12,7 +12,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.rpc.method import method
 from chefbotd.rpc.models import TopicData
-from chefbotd.rpc.topics import Topic, same_fields
+from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
@@ -56,7 +56,7 @@ def test_the_worked_example_runs() -> None:
 
 def test_two_features_with_one_topic_are_refused() -> None:
     """The error names the feature that came second, and what is taken."""
-    topic = Topic("trip", (), TopicData, same_fields(TopicData))
+    topic = Topic("trip", (), TopicData, TopicData.of)
     features = [Feature("first", topics=(topic,)), Feature("second", topics=(topic,))]
     with pytest.raises(ValueError, match="second: topic trip already belongs to another feature"):
         methods_and_topics(features)
