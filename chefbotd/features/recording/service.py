@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
+from msgspec.structs import asdict
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import BEAT_S, Clock, next_beat
@@ -201,22 +202,11 @@ class RecordingService:
         self._entries.observe(self._bus, self._changed())
 
     def _changed(self) -> RecordingChanged:
-        status = self._writer.status
+        told = asdict(self._writer.status)
+        if self._stuck:
+            told["reason"] = DISK_HANGS
         return RecordingChanged(
-            stamp_s=self._clock.now_s(),
-            state=status.state,
-            name=status.name,
-            file=status.file,
-            seconds=status.seconds,
-            bytes_written=status.bytes_written,
-            messages=status.messages,
-            dropped=self.dropped,
-            waiting=self.waiting,
-            ring_s=status.ring_s,
-            ring_bytes=status.ring_bytes,
-            free_bytes=status.free_bytes,
-            saved=status.saved,
-            reason=DISK_HANGS if self._stuck else status.reason,
+            stamp_s=self._clock.now_s(), dropped=self.dropped, waiting=self.waiting, **told
         )
 
     async def _watch_faults(self) -> None:
