@@ -283,6 +283,8 @@ def test_zones_that_cannot_be_read_let_nothing_drive(tmp_path: Path) -> None:
         with pytest.raises(CallError, match="the zones of the map cannot be read") as refused:
             await drive.begin()
         assert refused.value.kind == "no_map_loaded"
+        loaded = await drive.client.load_map("flat")
+        assert "the zones of the map cannot be read: zones.yaml: keep_out" in str(loaded.warning)
 
     in_flat(tmp_path, scenario, zones="keep_out: [stairs]")
 

@@ -21,6 +21,7 @@ from chefbotd.features.localization.turning import Turning
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import Progress
 from chefbotd.worker.requests import OnProgress
+from chefbotd.worker.skills import navigation_messages as navigation
 from chefbotd.worker.skills.localization_messages import (
     LOCATED,
     SKILL,
@@ -30,6 +31,7 @@ from chefbotd.worker.skills.localization_messages import (
     UseMap,
     UseNone,
 )
+from chefbotd.worker.skills.navigation_messages import CheckMap
 
 log = structlog.get_logger(component="localization")
 
@@ -115,7 +117,7 @@ class LocalizationService:
         return dict.fromkeys(self._waits, self._turned)
 
     async def made_ready(self, report: OnProgress) -> str:
-        """Wait until the skill uses the map in use, if there is a worker; why it cannot, empty where it can."""
+        """Wait until the worker uses the map in use, if there is one; why it cannot, empty where it can."""
         self._reports.append(report)
         try:
             await self._has_told.wait()
@@ -140,6 +142,9 @@ class LocalizationService:
                 self._was_unloaded = False
                 await self._ask(UseNone(), LONG_S)
             await self._ask(UseNone() if used is None else UseMap(used.name, used.version), LONG_S)
+            if used is not None:
+                checked = await self._worker.request(navigation.SKILL, CheckMap(), deadline_s=SHORT_S)
+                self._problem = navigation.MAP_CHECKED.decode(checked).problem
         except Refused as problem:
             self._problem = str(problem)
             log.error("localization has no map", reason=self._problem)

@@ -26,6 +26,7 @@ from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.navigation_messages import (
     GoalAsked,
     GoalEnded,
+    MapChecked,
     NavigationSkillParameters,
     Planned,
     Stepped,
@@ -127,6 +128,8 @@ class NavigationSkill:
                 return self._planned(request.goal)
             case messages.Show() as request:
                 self._shown.ask(request)
+            case messages.CheckMap():
+                return MapChecked(self._problem)
         return Taken()
 
     def _require_map(self) -> None:

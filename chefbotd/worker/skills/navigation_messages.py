@@ -74,13 +74,23 @@ class Show(Message, frozen=True, tag="show"):
     obstacles: bool
 
 
-NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show
+class CheckMap(Message, frozen=True, tag="check_map"):
+    """Tell whether there is something wrong with the map in use."""
+
+
+NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap
 
 # Told, and answered
 
 
 class Taken(Message, frozen=True, tag="taken"):
     """It was done."""
+
+
+class MapChecked(Message, frozen=True, tag="map_checked"):
+    """Why nobody drives on the map in use; empty where nothing is wrong with it."""
+
+    problem: str
 
 
 class Planned(Message, frozen=True, tag="planned"):
@@ -152,3 +162,4 @@ NavigationTold: TypeAlias = Stepped | CostsShown | ObstaclesShown
 REQUEST: Final = msgspec.msgpack.Decoder(NavigationRequest)
 TOLD: Final = msgspec.msgpack.Decoder(NavigationTold)
 PLANNED: Final = msgspec.msgpack.Decoder(Planned)
+MAP_CHECKED: Final = msgspec.msgpack.Decoder(MapChecked)
