@@ -7,6 +7,7 @@ the dead one has just left, and puts stops on the wire. It imports next to nothi
 
 import contextlib
 import fcntl
+import os
 import signal
 import sys
 import syslog
@@ -25,12 +26,38 @@ Whoever plugs a cable in again later stands beside the robot; until then this wo
 """
 
 
-def stop_motors(device: str, baud: int, dtr: bool, rts: bool, stop: bytes) -> bool:
-    """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed."""
+Identity = tuple[int, int]
+"""The inode of a pseudo-terminal, and when it was made."""
+
+
+def pseudo_terminal(device: str) -> Identity | None:
+    """What tells a pseudo-terminal from the next one with its number; None for other devices, and for a missing one.
+
+    A symbolic link leads to the same board also when its pseudo-terminal is another one.
+    """
+    if not device.startswith("/dev/pts/"):
+        return None
+    try:
+        found = os.stat(device)  # noqa: PTH116 (this program imports next to nothing)
+    except OSError:
+        return None
+    return found.st_ino, found.st_ctime_ns
+
+
+def stop_motors(
+    device: str, baud: int, dtr: bool, rts: bool, stop: bytes, simulated: Identity | None = None
+) -> bool | None:
+    """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed.
+
+    ``simulated`` is the pseudo-terminal of a simulated board. None: that one is gone, and nothing was written; what has
+    its number now is somebody's terminal.
+    """
     import serial  # only now, so that the wait costs no memory
 
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
+        if simulated is not None and pseudo_terminal(device) != simulated:
+            return None
         port = serial.Serial(None, baud, write_timeout=1.0)
         port.port, port.dtr, port.rts = device, dtr, rts
         with contextlib.suppress(OSError, termios.error), port:  # a device that goes away raises either
@@ -59,11 +86,13 @@ def main() -> None:
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         signal.signal(number, signal.SIG_IGN)
     device, baud, dtr, rts, stop = sys.argv[1:]
+    simulated = pseudo_terminal(device)
     if sys.stdin.buffer.read() == GOODBYE:
         return
-    if stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop)):
+    stopped = stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop), simulated)
+    if stopped:
         tell(syslog.LOG_WARNING, f"chefbotd was killed: the motors on {device} were told to stop")
-    else:
+    elif stopped is not None:
         tell(
             syslog.LOG_ERR,
             f"chefbotd was killed, and {device} was not back within {PATIENCE_S:g} s: {BEWARE}",

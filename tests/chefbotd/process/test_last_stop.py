@@ -1,5 +1,6 @@
 """The program that stops the motors after its daemon was killed, against ports that fail."""
 
+import os
 import termios
 from io import BytesIO, TextIOWrapper
 
@@ -62,6 +63,26 @@ def test_a_port_that_stays_away_is_waited_for_ten_seconds(
     monkeypatch.setattr(serial, "Serial", FailingPort([FileNotFoundError(2, "gone")] * 1000))
     assert not last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
     assert sum(slept_s) == pytest.approx(10.0, abs=0.2)
+
+
+def test_a_terminal_that_has_the_number_of_a_simulated_board_gets_nothing() -> None:
+    """The board is gone, and the next pseudo-terminal that is opened gets its number: not a byte is written there."""
+    board, device = os.openpty()
+    path = os.ttyname(device)
+    simulated = last_stop.pseudo_terminal(path)
+    assert simulated is not None
+    os.close(device)
+    os.close(board)
+    assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) is None
+    terminal, device = os.openpty()
+    try:
+        assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) is None
+        os.set_blocking(terminal, False)
+        with pytest.raises(BlockingIOError):
+            os.read(terminal, 100)
+    finally:
+        os.close(terminal)
+        os.close(device)
 
 
 @pytest.mark.parametrize(
