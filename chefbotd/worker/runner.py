@@ -70,9 +70,8 @@ class Runner:
             yield from self._advance(running)
         now_s = self._clock.now_s()
         if now_s >= self._step_at_s:
-            self._step_at_s = max(
-                self._step_at_s + STEP_S, now_s + STEP_S / 2
-            )  # in time, or after a late one
+            in_time = now_s - self._step_at_s < STEP_S / 2
+            self._step_at_s = STEP_S + (self._step_at_s if in_time else now_s)
             for name, skill in self._skills.items():
                 yield from self._telling(name, "its own time", skill.step(now_s))
 
