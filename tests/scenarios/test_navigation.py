@@ -367,7 +367,7 @@ def test_the_map_in_use_is_deleted_in_mid_drive(tmp_path: Path) -> None:
             await leg
         await asyncio.sleep(1.0)
         assert drive.speed_m_s < 0.005
-        with pytest.raises(CallError, match="no map is in use"):
+        with pytest.raises(CallError, match="no finished map is in use"):
             await drive.begin()
 
     in_flat(tmp_path, scenario)

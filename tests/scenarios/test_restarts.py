@@ -140,7 +140,7 @@ def test_without_a_folder_there_is_no_memory_and_the_log_says_so(tmp_path: Path)
         async with driving(tmp_path) as (program, client):
             await client.estop("smoke")
             await ended(program, signal.SIGKILL)
-            assert program.log.read_text().count("does not outlive the daemon") == 1
+            assert program.log.read_text().count("a restart forgets an e-stop or a fault") == 1
             async with second_daemon(program) as second, second.client() as again:
                 await board_there(again)
                 assert (await again.call("get_state"))["safety"]["mode"] == "armed"

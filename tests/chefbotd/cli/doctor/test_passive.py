@@ -82,7 +82,7 @@ def test_no_lines():
     """A port at which nothing comes is said to be silent, and the board's power is asked for."""
     finding = heard(configured(), inward=lambda data: b"")["lines"]
     assert finding.verdict is Verdict.PROBLEM
-    assert "nothing was heard" in finding.measured
+    assert "nothing was received" in finding.measured
     assert "powered" in finding.advice
 
 
