@@ -7,7 +7,7 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.commands import Refused
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.localization import Alternative, LocalizationChanged
 from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
 from chefbotd.core.events.maps import MapLoaded, MapUnloaded
@@ -87,11 +87,15 @@ class LocalizationService:
 
     async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
         """Search everywhere, and turn once where that is not enough."""
-        if turn:
-            self._turning.require()
-        result = await self._ask(Localize(), SHORT_S)
         if not turn:
-            return result
+            return await self._ask(Localize(), SHORT_S)
+        driver = self._turning.require()
+        stops = driver.stops
+        await self._ask(Localize(), SHORT_S)
+        if driver.stops != stops:
+            raise Refused(
+                RefusalKind.STOPPED, "the robot was stopped after this turn was asked for; ask again"
+            )
         self._turning.begin(is_asked=True)
         return await self._turned(progress)
 

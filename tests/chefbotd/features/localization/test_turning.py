@@ -3,7 +3,10 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
+from typing import cast
 
+import msgspec
 import pytest
 
 from chefbotd.clock import LoopClock, run_virtual
@@ -11,8 +14,12 @@ from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.localization.service import LocalizationService
 from chefbotd.features.localization.turning import LOOKS_S, Turning
+from chefbotd.features.worker.service import WorkerService
+from chefbotd.rpc.jobs import Progress
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.worker.skills.localization_messages import Located
 
 
 class Bench:
@@ -161,5 +168,51 @@ def test_a_client_that_drives_as_navigation_is_not_disturbed() -> None:
             await asyncio.sleep(0.1)
         assert "take_control" in await asyncio.wait_for(end, 0.5)
         assert bench.turn_rad_s < 0.01
+
+    on_robot(scenario)
+
+
+class BusyWorker:
+    """Takes a while for a search, in which ``happens``."""
+
+    is_ready = True
+
+    def __init__(self, happens: Callable[[], Awaitable[object]]) -> None:
+        self._happens = happens
+
+    def add_listener(self, *_: object) -> None:
+        """Nothing is told."""
+
+    def add_on_ready(self, _: object) -> None:
+        """It is ready all the time."""
+
+    async def request(self, *_: object, **__: object) -> bytes:
+        await self._happens()
+        nowhere = Located(
+            1.0, "searching", "flat", None, (0.0, 0.0, 0.0), (0.0,) * 6, 0.0, False, (), 0.0, ""
+        )
+        return msgspec.msgpack.encode(nowhere)
+
+
+@pytest.mark.parametrize("happens", [_stop, _estop])
+def test_a_stop_while_the_worker_begins_to_search_is_not_undone(
+    happens: Callable[[Bench], Awaitable[None]],
+) -> None:
+    """Somebody stops the robot after the turn was asked for and before it began: it never turns, also once armed."""
+
+    async def scenario(bench: Bench) -> None:
+        daemon, clock = bench.robot.daemon, LoopClock()
+        driver = InnerDriver(daemon.driving, daemon.leases, clock, "navigation", ("teleop", "safety"))
+
+        async def meanwhile() -> None:
+            await happens(bench)
+            await bench.robot.client.arm()
+
+        feed = cast(WorkerService, SimpleNamespace(worker=BusyWorker(meanwhile)))
+        service = LocalizationService(daemon.bus, clock, feed, driver)
+        with pytest.raises(Refused, match="stopped after this turn was asked for"):
+            await service.localize(cast(Progress, None), turn=True)
+        await asyncio.sleep(LOOKS_S + 2.0)
+        assert bench.turn_rad_s < 0.005
 
     on_robot(scenario)
