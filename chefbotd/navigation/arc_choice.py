@@ -1,6 +1,7 @@
 """Which arc the follower drives: the one to its path, or one beside it that is free, and leaves room to what stands."""
 
 import math
+from collections.abc import Iterable, Iterator
 
 from chefbotd.navigation.arcs import Surroundings, Way, turn, turned, way
 from chefbotd.navigation.outline import OutlineParameters
@@ -29,15 +30,11 @@ def free_arc(
     if first.free >= enough_m:
         return curvature, first
     best, chosen = _worth(first, curvature, curvature, carrot), (curvature, first)
-    for step in (0.4, 0.8, 1.3, 2.0, 3.0, 4.5):
-        for side in (-step, step):
-            tried = curvature + side
-            if abs(tried) > params.most_curvature_per_m:
-                continue
-            found = arc(params, outline, near, tried)
-            worth = _worth(found, tried, curvature, carrot)
-            if worth > best:
-                best, chosen = worth, (tried, found)
+    for _, tried in _beside(params, curvature, (0.4, 0.8, 1.3, 2.0, 3.0, 4.5)):
+        found = arc(params, outline, near, tried)
+        worth = _worth(found, tried, curvature, carrot)
+        if worth > best:
+            best, chosen = worth, (tried, found)
     return chosen
 
 
@@ -53,17 +50,23 @@ def clear_arc(
     best, chosen = CLEAR_WORTH * found.lacking_m, (curvature, found)
     if found.lacking_m < SLIGHT_M:
         return chosen
-    for step in (0.15, 0.4, 0.8, 1.2, 1.8):
+    for step, tried in _beside(params, curvature, (0.15, 0.4, 0.8, 1.2, 1.8)):
         off_m = step * params.arcs.keep_for_m**2 / 2
-        for side in (-step, step):
-            tried = curvature + side
-            if abs(tried) > params.most_curvature_per_m:
-                continue
-            other = arc(params, outline, near, tried, horizon_m)
-            worth = CLEAR_WORTH * other.lacking_m + off_m
-            if worth < best and other.free >= min(found.free, NEEDED_M) - 1e-6:
-                best, chosen = worth, (tried, other)
+        other = arc(params, outline, near, tried, horizon_m)
+        worth = CLEAR_WORTH * other.lacking_m + off_m
+        if worth < best and other.free >= min(found.free, NEEDED_M) - 1e-6:
+            best, chosen = worth, (tried, other)
     return chosen
+
+
+def _beside(
+    params: FollowerParameters, curvature: float, steps: Iterable[float]
+) -> Iterator[tuple[float, float]]:
+    """Each step, and the curvatures to its left and right that the robot can drive, the nearest first."""
+    for step in steps:
+        for tried in (curvature - step, curvature + step):
+            if abs(tried) <= params.most_curvature_per_m:
+                yield step, tried
 
 
 def is_clearer_turned(

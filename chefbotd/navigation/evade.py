@@ -41,13 +41,13 @@ class EvadeParameters(Parameters):
     price: float = Field(default=0.04, ge=0, le=10)
     """Each metre of moving has to be worth so many of room."""
     touch_m: float = Field(default=0.03, ge=0, le=5)
-    """Only who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes,"""
+    """Who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes, too."""
     wall_m: float = Field(default=0.06, ge=0, le=5)
-    """and not nearer than this."""
+    """Such a way keeps so far from what stands."""
     foresight_s: float = Field(default=2.5, gt=0, le=10)
-    """For so long somebody is expected to walk on as now,"""
+    """Somebody is expected to walk on as now for so long."""
     passed_s: float = Field(default=4.0, gt=0, le=20)
-    """and where the robot goes to, he must not come within this."""
+    """Nobody may come to the place that the robot goes to within this time."""
     speed_m_s: float = Field(default=0.25, gt=0, le=10)
     most_m: float = Field(default=0.8, ge=0, le=20)
     """No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
