@@ -12,8 +12,8 @@ from chefbotd.features.mapping.methods import MapData, MappingData, MappingResul
 from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, MapSummary, PlaceData, PlaceList
 from chefbotd.features.navigation.methods import (
     CostmapData,
+    DynamicObstacleData,
     GoalResult,
-    MoverData,
     NavigationData,
     ObstaclesData,
     PathData,
@@ -52,6 +52,7 @@ __all__ = [
     "DepthCamerasData",
     "Description",
     "Driven",
+    "DynamicObstacleData",
     "GoalResult",
     "ImuData",
     "Known",
@@ -70,7 +71,6 @@ __all__ = [
     "MapSummary",
     "MappingData",
     "MappingResult",
-    "MoverData",
     "NavigationData",
     "ObstaclesData",
     "OdometryData",

@@ -47,7 +47,7 @@ class Localization:
     """All that the next step needs; ``told`` is ``map_from_odom`` as it was told last, at ``told_s``.
 
     ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
-    ``unsaid_since_s`` scans have seen nothing that the map knows.
+    ``no_evidence_since_s`` scans have seen nothing that the map knows.
     """
 
     state: State = State.UNKNOWN
@@ -59,7 +59,7 @@ class Localization:
     overlap: float = 0.0
     misfits: int = 0
     misfit_since_s: float | None = None
-    unsaid_since_s: float | None = None
+    no_evidence_since_s: float | None = None
     fits: int = 0
     told: Floats | None = None
     told_s: float = 0.0
@@ -193,8 +193,8 @@ def _follow(
     told = found.agreement
     now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
     if told.overlap < tracking.min_overlap:
-        return _unsaid(watch, now, stamp_s)
-    now = replace(now, unsaid_since_s=None)
+        return _without_evidence(watch, now, stamp_s)
+    now = replace(now, no_evidence_since_s=None)
     if not found.matched or told.fit < watch.weak_fit:
         patience_s = watch.weak_after_s if found.matched else watch.lost_after_s
         return _misfit(watch, now, stamp_s, patience_s)
@@ -207,16 +207,18 @@ def _follow(
         misfit_since_s=None,
     )
     confirmed = now.fits >= watch.confirmed_scans and _is_sure(watch, found.estimate)
-    if now.state is State.DOUBTFUL and confirmed:
+    if now.state is State.UNCERTAIN and confirmed:
         return _on(now, Event.FITS), Event.FITS
     return now, None
 
 
-def _unsaid(watch: WatchParameters, now: Localization, stamp_s: float) -> tuple[Localization, Event | None]:
-    """A doubtful pose in space that the map does not know is carried by odometry for a while, and then given up."""
-    since_s = stamp_s if now.unsaid_since_s is None else now.unsaid_since_s
-    now = replace(now, unsaid_since_s=since_s)
-    if now.state is State.DOUBTFUL and stamp_s - since_s >= watch.unsaid_after_s:
+def _without_evidence(
+    watch: WatchParameters, now: Localization, stamp_s: float
+) -> tuple[Localization, Event | None]:
+    """An uncertain pose in space that the map does not know is carried by odometry for a while, and then given up."""
+    since_s = stamp_s if now.no_evidence_since_s is None else now.no_evidence_since_s
+    now = replace(now, no_evidence_since_s=since_s)
+    if now.state is State.UNCERTAIN and stamp_s - since_s >= watch.no_evidence_after_s:
         return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
     return now, None
 
@@ -229,14 +231,14 @@ def _misfit(
     now = replace(now, misfit_since_s=since_s, misfits=misfits, fits=0)
     if stamp_s - since_s >= patience_s and misfits >= watch.lost_after_scans:
         return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
-    if stamp_s - since_s >= watch.doubtful_after_s and now.state is State.LOCALIZED:
+    if stamp_s - since_s >= watch.uncertain_after_s and now.state is State.LOCALIZED:
         return _on(now, Event.MISFITS), Event.MISFITS
     return now, None
 
 
 def _is_sure(watch: WatchParameters, estimate: Estimate) -> bool:
     sigma_m, sigma_rad = sigmas(estimate.covariance)
-    return sigma_m <= watch.doubtful_m and sigma_rad <= watch.doubtful_rad
+    return sigma_m <= watch.max_sigma_m and sigma_rad <= watch.max_sigma_rad
 
 
 def _look(

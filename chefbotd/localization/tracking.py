@@ -48,9 +48,9 @@ class TrackingParameters(Parameters):
     """A fit that is so much worse than lately has the pose looked for further around."""
     better_fit: float = Field(default=0.1, ge=0, le=1)
     """What is found a metre around must fit so much better."""
-    slipped_fit: float = Field(default=0.75, gt=0, le=1)
-    slipped_window_m: float = Field(default=1.0, gt=0, le=5)
-    slipped_window_rad: float = Field(default=0.7, gt=0, le=3.2)
+    wheel_slip_fit: float = Field(default=0.75, gt=0, le=1)
+    wheel_slip_window_m: float = Field(default=1.0, gt=0, le=5)
+    wheel_slip_window_rad: float = Field(default=0.7, gt=0, le=3.2)
     polish_within_m: float = Field(default=0.08, gt=0, le=1)
     polish_within_rad: float = Field(default=0.08, gt=0, le=1)
     """A prediction that is surer than this needs no search."""
@@ -175,14 +175,16 @@ def _in_window(params: TrackingParameters, grids: LocalMap, expected: Estimate, 
 
 def _around(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
-    window = Window(params.slipped_window_m, params.slipped_window_rad)
+    window = Window(params.wheel_slip_window_m, params.wheel_slip_window_rad)
     found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
     if found is None:
         return None
-    vague = np.diag([params.slipped_window_m**2, params.slipped_window_m**2, params.slipped_window_rad**2])
+    vague = np.diag(
+        [params.wheel_slip_window_m**2, params.wheel_slip_window_m**2, params.wheel_slip_window_rad**2]
+    )
     at = Estimate(found.pose, vague)
     told = _polished(params, grids, at, found.pose, scan)
-    sound = told.agreement.fit >= params.slipped_fit and told.agreement.overlap >= 2 * params.min_overlap
+    sound = told.agreement.fit >= params.wheel_slip_fit and told.agreement.overlap >= 2 * params.min_overlap
     return told._replace(moved=True) if sound else None
 
 

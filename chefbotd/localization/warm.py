@@ -39,6 +39,6 @@ def warm() -> None:
         now, _ = step(params, within, now, 0.1 * k, odometry, scan)
         now = advanced(params, within, now)
     search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
-    tracking = Localization(state=State.DOUBTFUL)
+    tracking = Localization(state=State.UNCERTAIN)
     step(params, within, set_pose(params, tracking, np.zeros(3)), 0.0, odometry, scan)
     release_libraries()

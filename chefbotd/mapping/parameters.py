@@ -31,9 +31,9 @@ class MatchingParameters(Parameters):
     """What is found there must fit so much better."""
     min_overlap: float = Field(default=0.15, ge=0, le=1)
     """With less of the scan on known ground, the scan says nothing about where it is."""
-    slipped_window_m: float = Field(default=1.0, gt=0, le=5)
-    slipped_window_rad: float = Field(default=0.7, gt=0, le=3.2)
-    slipped_share: float = Field(default=0.75, gt=0, le=1)
+    wheel_slip_window_m: float = Field(default=1.0, gt=0, le=5)
+    wheel_slip_window_rad: float = Field(default=0.7, gt=0, le=3.2)
+    wheel_slip_share: float = Field(default=0.75, gt=0, le=1)
     lost_after_scans: int = Field(default=5, ge=1, le=100)
 
 

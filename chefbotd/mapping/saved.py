@@ -52,6 +52,8 @@ def saved(state: SlamState) -> Arrays:
 
 NODE_FIELDS = ("number", "stamp_s", "local", "map", "path_m", "part")
 EDGE_FIELDS = ("first", "second", "pose", "information", "spread", "loop")
+RENAMED_MODES = {"slipped": "wheel_slip", "doubtful": "uncertain"}
+"""Modes in files of earlier versions, and their names today."""
 
 
 def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
@@ -82,7 +84,7 @@ def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
         local_pose=arrays["local_pose"],
         odometry=arrays["odometry"],
         path_m=path_m,
-        mode=SlamMode(str(arrays["mode"])),
+        mode=SlamMode(RENAMED_MODES.get(mode := str(arrays["mode"]), mode)),
         misfits=misfits,
         part=part,
         tried_at_m=tried_at_m,

@@ -96,7 +96,7 @@ def step(
     if not found.fits or (state.misfits and found.fit.overlap < params.matching.min_overlap):
         return _misfit(params, state, stamp_s, odometry, scan, found)
     travel_m = _travel_m(between(state.local_pose, found.fit.pose))
-    mode = SlamMode.SLIPPED if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
+    mode = SlamMode.WHEEL_SLIP if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
     state = replace(
         state,
         local_pose=found.fit.pose,
@@ -147,7 +147,7 @@ def _misfit(
 ) -> tuple[SlamState, Report]:
     """The scan contradicts the map: go by odometry and add nothing; after some of these, begin a part of its own."""
     moved = between(state.odometry, odometry)
-    mode = SlamMode.LOST if state.part else SlamMode.DOUBTFUL
+    mode = SlamMode.LOST if state.part else SlamMode.UNCERTAIN
     state = replace(
         state,
         local_pose=compose(state.local_pose, moved),

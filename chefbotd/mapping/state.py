@@ -25,11 +25,11 @@ class Scan(NamedTuple):
 
 
 class SlamMode(StrEnum):
-    """How it stands: mapping as it should, the odometry just slipped, fits badly for a moment, or lost."""
+    """How it stands: mapping as it should, the odometry was wrong just now, fits badly for a moment, or lost."""
 
     MAPPING = "mapping"
-    SLIPPED = "slipped"
-    DOUBTFUL = "doubtful"
+    WHEEL_SLIP = "wheel_slip"
+    UNCERTAIN = "uncertain"
     LOST = "lost"
 
 

@@ -101,7 +101,7 @@ def _slipped(
     params: MatchingParameters, grids: LocalMap, guesses: tuple[Floats, ...], scan: Scan
 ) -> Tracked | None:
     """Look further around, without the odometry: where the robot was, too, since wheels that slip get nowhere."""
-    window = Window(params.slipped_window_m, params.slipped_window_rad)
+    window = Window(params.wheel_slip_window_m, params.wheel_slip_window_rad)
     score, found = CAPTURE, None
     for guess in guesses:
         better = search(grids, scan.points, guess, window, above=score)
@@ -111,6 +111,6 @@ def _slipped(
         return None
     prior = Prior(found.pose, np.diag([1.0, 1.0, 1.0]))
     fit = polish(grids, scan.points, scan.facing, found.pose, prior, params.laser_noise_m)
-    if fit.share < params.slipped_share or fit.overlap < 2 * params.min_overlap:
+    if fit.share < params.wheel_slip_share or fit.overlap < 2 * params.min_overlap:
         return None
     return Tracked(fit, inverted(fit.information + prior.information), fits=True, slipped=True)

@@ -178,12 +178,12 @@ class Drive:
         self, state: DriveState, outputs: Sequence[float], speeds_m_s: Sequence[float], dt_s: float
     ) -> float:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
-        change = self._parameters.regain_per_s
+        change = self._parameters.saturation_recovery_per_s
         for gains, output, setpoint, speed in zip(
             self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
         ):
             saturated = not -gains.output_limit < output < gains.output_limit
             if saturated and abs(setpoint) - abs(speed) > LAGGING_M_S:
-                change = -self._parameters.yield_per_s
+                change = -self._parameters.saturation_slowdown_per_s
         share = state.share + change * dt_s
         return 1.0 if share > 1.0 else LEAST_SHARE if share < LEAST_SHARE else share

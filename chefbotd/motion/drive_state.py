@@ -23,9 +23,9 @@ class DriveParameters(Parameters):
     beyond its friction. In a curve it takes the share of that by which the wheel moves sideways over the ground,
     ``scrub_reach_m`` (half the wheelbase) from the middle.
 
-    ``max_step_s`` is the longest time that one step accounts for. A wheel that lags behind while its duty
-    saturates slows the twist by ``yield_per_s`` (share of the twist per second), so that the others do not bend the
-    path. ``regain_per_s`` gives it back.
+    ``max_step_s`` is the longest time that one step accounts for. A wheel that lags behind while its duty saturates
+    slows the twist by ``saturation_slowdown_per_s`` (share of the twist per second), so that the others do not bend
+    the path. ``saturation_recovery_per_s`` gives it back.
     """
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
@@ -34,8 +34,8 @@ class DriveParameters(Parameters):
     scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
     scrub_reach_m: float = Field(default=0.1, gt=0, le=5)
     max_step_s: float = Field(default=0.1, gt=0, le=1)
-    yield_per_s: float = Field(default=2.0, ge=0, le=100)
-    regain_per_s: float = Field(default=0.5, gt=0, le=100)
+    saturation_slowdown_per_s: float = Field(default=2.0, ge=0, le=100)
+    saturation_recovery_per_s: float = Field(default=0.5, gt=0, le=100)
 
 
 class DriveState(Record, frozen=True):

@@ -44,11 +44,11 @@ def can_begin(
 
 
 def speed_limit_m_s(params: NavigationParameters, known: Awareness, now: StepInput, here: Pose2D) -> float:
-    """What zones, a doubtful pose and late scans allow at a pose of the grid's frame."""
+    """What zones, an uncertain pose and late scans allow at a pose of the grid's frame."""
     cell = known.frame.cell(here.x_m, here.y_m)
     limit_m_s = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
-    if now.status is PoseStatus.DOUBTFUL:
-        limit_m_s = min(limit_m_s, params.doubtful_speed_m_s)
+    if now.status is PoseStatus.UNCERTAIN:
+        limit_m_s = min(limit_m_s, params.uncertain_speed_m_s)
     return min(limit_m_s, _late_scan_limit_m_s(params, now.now_s - known.scan_stamp_s))
 
 

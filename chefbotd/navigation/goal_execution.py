@@ -109,7 +109,7 @@ class GoalExecution:
             self._set_out(found, now)
         elif found.only_for_now:
             self._become_stuck(known, now, found.reason)
-        elif now.status is PoseStatus.DOUBTFUL:
+        elif now.status is PoseStatus.UNCERTAIN:
             self._doubt(found, now)
         else:
             self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
@@ -234,7 +234,7 @@ class GoalExecution:
         """Whether there is an end to recovering: a path that can be begun with, or none at all."""
         found = self._find(known, now, with_closed=with_closed)
         if isinstance(found, NoPath):
-            if found.only_for_now or now.status is PoseStatus.DOUBTFUL:
+            if found.only_for_now or now.status is PoseStatus.UNCERTAIN:
                 return False
             self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
             return True

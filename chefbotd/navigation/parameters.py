@@ -41,4 +41,4 @@ class NavigationParameters(Parameters):
     """and after so much longer the goal ends."""
     lost_s: float = Field(default=20.0, gt=0, le=600)
     """A robot that does not know where it is stands, and after so long the goal ends."""
-    doubtful_speed_m_s: float = Field(default=0.12, gt=0, le=10)
+    uncertain_speed_m_s: float = Field(default=0.12, gt=0, le=10)

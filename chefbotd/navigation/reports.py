@@ -13,7 +13,7 @@ class PoseStatus(StrEnum):
     """How well the pose is known."""
 
     LOCALIZED = "localized"
-    DOUBTFUL = "doubtful"
+    UNCERTAIN = "uncertain"
     LOST = "lost"
 
 

@@ -5,7 +5,7 @@ takes to read. Zero always fits: a board that boots, or stops the motors by itse
 means something else (metres per second). Such an echo never equals a command of ours, and these boards are not judged.
 
 A line may be damaged on its way in either direction, so a single echo that does not fit is no fault. Each of them adds
-one to a score, and each echo that fits takes off ``forgiven``.
+one to a score, and each echo that fits takes off ``decay_per_match``.
 """
 
 from pydantic import Field
@@ -21,7 +21,7 @@ MOST_SAID = 256
 
 
 class EchoParameters(Parameters):
-    """A score of ``mismatches`` is a fault; each echo that fits takes off ``forgiven``.
+    """A score of ``mismatches`` is a fault; each echo that fits takes off ``decay_per_match``.
 
     An echo is judged once it has shown ``min_confirmations`` commands other than zero. A command that was last sent
     ``memory_s`` ago must no longer be in force: the sketch reads nothing for up to a second while it waits for an
@@ -29,7 +29,7 @@ class EchoParameters(Parameters):
     """
 
     mismatches: float = Field(default=8.0, ge=2, le=1000)
-    forgiven: float = Field(default=0.5, gt=0, le=1)
+    decay_per_match: float = Field(default=0.5, gt=0, le=1)
     min_confirmations: int = Field(default=5, ge=1, le=1000)
     memory_s: float = Field(default=3.0, ge=1.5, le=60)
 
@@ -71,9 +71,9 @@ def note_echo(
     """Judge an echo: the next state, and the fault once the score is too high."""
     state = replace(state, shown=shown, shown_s=now_s)
     if not any(shown):
-        return replace(state, score=max(0.0, state.score - params.forgiven)), None
+        return replace(state, score=max(0.0, state.score - params.decay_per_match)), None
     if _was_said(state, shown, now_s - params.memory_s):
-        score = max(0.0, state.score - params.forgiven)
+        score = max(0.0, state.score - params.decay_per_match)
         return replace(state, fitting=state.fitting + 1, score=score), None
     if not is_believed(params, state):
         return state, None

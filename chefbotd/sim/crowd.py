@@ -18,7 +18,7 @@ class Person:
 
     def __init__(self, parameters: PersonParameters, chance: np.random.Generator) -> None:
         self._parameters, self._chance = parameters, chance
-        path = parameters.path_m + ((parameters.path_m[0],) if parameters.goes_round else ())
+        path = parameters.path_m + ((parameters.path_m[0],) if parameters.closed_path else ())
         self._points = np.array(path, np.float64).reshape(-1, 2)
         lengths = np.hypot(*np.diff(self._points, axis=0).T)
         self._at_m = np.concatenate(([0.0], np.cumsum(lengths)))
@@ -43,7 +43,7 @@ class Person:
         if length_m == 0:
             return
         wanted_m = self._walked_m + self._direction * self._speed_m_s * dt_s
-        if self._parameters.waits and self._is_met(wanted_m, robot, robot_radius_m):
+        if self._parameters.stops_for_robot and self._is_met(wanted_m, robot, robot_radius_m):
             return
         if 0 <= wanted_m <= length_m:
             self._walked_m = wanted_m
@@ -52,7 +52,7 @@ class Person:
 
     def _turn_back(self, length_m: float) -> None:
         """At the end of the path: pause, then go on."""
-        if self._parameters.goes_round:
+        if self._parameters.closed_path:
             self._walked_m = 0.0
         else:
             self._walked_m = length_m if self._direction > 0 else 0.0
@@ -62,7 +62,7 @@ class Person:
 
     def _is_met(self, wanted_m: float, robot: Pose2D, robot_radius_m: float) -> bool:
         """Whether the next step would bring this person too close to the robot."""
-        kept_m = self._parameters.radius_m + robot_radius_m + self._parameters.keeps_m
+        kept_m = self._parameters.radius_m + robot_radius_m + self._parameters.min_distance_m
         now, then = self._place(self._walked_m), self._place(wanted_m)
         there = (robot.x_m, robot.y_m)
         return math.dist(then, there) < kept_m and math.dist(then, there) < math.dist(now, there)

@@ -84,7 +84,7 @@ class FakeLocalizer:
     async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
         """Remember it."""
         self._robot.calls.append(("set_pose", x_m, y_m, heading_rad))
-        return LocalizationResult(state="doubtful", map="flat")
+        return LocalizationResult(state="uncertain", map="flat")
 
     async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
         """Remember it."""

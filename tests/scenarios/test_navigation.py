@@ -326,12 +326,12 @@ def test_a_board_that_is_silent_for_a_second_loses_nobody(tmp_path: Path) -> Non
 
 
 def test_a_pose_that_is_set_into_a_wall_does_not_end_the_goal(tmp_path: Path) -> None:
-    """It is doubtful, and from there is no way: the robot stands, scans put the pose right, and the goal is reached."""
+    """It is uncertain, and from there is no way: the robot stands, scans put the pose right, and the goal is reached."""
 
     async def scenario(drive: Drive) -> None:
         leg = drive.begin()
         await drive.until_driving()
-        assert (await drive.client.set_pose(3.2, 3.35)).state == "doubtful"
+        assert (await drive.client.set_pose(3.2, 3.35)).state == "uncertain"
         assert "reached" in await leg
         assert drive.off()[0] < 0.04
 
@@ -349,7 +349,7 @@ def test_a_lidar_that_is_off_for_a_while_makes_it_wait(tmp_path: Path) -> None:
         await asyncio.sleep(4.0)
         assert drive.speed_m_s < 0.005
         known = (await drive.client.get_state()).topics["localization"].data
-        assert (known.state, known.reason) == ("doubtful", "no scan of the lidar 'lidar' for 4 s")
+        assert (known.state, known.reason) == ("uncertain", "no scan of the lidar 'lidar' for 4 s")
         runner.fault = None
         assert "reached" in await leg
 

@@ -109,7 +109,7 @@ def where(context: CommandContext) -> None:
 def _known_of(state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """How localization stands, also before it has told anything, and the pose while it is known."""
     known, told = state["localization"], state["topics"].get("map_pose")
-    is_known = told is not None and known["state"] in ("localized", "doubtful")
+    is_known = told is not None and known["state"] in ("localized", "uncertain")
     return known, {**told["data"], "age_s": told["age_s"]} if is_known else None
 
 

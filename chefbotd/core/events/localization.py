@@ -12,7 +12,7 @@ class Alternative(Record, frozen=True):
 
 
 class LocalizationChanged(Record, frozen=True):
-    """How localization stands: ``state`` is unknown, searching, localized, doubtful or lost; ``map`` is the one in use.
+    """How localization stands: ``state`` is unknown, searching, localized, uncertain or lost; ``map`` is the one in use.
 
     While it searches, ``alternatives`` are all places where the robot may be, and ``searched`` is the share of the
     search that is done. ``jumps`` counts how often the published pose jumped: what was planned before is void then.

@@ -8,7 +8,7 @@ class MapPoseUpdated(Record, frozen=True):
     """Where the robot was in the map at ``stamp_s``, how surely, and how well the scan fitted (0 to 1).
 
     ``map_from_odom`` holds until the next one: with it, odometry says where the robot is in the map now. ``state`` is
-    mapping, slipped (the wheels just did), doubtful (scans do not fit; odometry carries it) or lost.
+    mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit; odometry carries it) or lost.
     """
 
     stamp_s: float

@@ -42,16 +42,16 @@ class CostmapChanged(Record, frozen=True):
 
 
 class ObstaclesSeen(Record, frozen=True):
-    """What is seen now and is not on the map: points in it, how many more there are, and who moves.
+    """What is seen now and is not on the map: points in it, how many more there are, and what moves.
 
-    Of each of ``movers``: x, y, and its velocity along the map's axes. Made only while somebody looks.
+    Of each of ``dynamic_obstacles``: x, y, and its velocity along the map's axes. Made only while somebody looks.
     """
 
     stamp_s: float
     x_m: tuple[float, ...]
     y_m: tuple[float, ...]
     omitted: int
-    movers: tuple[tuple[float, float, float, float], ...]
+    dynamic_obstacles: tuple[tuple[float, float, float, float], ...]
 
 
 class PathChanged(Record, frozen=True):

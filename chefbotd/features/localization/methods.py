@@ -34,7 +34,7 @@ class LocalizeParams(Params):
 class LocalizationResult(Result):
     """How localization stands now; the topic tells how it goes on. ``reason``: what came of a turn."""
 
-    state: str = Field(description="unknown, searching, localized, doubtful or lost")
+    state: str = Field(description="unknown, searching, localized, uncertain or lost")
     map: str | None
     reason: str = ""
 
@@ -51,7 +51,7 @@ class PlaceCandidate(Result):
 class LocalizationData(TopicData):
     """Whether the robot knows where it is; ``reason`` says what is wrong, if anything is."""
 
-    state: str = Field(default="unknown", description="unknown, searching, localized, doubtful or lost")
+    state: str = Field(default="unknown", description="unknown, searching, localized, uncertain or lost")
     map: str | None = None
     fit: float = Field(default=0.0, description="how well the scan fits, from 0 to 1")
     alternatives: tuple[PlaceCandidate, ...] = Field(

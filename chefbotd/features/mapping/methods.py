@@ -85,7 +85,7 @@ class MapPoseData(TopicData):
     heading_rad: float = Field(description="CCW positive, in (-pi, pi]")
     covariance: tuple[float, ...] = Field(description="3x3, row by row, over x, y, heading")
     fit: float
-    state: str = Field(description="mapping, slipped, doubtful or lost")
+    state: str = Field(description="mapping, wheel_slip, uncertain or lost")
     frame_id: Literal["map"] = "map"
     child_frame_id: Literal["base_footprint"] = "base_footprint"
 

@@ -122,7 +122,7 @@ class CostmapData(GridPartData):
     cells: str = Field(description="a byte each: 0 free, 100 blocked, else 20 times the cost beyond 1")
 
 
-class MoverData(TopicData):
+class DynamicObstacleData(TopicData):
     """Somebody who moves: where in the map, and how fast along its axes."""
 
     x_m: float
@@ -137,7 +137,7 @@ class ObstaclesData(TopicData):
     x_m: tuple[float, ...] = ()
     y_m: tuple[float, ...] = ()
     omitted: int = 0
-    movers: tuple[MoverData, ...] = ()
+    dynamic_obstacles: tuple[DynamicObstacleData, ...] = ()
 
 
 class Navigation(Protocol):
@@ -239,8 +239,10 @@ def _costmap(event: CostmapChanged) -> CostmapData:
 
 
 def _obstacles(event: ObstaclesSeen) -> ObstaclesData:
-    movers = tuple(MoverData(x_m=x, y_m=y, vx_m_s=vx, vy_m_s=vy) for x, y, vx, vy in event.movers)
-    return ObstaclesData(x_m=event.x_m, y_m=event.y_m, omitted=event.omitted, movers=movers)
+    moving = tuple(
+        DynamicObstacleData(x_m=x, y_m=y, vx_m_s=vx, vy_m_s=vy) for x, y, vx, vy in event.dynamic_obstacles
+    )
+    return ObstaclesData(x_m=event.x_m, y_m=event.y_m, omitted=event.omitted, dynamic_obstacles=moving)
 
 
 def shown_topics(

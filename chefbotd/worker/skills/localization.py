@@ -261,7 +261,7 @@ class LocalizationSkill:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
         if self.problem:
             return str(State.LOST)
-        return str(State.DOUBTFUL if self._silence.leaves_nothing and state is State.LOCALIZED else state)
+        return str(State.UNCERTAIN if self._silence.leaves_nothing and state is State.LOCALIZED else state)
 
     def _reason_told(self) -> str:
         return "; ".join(filter(None, (self.problem, self._silence.told, self._reason)))

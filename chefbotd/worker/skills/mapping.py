@@ -101,7 +101,7 @@ class MappingSkill:
         slam = self._parameters.mapping.slam
         self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan)
         self._scans += 1
-        fits = report.mode in (SlamMode.MAPPING, SlamMode.SLIPPED)
+        fits = report.mode in (SlamMode.MAPPING, SlamMode.WHEEL_SLIP)
         self._mount = checked(MOUNT, self._mount, aligned.odometry, report.map_pose if fits else None)
         return pose_found(aligned, report)
 

@@ -47,7 +47,7 @@ MOST_AGE_S: Final = 1.5
 The classic board is silent for a second when an echo is missing; the gate lets nothing move meanwhile.
 """
 
-STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.DOUBTFUL: PoseStatus.DOUBTFUL}
+STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.UNCERTAIN: PoseStatus.UNCERTAIN}
 NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
 
 

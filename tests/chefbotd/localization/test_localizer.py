@@ -156,7 +156,7 @@ def test_people_and_a_moved_chair_do_no_harm(flat: LocalizationMap) -> None:
 def test_glass_does_no_harm(flat: LocalizationMap) -> None:
     """The long wall at y = 3.2 turns out to be glass, and beams go through it. The fit falls, the pose holds.
 
-    Where the robot drives along it, half of all beams contradict the map: that is doubtful for a moment, and never lost.
+    Where the robot drives along it, half of all beams contradict the map: that is uncertain for a moment, never lost.
     """
     glass = (WALLS[:, 1] == 3.2) & (WALLS[:, 3] == 3.2) & (WALLS[:, 0] > 2.4) & (WALLS[:, 2] < 6.4)
     assert glass.sum() == 1
@@ -168,8 +168,8 @@ def test_glass_does_no_harm(flat: LocalizationMap) -> None:
             robot.drive(odometry(way, 5), lambda k: lidar.points(way[k])), way, strict=True
         )
     ]
-    assert {report.state for report in robot.reports[3:]} <= {State.LOCALIZED, State.DOUBTFUL}
-    assert sum(report.state is State.DOUBTFUL for report in robot.reports[3:]) < 20
+    assert {report.state for report in robot.reports[3:]} <= {State.LOCALIZED, State.UNCERTAIN}
+    assert sum(report.state is State.UNCERTAIN for report in robot.reports[3:]) < 20
     assert min(report.fit for report in robot.reports[3:]) < 0.9
     assert max(errors) < 0.06
 
@@ -285,12 +285,12 @@ def test_along_a_bare_corridor_the_covariance_is_long() -> None:
     assert abs(off(robot.reports[-1], way[-1])[0]) < 3 * math.sqrt(covariance[0, 0])
 
 
-def test_a_given_pose_is_doubtful_until_scans_confirm_it(flat: LocalizationMap) -> None:
+def test_a_given_pose_is_uncertain_until_scans_confirm_it(flat: LocalizationMap) -> None:
     """A person is 0.4 m and 15 degrees off: three scans put it right. In the wrong room it is given up, and searched."""
     lidar, pose, still = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3]), np.zeros(3)
     robot = Robot(flat)
     robot.now = set_pose(PARAMS, robot.now, pose + np.array([0.3, -0.27, math.radians(15)]))
-    assert robot.now.state is State.DOUBTFUL
+    assert robot.now.state is State.UNCERTAIN
     report = robot.look(still, lambda: lidar.points(pose), 3)
     assert report.state is State.LOCALIZED
     assert off(report, pose)[0] < 0.05
@@ -302,12 +302,12 @@ def test_a_given_pose_is_doubtful_until_scans_confirm_it(flat: LocalizationMap) 
 
 
 def test_a_given_pose_from_which_nothing_of_the_map_is_seen_is_given_up(flat: LocalizationMap) -> None:
-    """100 m beside the flat no scan says that it is wrong: it is doubtful for 10 s, and not for ever."""
+    """100 m beside the flat no scan says that it is wrong: it is uncertain for 10 s, and not for ever."""
     lidar, pose = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3])
     robot = Robot(flat)
     robot.now = set_pose(PARAMS, robot.now, np.array([100.0, 100.0, 0.3]))
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 95)
-    assert report.state is State.DOUBTFUL
+    assert report.state is State.UNCERTAIN
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
     assert report.state is State.LOCALIZED
     assert off(report, pose)[0] < 0.05

@@ -6,16 +6,16 @@ from chefbotd.localization.states import HAS_POSE, NEXT, Event, State
 
 STAYS = None
 EXPECTED = {
-    #                       unknown           searching         localized         doubtful          lost
-    Event.POSE_GIVEN:     ("doubtful",       "doubtful",       "doubtful",       "doubtful",       "doubtful"),
+    #                       unknown           searching         localized         uncertain          lost
+    Event.POSE_GIVEN:     ("uncertain",       "uncertain",       "uncertain",       "uncertain",       "uncertain"),
     Event.SEARCH_STARTED: ("searching",      "searching",      "searching",      "searching",      "searching"),
     Event.FOUND:          (STAYS,            "localized",      STAYS,            STAYS,            STAYS),
     Event.NOT_FOUND:      (STAYS,            "lost",           STAYS,            STAYS,            STAYS),
     Event.FITS:           (STAYS,            STAYS,            STAYS,            "localized",      STAYS),
-    Event.MISFITS:        (STAYS,            STAYS,            "doubtful",       STAYS,            STAYS),
+    Event.MISFITS:        (STAYS,            STAYS,            "uncertain",       STAYS,            STAYS),
     Event.GIVEN_UP:       (STAYS,            STAYS,            "lost",           "lost",           STAYS),
 }  # fmt: skip
-COLUMNS = ("unknown", "searching", "localized", "doubtful", "lost")
+COLUMNS = ("unknown", "searching", "localized", "uncertain", "lost")
 
 
 @pytest.mark.parametrize("event", list(Event))

@@ -62,7 +62,7 @@ def test_a_lost_pose_ends_the_goal_after_twenty_seconds_by_the_clock() -> None:
     assert waiting.stands == "waits, because its pose is not known"
     assert waiting.end is None
     assert watched(ROUND, lost, at(25.0, status=PoseStatus.LOST), 25.0).end is End.LOST
-    found = watched(ROUND, lost, at(24.9, status=PoseStatus.DOUBTFUL), 24.8)
+    found = watched(ROUND, lost, at(24.9, status=PoseStatus.UNCERTAIN), 24.8)
     assert (found.stands, found.is_over, found.missing) == ("", True, Missing())
 
 

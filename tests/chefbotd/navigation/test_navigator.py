@@ -306,7 +306,7 @@ def test_a_robot_that_is_lost_stands_and_its_goal_ends_lost() -> None:
     drive.status = PoseStatus.LOST
     drive.run(3.0)
     assert drive.twist.linear_m_s == 0.0
-    drive.status = PoseStatus.DOUBTFUL
+    drive.status = PoseStatus.UNCERTAIN
     drive.run(3.0)
     assert 0.0 < drive.twist.linear_m_s <= 0.13
     drive.status = PoseStatus.LOST
@@ -342,11 +342,11 @@ def test_the_same_drive_is_the_same_bit_for_bit() -> None:
     assert ways[0] == ways[1]
 
 
-def test_a_doubtful_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
+def test_an_uncertain_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
     """Somebody said that the robot is where it is not: it stands, and plans again when it is sure."""
     drive = hall()
     here, drive.pose = drive.pose, Pose2D(-3.0, 1.0, 0.4)
-    drive.status = PoseStatus.DOUBTFUL
+    drive.status = PoseStatus.UNCERTAIN
     drive.navigator.navigate_to((Goal(6.0, 1.5),))
     drive.run(4.0)
     assert drive.ended == []
@@ -359,10 +359,10 @@ def test_a_doubtful_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
     assert drive.navigator.state is State.DRIVING
 
 
-def test_a_pose_that_stays_doubtful_where_there_is_no_way_ends_the_goal_as_lost() -> None:
+def test_a_pose_that_stays_uncertain_where_there_is_no_way_ends_the_goal_as_lost() -> None:
     """After 20 s, with both reasons."""
     drive = hall()
-    drive.pose, drive.status = Pose2D(-3.0, 1.0, 0.4), PoseStatus.DOUBTFUL
+    drive.pose, drive.status = Pose2D(-3.0, 1.0, 0.4), PoseStatus.UNCERTAIN
     drive.navigator.navigate_to((Goal(6.0, 1.5),))
     drive.run(25.0)
     assert [each.end for each in drive.ended] == [End.LOST]

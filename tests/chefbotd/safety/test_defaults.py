@@ -75,7 +75,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "rest_s": 0.2,
         },
     ),
-    (EchoParameters(), {"mismatches": 8.0, "forgiven": 0.5, "min_confirmations": 5, "memory_s": 3.0}),
+    (EchoParameters(), {"mismatches": 8.0, "decay_per_match": 0.5, "min_confirmations": 5, "memory_s": 3.0}),
     (BatteryMonitorParameters(), {"critical_s": 5.0, "absent_below_v": 3.0}),
     (EncoderTimeoutParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0}),
     (

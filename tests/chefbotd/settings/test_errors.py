@@ -106,7 +106,7 @@ def test_a_renamed_key_is_refused_with_its_new_name(old: tuple[str, ...], new: s
     for key in (old[-1], new):
         values: dict[str, Any] = {key: 12}
         for name in reversed(old[:-1]):
-            values = {name: [values] if name in ("infrared", "depth_camera") else values}
+            values = {name: [values] if name in ("infrared", "depth_camera", "people") else values}
         with pytest.raises(ValidationError) as refused:
             Settings.model_validate(values)
         told.append(explain(refused.value, Settings, values, {}, ""))

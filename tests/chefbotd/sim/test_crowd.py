@@ -51,19 +51,19 @@ def test_the_seed_decides_how_they_walk() -> None:
 def test_going_round_leads_back_along_the_last_side() -> None:
     """A triangle of 3, 4 and 5 m: after 12 m at the begin again, never turned."""
     path = [[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]
-    places = walk(Crowd([person(path_m=path, goes_round=True, speed_m_s=2.0)], [], seed=1), 5.0)
+    places = walk(Crowd([person(path_m=path, closed_path=True, speed_m_s=2.0)], [], seed=1), 5.0)
     assert np.abs(places[:, 1] * 3 - places[:, 0] * 4)[places[:, 0] < 2.9][-80:].min() == pytest.approx(
         0, abs=0.05
     )
     with pytest.raises(ValidationError, match="three points"):
-        person(goes_round=True)
+        person(closed_path=True)
 
 
-@pytest.mark.parametrize(("waits", "nearest_m"), [(True, 0.25 + 0.18 + 0.3), (False, 0.0)])
-def test_who_waits_keeps_off_the_robot(waits: bool, nearest_m: float) -> None:
+@pytest.mark.parametrize(("stops", "nearest_m"), [(True, 0.25 + 0.18 + 0.3), (False, 0.0)])
+def test_who_waits_keeps_off_the_robot(stops: bool, nearest_m: float) -> None:
     """A robot on the path: one stops 0.3 m before touching it, the other walks through it."""
     robot = Pose2D(2.5, 4.0)
-    places = walk(Crowd([person(waits=waits)], [], seed=1), 10.0, robot)
+    places = walk(Crowd([person(stops_for_robot=stops)], [], seed=1), 10.0, robot)
     assert np.hypot(places[:, 0] - 2.5, places[:, 1] - 4.0).min() == pytest.approx(nearest_m, abs=0.02)
 
 
@@ -115,7 +115,14 @@ def test_a_robot_slides_off_a_thing_that_it_meets_with_its_side() -> None:
 def test_a_person_who_walks_into_a_standing_robot_is_a_contact_and_moves_it_nowhere() -> None:
     """The robot stays where it is while the person passes through, and is told to be touched meanwhile."""
     people = {
-        "people": [{"path_m": [[-1.0, 0.05], [1.0, 0.05]], "waits": False, "pause_s": 60.0, "speed_m_s": 1.0}]
+        "people": [
+            {
+                "path_m": [[-1.0, 0.05], [1.0, 0.05]],
+                "stops_for_robot": False,
+                "pause_s": 60.0,
+                "speed_m_s": 1.0,
+            }
+        ]
     }
     board = build_launchpad(Simulation(SimulationParameters.model_validate(people)))
     truths = [board.truth(k / 20, 0.0) for k in range(80)]

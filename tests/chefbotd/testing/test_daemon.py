@@ -51,7 +51,7 @@ def test_each_lidar_is_opened_on_its_own_device_in_memory() -> None:
 def test_people_and_things_of_the_configuration_are_there(tmp_path: Path) -> None:
     """From a file: somebody who walks, and a bag; more is put there while it runs."""
     told = packaged("chefbot_lidar").read_text() + (
-        "[[sim.people]]\npath_m = [[5.0, 3.9], [8.0, 4.1]]\nspeed_m_s = 1.2\nwaits = false\n"
+        "[[sim.people]]\npath_m = [[5.0, 3.9], [8.0, 4.1]]\nspeed_m_s = 1.2\nstops_for_robot = false\n"
         "[[sim.things]]\nx_m = 1.0\ny_m = 3.9\nradius_m = 0.2\n"
     )
     (tmp_path / "busy.toml").write_text(told)

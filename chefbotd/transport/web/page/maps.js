@@ -8,7 +8,7 @@ const LOCATED = {
   unknown: "It is not known where the robot is.",
   searching: "Looking for where the robot is; drive a bit.",
   localized: "The robot knows where it is.",
-  doubtful: "The robot is not sure where it is.",
+  uncertain: "The robot is not sure where it is.",
   lost: "The robot is lost; drive a bit, or say where it is.",
 };
 

@@ -128,12 +128,12 @@ export class View {
   }
 
   // What is seen and not on the map; who moves has an arrow as long as the way of the next second.
-  #paintObstacles({ x_m, y_m, movers }) {
+  #paintObstacles({ x_m, y_m, dynamic_obstacles }) {
     const { context: c, colours } = this;
     c.fillStyle = colours.range;
     const dot = Math.max(0.04, 3 / this.scale);
     x_m.forEach((x, index) => c.fillRect(x - dot / 2, y_m[index] - dot / 2, dot, dot));
-    for (const { x_m: x, y_m: y, vx_m_s, vy_m_s } of movers) this.#line([[x, y], [x + vx_m_s, y + vy_m_s]], colours.range, 3);
+    for (const { x_m: x, y_m: y, vx_m_s, vy_m_s } of dynamic_obstacles) this.#line([[x, y], [x + vx_m_s, y + vy_m_s]], colours.range, 3);
   }
 
   #line(points, colour, width) {

@@ -156,10 +156,10 @@ def test_where_tells_an_old_pose_as_old(robot: Robot) -> None:
     """The lidar is silent: when the robot was there, and why it is not sure any more."""
     pose = {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0}
     why = "no scan of the lidar 'lidar' for 7 s"
-    known = {"state": "doubtful", "map": "flat", "fit": 0.0, "alternatives": [], "reason": why}
+    known = {"state": "uncertain", "map": "flat", "fit": 0.0, "alternatives": [], "reason": why}
     robot.state = {"localization": known, "topics": {"map_pose": {"data": pose, "age_s": 7.4}}}
     told = chefbotctl("where").output
-    assert "The robot was 7 s ago at (1.00 m, 2.00 m, 0°) on the map flat: doubtful" in told
+    assert "The robot was 7 s ago at (1.00 m, 2.00 m, 0°) on the map flat: uncertain" in told
     assert f"{why}." in told
 
 

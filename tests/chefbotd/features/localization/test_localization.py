@@ -99,7 +99,7 @@ def test_the_pose_outlives_the_daemon(tmp_path: Path) -> None:
             await s.drive(0, 40)
         assert (tmp_path / POSE_FILE).is_file()
         async with scene(tmp_path) as s:
-            assert (await s.data("localization")).state == "doubtful"
+            assert (await s.data("localization")).state == "uncertain"
             await s.drive(40, 46)
             told = await s.data("localization")
             assert (told.state, told.searched) == ("localized", 0.0)
@@ -158,7 +158,7 @@ def test_it_rests_while_a_map_is_made(tmp_path: Path) -> None:
 
 
 def test_a_person_sets_the_pose_and_asks_for_a_search(tmp_path: Path) -> None:
-    """set_pose is doubtful until confirmed, localize searches; both answer with the state at once."""
+    """set_pose is uncertain until confirmed, localize searches; both answer with the state at once."""
     stored(tmp_path)
 
     async def play() -> None:
@@ -166,7 +166,7 @@ def test_a_person_sets_the_pose_and_asks_for_a_search(tmp_path: Path) -> None:
             await s.client.call("load_map", name="flat")
             await asyncio.sleep(0.2)
             x, y, heading = map(float, TRUTH[0])
-            assert (await s.client.set_pose(x + 0.2, y - 0.15, heading + 0.1)).state == "doubtful"
+            assert (await s.client.set_pose(x + 0.2, y - 0.15, heading + 0.1)).state == "uncertain"
             await s.drive(0, 6)
             assert (await s.data("localization")).state == "localized"
             assert (await s.client.localize()).state == "searching"

@@ -371,7 +371,7 @@ def mapping_told(state: str, name: str | None) -> MappingChanged:
         ("localized", 2.5, None, "no source of the pose"),
         (None, 0.0, None, "no source of the pose"),
         ("lost", 0.5, None, "it is lost"),
-        ("doubtful", 0.5, ("mapping", "flat"), "it is doubtful"),
+        ("uncertain", 0.5, ("mapping", "flat"), "it is uncertain"),
         ("mapping", 0.5, ("mapping", None), "another map is being made"),
         ("mapping", 0.5, ("paused", "cellar"), "another map is being made"),
     ],

@@ -112,7 +112,7 @@ class Bench:
 
     def localized(self, on_map: str | None, reason: str = "") -> None:
         """Localization tells which map it uses."""
-        self.bus.publish(LocalizationChanged(1.0, "doubtful", on_map, 0.0, (), 0.0, 0, reason))
+        self.bus.publish(LocalizationChanged(1.0, "uncertain", on_map, 0.0, (), 0.0, 0, reason))
 
     def safety(self, mode: str = "armed", source: str | None = None, reason: str = "") -> None:
         """The gate tells how it stands."""

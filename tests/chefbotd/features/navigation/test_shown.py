@@ -63,7 +63,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
                     nursery.last.say(Told(SKILL, packed(seen)))
                     told = (await anext(aiter(obstacles))).data
                     assert (told.x_m, told.y_m, told.omitted) == ((1.25, 3.0), (-0.5, 0.75), 12)
-                    assert (told.movers[0].vx_m_s, told.movers[0].vy_m_s) == (0.3, -0.1)
+                    assert (told.dynamic_obstacles[0].vx_m_s, told.dynamic_obstacles[0].vy_m_s) == (0.3, -0.1)
                 await asyncio.sleep(0.1)
                 nursery.last.die("it was killed by SIGKILL")
                 await asyncio.sleep(2.0)

@@ -63,6 +63,12 @@ def without(arrays: Arrays, name: str) -> Arrays:
     return {key: array for key, array in arrays.items() if key != name}
 
 
+@pytest.mark.parametrize(("old", "new"), [("slipped", "wheel_slip"), ("doubtful", "uncertain")])
+def test_a_mode_of_an_earlier_version_has_its_name_of_today(driven: SlamState, old: str, new: str) -> None:
+    """A map that was left unfinished by an earlier version can be gone on with."""
+    assert restored(saved(driven) | {"mode": np.array(old)}).mode == new
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -123,7 +123,7 @@ def test_wheels_that_slip_are_told_and_survived() -> None:
     odom[at:, 2] += turn
     odom[at:, :2] += 0.8 * np.array([math.cos(here[2]), math.sin(here[2])])
     found = drive(odom, lambda k: lidar.points(TRUTH[k]))
-    assert "slipped" in found.modes()[at : at + 2]
+    assert "wheel_slip" in found.modes()[at : at + 2]
     assert "lost" not in found.modes()
     assert off_m(found.poses(), TRUTH).max() < 0.03
 
@@ -251,8 +251,8 @@ def test_a_slip_within_the_window_is_told_too() -> None:
     lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 100
     odom[at:, :2] += 0.1 * np.array([math.cos(odom[at, 2]), math.sin(odom[at, 2])])
     found = drive(odom, lambda k: lidar.points(TRUTH[k]), finish=False)
-    assert found.modes()[at] == "slipped"
-    assert found.modes().count("slipped") == 1
+    assert found.modes()[at] == "wheel_slip"
+    assert found.modes().count("wheel_slip") == 1
     assert off_m(found.poses(), TRUTH[:120]).max() < 0.03
 
 
@@ -261,7 +261,7 @@ def test_an_odometry_that_jumps_by_kilometres_is_not_believed() -> None:
     lidar, odom, at = Lidar(WALLS, 6), odometry(TRUTH[:120], 6), 60
     odom[at:, 0] += 1e6
     found = drive(odom, lambda k: lidar.points(TRUTH[k]), finish=False)
-    assert found.modes()[at] == "slipped"
+    assert found.modes()[at] == "wheel_slip"
     assert off_m(found.poses(), TRUTH[:120]).max() < 0.03
     assert max(max(active.grids.likelihood.shape) for active in found.state.active) < 1000
 

@@ -165,9 +165,9 @@ def test_the_pose_is_kept_and_used_after_a_restart() -> None:
     assert first.memory.writes >= 3
     first.skill.close()
     second = Bench(first.memory)
-    assert second.ask(UseMap("flat", 1)).state == "doubtful"
+    assert second.ask(UseMap("flat", 1)).state == "uncertain"
     second.drive(61, 70)
-    assert {told.state for told in second.told} == {"doubtful", "localized"}
+    assert {told.state for told in second.told} == {"uncertain", "localized"}
     assert second.told[-1].state == "localized"
     assert off_m(second.told[-1], 69) < 0.03
 
@@ -204,7 +204,7 @@ def test_the_same_map_told_again_is_said_to_be_in_use_anew_and_the_pose_stays() 
     assert bench.skill.used == used
     assert bench.skill.used is not used
     assert bench.memory.writes == writes
-    assert bench.ask(UseMap("flat", 2)).state == "doubtful"
+    assert bench.ask(UseMap("flat", 2)).state == "uncertain"
     assert bench.memory.kept is not None
     assert math.dist((bench.memory.kept.x_m, bench.memory.kept.y_m), TRUTH[39][:2]) < 0.03
     bench.drive(41, 47)
@@ -246,7 +246,7 @@ def test_set_pose_and_localize_change_the_state_at_once() -> None:
     """Doubtful until scans confirm it; searching, whatever is known; and no map, nothing."""
     bench = Bench()
     bench.ask(UseMap("flat", 1))
-    assert bench.ask(SetPose(*map(float, TRUTH[0]))).state == "doubtful"
+    assert bench.ask(SetPose(*map(float, TRUTH[0]))).state == "uncertain"
     bench.drive(0, 6)
     assert bench.told[-1].state == "localized"
     assert bench.ask(Localize()).state == "searching"
@@ -296,7 +296,7 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
 
 
 def test_without_scans_it_is_not_sure_and_says_why() -> None:
-    """The lidar is silent for 3 s while odometry goes on: doubtful, once a second; with the next scan sure again."""
+    """The lidar is silent for 3 s while odometry goes on: uncertain, once a second; with the next scan sure again."""
     bench = Bench()
     bench.ask(UseMap("flat", 1))
     bench.drive(0, 40)
@@ -304,8 +304,8 @@ def test_without_scans_it_is_not_sure_and_says_why() -> None:
     bench.told.clear()
     bench.drive(40, 71, with_scans=False)
     assert [(told.state, told.reason) for told in bench.told] == [
-        ("doubtful", "no scan of the lidar 'top' for 2 s"),
-        ("doubtful", "no scan of the lidar 'top' for 3 s"),
+        ("uncertain", "no scan of the lidar 'top' for 2 s"),
+        ("uncertain", "no scan of the lidar 'top' for 3 s"),
     ]
     bench.drive(71, 76)
     assert (bench.told[-1].state, bench.told[-1].reason) == ("localized", "")
