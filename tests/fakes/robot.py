@@ -2,95 +2,57 @@
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
+from functools import cache, wraps
+from inspect import iscoroutinefunction
 
-from chefbotd.bus import Bus
+from pydantic import BaseModel
+
 from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
-from chefbotd.features.board.methods import TOPICS as BOARD
 from chefbotd.features.board.methods import BoardMethods
-from chefbotd.features.depth_cameras.feature import topic as depth_cameras_topic
-from chefbotd.features.description.feature import description
+from chefbotd.features.description.methods import DescriptionMethods
 from chefbotd.features.driving.methods import DrivingMethods
 from chefbotd.features.driving.methods import methods as driving_methods
-from chefbotd.features.driving.methods import topics as driving_topics
 from chefbotd.features.feature import Feature, methods_and_topics
-from chefbotd.features.lidars.feature import topics as lidar_topics
-from chefbotd.features.localization.methods import TOPICS as LOCALIZATION
-from chefbotd.features.localization.methods import LocalizationMethods, LocalizationResult
-from chefbotd.features.mapping.methods import TOPICS as MAPPING
-from chefbotd.features.mapping.methods import MappingMethods, MappingResult, MapSaved
-from chefbotd.features.maps.feature import maps
-from chefbotd.features.maps.service import MapsService
-from chefbotd.features.navigation.methods import TOPICS as NAVIGATION
-from chefbotd.features.navigation.methods import (
-    GoalResult,
-    NavigationMethods,
-    PlanResult,
-    Waypoint,
-    shown_topics,
-)
-from chefbotd.features.odometry.methods import TOPICS as ODOMETRY
+from chefbotd.features.navigation.methods import GoalResult, NavigationMethods, PlanResult, Waypoint
 from chefbotd.features.odometry.methods import OdometryMethods
-from chefbotd.features.recording.methods import TOPICS as RECORDING
-from chefbotd.features.recording.methods import (
-    RecordedFile,
-    RecordingEnded,
-    RecordingList,
-    RecordingMethods,
-    RecordingStarted,
-    RingSaved,
-)
-from chefbotd.features.sensors.methods import TOPICS as SENSORS
-from chefbotd.features.simulation.feature import SIMULATION
-from chefbotd.features.statistics.feature import statistics_without_service
+from chefbotd.features.statistics.methods import StatisticsMethods
 from chefbotd.features.tuning.methods import TuningMethods
-from chefbotd.features.worker.methods import TOPICS as WORKER
-from chefbotd.maps.store import MapStore
-from chefbotd.metrics import Metrics
 from chefbotd.motion.pid import PidParameters
 from chefbotd.navigation.section import NavigationSection
+from chefbotd.process.build import build
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Progress
-from chefbotd.rpc.method import Method, methods_of
+from chefbotd.rpc.method import Caller, Method, methods_of
 from chefbotd.rpc.methods import method_table
+from chefbotd.rpc.models import Params
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
-from chefbotd.sensing.lidar import LidarModel, LidarParameters
+from chefbotd.settings import load, packaged
+from chefbotd.testing.recording import write_inline
+from tests.fakes.example import example
 
 WHEELS = ("left", "right")
-NO_FOLDER = Path("/nonexistent/maps")
-
-LIDAR = LidarParameters(name="top", model=LidarModel.LD19, device="/dev/ttyUSB0")
+SIMULATED = ("simulation", "lidars", "depth_cameras")
+"""Features of which most tests want to see nothing."""
 
 STATS = StatsSampled(
     stamp_s=1.0,
     figures={"uptime_s": 60.0, "frames": {"encoders": 100}, "lines_out": 50, "board_clock_skew_ppm": None},
 )
 
-MAPPING_RESULT = MappingResult(state="mapping", name=None, keyframes=40, loops=2, path_m=12.5)
 
-
-class FakeLocalizer:
-    """Remembers with the robot's other calls what it was told."""
-
-    def __init__(self, robot: "FakeRobot") -> None:
-        self._robot = robot
-
-    async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
-        """Remember it."""
-        self._robot.calls.append(("set_pose", x_m, y_m, heading_rad))
-        return LocalizationResult(state="uncertain", map="flat")
-
-    async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
-        """Remember it."""
-        self._robot.calls.append(("localize", turn))
-        told = "it has turned once" if turn else ""
-        return LocalizationResult(state="searching", map="flat", reason=told)
+@cache
+def real_features() -> tuple[Feature, ...]:
+    """Those of a simulated robot that has all there is, from a real daemon, which does not run."""
+    camera = {"name": "camera", "mount_x_m": 0.1, "mount_height_m": 0.4}
+    settings = load(packaged("chefbot_lidar"), overrides={"depth_camera": [camera]})
+    daemon = build(settings, clock=ManualClock(), simulated=True, start_writer=write_inline)
+    return tuple(daemon.features)
 
 
 class FakeNavigation:
@@ -127,37 +89,6 @@ class FakeNavigation:
     def resume(self) -> None:
         """Remember it."""
         self._robot.calls.append(("resume_navigation",))
-
-
-class FakeRecorder:
-    """Remembers with the robot's other calls what it was told."""
-
-    def __init__(self, robot: "FakeRobot") -> None:
-        self._robot = robot
-
-    async def start(self, name: str | None) -> RecordingStarted:
-        """Remember it."""
-        self._robot.calls.append(("start_recording", name))
-        return RecordingStarted(name=f"{name}_1", file=f"/recordings/{name}_1.mcap")
-
-    async def stop(self) -> RecordingEnded:
-        """Remember it."""
-        self._robot.calls.append(("stop_recording",))
-        return RecordingEnded(
-            name="a_1", file="/recordings/a_1.mcap", seconds=12.5, size_bytes=4_000, messages=321, dropped=0
-        )
-
-    async def list_recordings(self) -> RecordingList:
-        """One file, which was cut."""
-        row = RecordedFile(
-            file="a_1.mcap", size_bytes=4_000, changed_at_s=1.7e9, complete=False, recording=False
-        )
-        return RecordingList(folder="/recordings", files=(row,))
-
-    async def save_ring(self, reason: str) -> RingSaved:
-        """Remember it."""
-        self._robot.calls.append(("save_ring", reason))
-        return RingSaved(file=f"/recordings/ring_{reason}_1.mcap", seconds=118.0)
 
 
 class FakeRobot:
@@ -250,67 +181,54 @@ class FakeRobot:
         """Remember it."""
         self._record("reset_board")
 
-    async def start(self, name: str | None, *, unfinished: bool) -> MappingResult:
-        """Remember it."""
-        self._record("start_mapping", name, unfinished)
-        return MAPPING_RESULT
-
-    async def pause(self) -> MappingResult:
-        """Remember it."""
-        self._record("pause_mapping")
-        return MAPPING_RESULT.model_copy(update={"state": "paused"})
-
-    async def finish(self, name: str, progress: Progress) -> MapSaved:
-        """Remember it, and be half done on the way."""
-        self._record("finish_mapping", name)
-        progress.report(1, 2, "matching")
-        return MapSaved(name=name, version=3, keyframes=40, loops=2, path_m=12.5)
-
-    async def discard(self) -> MappingResult:
-        """Remember it."""
-        self._record("discard_mapping")
-        return MAPPING_RESULT.model_copy(update={"state": "idle"})
-
     def sample(self) -> StatsSampled:
         """The same ones always, but for a count of commands."""
         self._record("stats")
         return replace(STATS, figures={**STATS.figures, "control_steps": len(self.calls)})
 
     def features(self, leases: ControlLeases, clock: Clock, *, simulated: bool = False) -> list[Feature]:
-        """The methods and topics of every feature, over this robot; a simulated one has a lidar as well."""
+        """The real features' methods and topics, over this robot; a simulated one has lidars and the truth as well.
+
+        What the robot has a method for is carried out by it. Any other is remembered in ``calls``, and its answer is
+        an example.
+        """
         driving = DrivingMethods(
             self, leases, clock, sources=self.sources, default_source=self.default_source
         )
+        own = [
+            *driving_methods(driving, self.arm_role),
+            *methods_of(OdometryMethods(self)),
+            *methods_of(TuningMethods(self)),
+            *methods_of(StatisticsMethods(self)),
+            *methods_of(DescriptionMethods(self.description)),
+            *methods_of(BoardMethods(self)),
+            *methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
+        ]
+        by_name = {each.name: each for each in own}
         return [
             Feature(
-                "driving", methods=driving_methods(driving, self.arm_role), topics=driving_topics(WHEELS)
-            ),
-            Feature("odometry", methods=methods_of(OdometryMethods(self)), topics=ODOMETRY),
-            Feature("tuning", methods=methods_of(TuningMethods(self))),
-            Feature("sensors", topics=SENSORS),
-            statistics_without_service(self, Metrics()),
-            description(self.description),
-            maps(MapsService(Bus(), clock, MapStore(NO_FOLDER), 1)),
-            *(
-                [SIMULATION, Feature("scans", topics=(*lidar_topics([LIDAR]), depth_cameras_topic()))]
-                if simulated
-                else []
-            ),
-            Feature("worker", topics=WORKER),
-            Feature(
-                "localization",
-                methods=methods_of(LocalizationMethods(FakeLocalizer(self))),
-                topics=LOCALIZATION,
-            ),
-            Feature(
-                "navigation",
-                methods=methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
-                topics=(*NAVIGATION, *shown_topics()),
-            ),
-            Feature("recording", methods=methods_of(RecordingMethods(FakeRecorder(self))), topics=RECORDING),
-            Feature("mapping", methods=methods_of(MappingMethods(self)), topics=MAPPING),
-            Feature("board", methods=methods_of(BoardMethods(self)), topics=BOARD),
+                feature.name,
+                methods=tuple(self._faked(each, by_name.get(each.name)) for each in feature.methods),
+                topics=tuple(replace(topic, demanded=None) for topic in feature.topics),
+            )
+            for feature in real_features()
+            if simulated or feature.name not in SIMULATED
         ]
+
+    def _faked(self, method: Method, own: Method | None) -> Method:
+        if own is not None:
+            return replace(method, handle=own.handle, role=own.role)
+
+        @wraps(method.handle)
+        def remember(caller: Caller, params: Params) -> BaseModel:
+            self._record(method.name, params.model_dump(mode="json", exclude_unset=True))
+            return example(method.result)
+
+        @wraps(method.handle)
+        async def remember_in_a_job(caller: Caller, params: Params, progress: Progress) -> BaseModel:
+            return remember(caller, params)
+
+        return replace(method, handle=remember_in_a_job if iscoroutinefunction(method.handle) else remember)
 
     def leases(self, announce: Callable[[ControlChanged], None]) -> ControlLeases:
         """Leases on this robot's sources, with the packaged times."""
@@ -336,3 +254,10 @@ def topics_of(*, simulated: bool) -> dict[str, Topic]:
     robot, clock = FakeRobot(), ManualClock()
     leases = robot.leases(lambda _: None)
     return methods_and_topics(robot.features(leases, clock, simulated=simulated))[1]
+
+
+def methods_of_socket() -> dict[str, Method]:
+    """Every method of a socket in front of a fake robot."""
+    robot, clock = FakeRobot(), ManualClock()
+    fanout = Fanout(topics_of(simulated=True), clock, lambda *_: None)
+    return table_of(robot, fanout, clock, robot.leases(lambda _: None))

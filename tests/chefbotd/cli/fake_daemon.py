@@ -8,12 +8,11 @@ from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 from chefbotd.client.models import RecordingData
-from chefbotd.clock import ManualClock, run_virtual
+from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.describe import describe
-from chefbotd.rpc.fanout import Fanout
-from tests.fakes.robot import FakeRobot, table_of, topics_of
+from tests.fakes.robot import methods_of_socket, topics_of
 
 T = TypeVar("T")
 TICK_S = 0.02
@@ -241,10 +240,7 @@ class FakeDaemon:
 
 def description(*, simulated: bool) -> dict[str, Any]:
     """What a real daemon says of itself."""
-    clock, robot, known = ManualClock(), FakeRobot(), topics_of(simulated=simulated)
-    fanout = Fanout(known, clock, lambda *_: None)
-    table = table_of(robot, fanout, clock, robot.leases(lambda _: None))
-    return describe(table, known).model_dump(mode="json")
+    return describe(methods_of_socket(), topics_of(simulated=simulated)).model_dump(mode="json")
 
 
 BEAM = {

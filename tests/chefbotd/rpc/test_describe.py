@@ -11,9 +11,7 @@ from pydantic import BaseModel
 from chefbotd.clock import BEAT_S, run_virtual
 from chefbotd.rpc import describe
 from tests.fakes.api import line_client, new_server, serving
-
-SCHEMAS = 170
-"""More than methods, with parameters and a result each, topics and notifications have together."""
+from tests.fakes.robot import topics_of
 
 
 @pytest.fixture
@@ -45,7 +43,10 @@ def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel
     async def scenario() -> None:
         async with serving(simulated=True) as served, line_client(served) as client:
             at_once = [len(built)]
-            for _ in range(SCHEMAS):
+            parts = (
+                2 * len(served.server.methods) + len(topics_of(simulated=True)) + len(describe.NOTIFICATIONS)
+            )
+            for _ in range(parts):
                 await asyncio.sleep(BEAT_S)
                 at_once.append(len(built))
             assert max(after - before for before, after in pairwise(at_once)) <= 2

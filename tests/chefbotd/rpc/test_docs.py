@@ -5,24 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.clock import ManualClock
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.describe import NOTIFICATIONS
-from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ERRORS, Request
 from chefbotd.rpc.parameters import ApiParameters
-from tests.fakes.robot import FakeRobot, table_of, topics_of
+from tests.fakes.robot import methods_of_socket, topics_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 pytestmark = pytest.mark.skipif(
     not PAGE.exists(), reason="the documentation is not part of an installed package"
 )
 
-ROBOT = FakeRobot()
-TOPICS = topics_of(simulated=True)
-METHODS = table_of(
-    ROBOT, Fanout(TOPICS, ManualClock(), lambda *_: None), ManualClock(), ROBOT.leases(lambda _: None)
-)
+TOPICS, METHODS = topics_of(simulated=True), methods_of_socket()
 
 
 def rows(heading: str) -> dict[str, str]:
