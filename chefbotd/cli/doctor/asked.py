@@ -6,9 +6,8 @@ With ``--motors`` the robot drives itself instead, where yes is typed.
 import math
 from collections.abc import Mapping
 
-from chefbotd.cli.doctor.asking import YES
 from chefbotd.cli.doctor.collecting import Snapshot, snapshot
-from chefbotd.cli.doctor.diagnosis import Diagnosis
+from chefbotd.cli.doctor.diagnosis import YES, Diagnosis
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.doctor.finding import Finding, skipped

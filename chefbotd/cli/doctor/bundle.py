@@ -11,13 +11,22 @@ import re
 import sys
 import tarfile
 import time
-from collections.abc import Iterable, Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import structlog
+
 from chefbotd import __version__
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.doctor import host, view
+from chefbotd.client import CallError, Client
+from chefbotd.doctor.finding import Finding
+from chefbotd.rpc.parameters import is_loopback
+from chefbotd.settings import Settings
 
 REMOVED = "[removed]"
 SECRET_KEY = re.compile(r"(?i)(token|password|passwd|secret|api_key|private_key|credential)s?$")
@@ -141,3 +150,94 @@ def write_bundle(
         raise ProgramError(Exit.FAILED, f"{path}: already exists, and is not overwritten") from error
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{path}: cannot be written: {error.strerror}") from error
+
+
+LINES_KEPT = 3000
+
+
+class LogKept:
+    """A stream that keeps the newest lines."""
+
+    def __init__(self) -> None:
+        self._lines: deque[str] = deque(maxlen=LINES_KEPT)
+
+    def write(self, text: str) -> None:
+        """Keep a line."""
+        self._lines.append(text)
+
+    def flush(self) -> None:
+        """Nothing to do."""
+
+    def text(self) -> str:
+        """All that is kept."""
+        return "".join(self._lines)
+
+
+def keep_log() -> LogKept:
+    """Have everything that is logged in this process kept instead of printed."""
+    kept = LogKept()
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.format_exc_info,
+            structlog.processors.JSONRenderer(default=str),
+        ],
+        logger_factory=structlog.WriteLoggerFactory(kept),  # type: ignore[arg-type]
+        cache_logger_on_first_use=False,
+    )
+    return kept
+
+
+MOST_RECORDING_BYTES = 50_000_000
+
+
+async def gather_bundle(
+    settings: Settings, findings: Sequence[Finding], context: CommandContext, bundle: Path, own_log: str
+) -> None:
+    """Write the bundle; a daemon that does not answer leaves its part out.
+
+    Raises:
+        ProgramError: it cannot be written.
+    """
+    figures, recordings = await _of_daemon(context)
+    log = await host.command_output("journalctl", "--unit=chefbotd", f"--lines={LOG_LINES}", "--no-pager")
+    configuration = settings.model_dump(mode="json", by_alias=True)
+    files = contents(view.as_data(findings), configuration, figures.get("stats"), figures.get("state"), log)
+    files["doctor.txt"] = own_log
+    if problem := figures.get("not_asked"):
+        files["daemon.txt"] = f"{problem}\n"
+    secrets = [context.credentials.token or "", *secrets_in(settings.api.token_file, settings.api.tls_key)]
+    write_bundle(bundle, files, Redactor(secrets), recordings)
+
+
+async def _of_daemon(context: CommandContext) -> tuple[dict[str, Any], list[Path]]:
+    """Its figures, and the file of its recorder's last minutes, where that is on this computer."""
+
+    async def ask(robot: Client) -> tuple[dict[str, Any], list[Path]]:
+        figures = {"stats": await robot.call("get_stats"), "state": await robot.call("get_state")}
+        is_here = is_loopback(context.address.host)
+        return figures, await _ring(robot) if is_here else []
+
+    try:
+        return await context.with_client(ask)
+    except ProgramError as failure:
+        return {"not_asked": str(failure)}, []
+
+
+async def _ring(robot: Client) -> list[Path]:
+    """The last minutes, written to a file by the daemon; nothing where it has no recorder, or may not write."""
+    if "method.save_ring" not in robot.hello.capabilities:
+        return []
+    try:
+        saved = Path((await robot.save_ring("doctor")).file)
+    except CallError:
+        return []
+    return [saved] if _is_small_file(saved) else []
+
+
+def _is_small_file(path: Path) -> bool:
+    try:
+        return path.stat().st_size <= MOST_RECORDING_BYTES
+    except OSError:
+        return False

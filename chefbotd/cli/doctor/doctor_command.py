@@ -12,9 +12,9 @@ from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
-    from chefbotd.cli.doctor.configuration import RunningDaemon
+    from chefbotd.cli.doctor.bundle import LogKept
     from chefbotd.cli.doctor.diagnosis import Diagnosis
-    from chefbotd.cli.doctor.own_log import LogKept
+    from chefbotd.cli.doctor.host import RunningDaemon
     from chefbotd.settings import Settings
 
 LISTEN_S = click.FloatRange(1.0, 600.0)
@@ -58,7 +58,7 @@ def doctor(
     Exit code 0: all is well or skipped, 8: warnings, 9: problems.
     """
     from chefbotd.cli.doctor import view
-    from chefbotd.cli.doctor.own_log import keep_log
+    from chefbotd.cli.doctor.bundle import keep_log
 
     context: CommandContext = ctx.obj
     if bundle is not None and bundle.exists():
@@ -78,8 +78,7 @@ def doctor(
 
 def _diagnosis(settings: "Settings", as_json: bool, *, quiet: bool) -> "Diagnosis":
     from chefbotd.cli.doctor import view
-    from chefbotd.cli.doctor.asking import Nobody, TerminalAsker
-    from chefbotd.cli.doctor.diagnosis import Diagnosis
+    from chefbotd.cli.doctor.diagnosis import Diagnosis, Nobody, TerminalAsker
     from chefbotd.clock import SystemClock
     from chefbotd.link.port import open_port
 
@@ -92,7 +91,7 @@ def _diagnosis(settings: "Settings", as_json: bool, *, quiet: bool) -> "Diagnosi
 async def _settings(path: Path | None, device: str | None, where: Address) -> tuple["Settings", str]:
     """The settings, and where they are from, for people."""
     from chefbotd.cli.doctor import host
-    from chefbotd.cli.doctor.configuration import config_of_unit
+    from chefbotd.cli.doctor.host import config_of_unit
     from chefbotd.cli.programs.load import load_valid
 
     overrides = {} if device is None else {"link.device": device}
@@ -109,7 +108,7 @@ async def _settings(path: Path | None, device: str | None, where: Address) -> tu
 
 def _daemon_at(where: Address) -> "RunningDaemon | None":
     """The daemon on this computer that listens at an address, by its command line and its configuration."""
-    from chefbotd.cli.doctor.configuration import running_daemons
+    from chefbotd.cli.doctor.host import running_daemons
     from chefbotd.cli.programs.load import load_valid
     from chefbotd.rpc.parameters import is_loopback
 
@@ -127,7 +126,7 @@ def _daemon_at(where: Address) -> "RunningDaemon | None":
 async def _walk_and_bundle(
     diagnosis: "Diagnosis", context: CommandContext, told: str, bundle: Path | None, log: "LogKept"
 ) -> None:
-    from chefbotd.cli.doctor.gather_bundle import gather_bundle
+    from chefbotd.cli.doctor.bundle import gather_bundle
     from chefbotd.cli.doctor.walk import walk
 
     try:

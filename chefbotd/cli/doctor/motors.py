@@ -3,10 +3,9 @@
 import asyncio
 from typing import Any
 
-from chefbotd.cli.doctor.asking import YES
 from chefbotd.cli.doctor.collecting import collected, of_topic
-from chefbotd.cli.doctor.diagnosis import Diagnosis
-from chefbotd.cli.drive.release import release_source
+from chefbotd.cli.doctor.diagnosis import YES, Diagnosis
+from chefbotd.cli.drive.control import release_source
 from chefbotd.client import CallError, Client, Event
 from chefbotd.core.record import replace
 from chefbotd.doctor.finding import skipped

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.doctor import host, port
+from chefbotd.cli.doctor import host
 from chefbotd.cli.doctor.asked import examine_with_help
 from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.cli.doctor.motors import examine_motors
@@ -16,13 +16,19 @@ from chefbotd.cli.doctor.passive import examine_robot, line_findings
 from chefbotd.client import Client
 from chefbotd.doctor.finding import problem, skipped
 from chefbotd.doctor.host import (
+    PortFound,
+    check_baud,
     check_configuration,
+    check_device,
     check_governor,
+    check_holder,
+    check_permission,
     check_service,
     check_socket,
     check_time_sync,
 )
-from chefbotd.doctor.lines import check_left_on
+from chefbotd.doctor.lines import LinesHeard, check_left_on
+from chefbotd.link.listener import USUAL_BAUDS, listen, survey
 from chefbotd.process.own_daemon import own_daemon
 from chefbotd.rpc.parameters import is_loopback
 
@@ -81,7 +87,7 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
         held = (await robot.get_state()).link.device
         require_same(diagnosis.wanted_device, held, str(context.address))
         link = link.model_copy(update={"device": held})
-    is_free = port.look(diagnosis, host.look_at_port(link), daemon_answers=robot is not None)
+    is_free = examine_port(diagnosis, host.look_at_port(link), daemon_answers=robot is not None)
     diagnosis.find(
         check_service(await host.service_unit()),
         check_governor(host.governors()),
@@ -110,7 +116,7 @@ async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None
             skipped("board", "the board's port cannot be opened: mend that first, then ask the doctor again")
         )
         return
-    found = await port.find_baud(diagnosis)
+    found = await find_baud(diagnosis)
     if found is None:
         return
     baud, heard = found
@@ -148,3 +154,55 @@ async def _until_linked(robot: Client, patience_s: float) -> None:
         if (await robot.get_state()).link.state == "up":
             return
         await asyncio.sleep(LOOK_AGAIN_S)
+
+
+LISTEN_S = 2.5
+"""A missing ultrasonic echo silences a board for a second, a bootloader for two."""
+
+TRY_S = 1.0
+
+
+def examine_port(diagnosis: Diagnosis, port: PortFound, *, daemon_answers: bool) -> bool:
+    """What is known before the port is opened; whether it can be."""
+    diagnosis.find(
+        check_device(port),
+        check_permission(port),
+        check_holder(port, daemon_answers=daemon_answers),
+    )
+    return port.exists and not port.permission and not port.held_by
+
+
+async def find_baud(diagnosis: Diagnosis) -> tuple[int, LinesHeard] | None:
+    """Listen at the configured rate, and at the others where that is garbage; nothing is written.
+
+    The right rate with what was heard at it, or the configured one; None where the port cannot be opened.
+    """
+    link = diagnosis.settings.link
+    try:
+        heard = await _hear(diagnosis, link.baud, LISTEN_S)
+        others = USUAL_BAUDS if heard.bytes and not heard.is_board else ()
+        for baud in others:
+            if baud == link.baud:
+                continue
+            other = await _hear(diagnosis, baud, TRY_S)
+            if other.is_board:
+                diagnosis.find(check_baud(link.baud, baud, heard_anything=True))
+                return baud, other
+    except OSError as error:
+        told = str(error).removeprefix(f"{link.device}: ")
+        diagnosis.find(
+            problem(
+                "open", f"{link.device} cannot be opened: {told}", "end what holds it, or plug it in again"
+            )
+        )
+        return None
+    diagnosis.find(
+        check_baud(link.baud, link.baud if heard.is_board else None, heard_anything=heard.bytes > 0)
+    )
+    return link.baud, heard
+
+
+async def _hear(diagnosis: Diagnosis, baud: int, seconds: float) -> LinesHeard:
+    link = diagnosis.settings.link.model_copy(update={"baud": baud})
+    listened = await listen(diagnosis.opener, link, diagnosis.clock, seconds)
+    return survey(listened, diagnosis.settings.robot.wire)

@@ -9,7 +9,7 @@ from typing import Any
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.latency import Latencies, Ping
 from chefbotd.cli.drive import turning
-from chefbotd.cli.drive.command import send_drive
+from chefbotd.cli.drive.control import release_source, send_drive
 from chefbotd.cli.drive.course import (
     CourseParameters,
     GoTo,
@@ -20,7 +20,6 @@ from chefbotd.cli.drive.course import (
     remaining_rad,
     steer,
 )
-from chefbotd.cli.drive.release import release_source
 from chefbotd.cli.drive.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
 from chefbotd.client.models import OdometryData

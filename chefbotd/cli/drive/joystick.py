@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.drive.control import arm_seen, describe_stop, release_source
 from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadParameters, Reading, Request, disabled, step
-from chefbotd.cli.drive.release import arm_seen, describe_stop, release_source
 from chefbotd.client import CallError, Client
 
 POLL_PERIOD_S = 0.01

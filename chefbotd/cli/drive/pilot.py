@@ -6,8 +6,8 @@ Releasing a key ends only this program's own motion. A stop key stops the robot,
 import asyncio
 from collections.abc import Callable
 
+from chefbotd.cli.drive.control import release_source
 from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
-from chefbotd.cli.drive.release import release_source
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import STANDING, Twist2D
 

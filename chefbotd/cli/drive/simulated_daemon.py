@@ -6,13 +6,14 @@ import socket
 import sys
 import tempfile
 from asyncio.subprocess import Process
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, Final
 
 from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.client import Client
 
 LISTENING_PATIENCE_S = 20.0
 ENDING_PATIENCE_S = 5.0
@@ -118,3 +119,26 @@ def _failure(what: str, log: IO[str]) -> ProgramError:
     log.seek(0)
     tail = log.readlines()[-LOG_TAIL_LINES:]
     return ProgramError(Exit.CANNOT_CONNECT, "; its log ends:\n".join([what, "".join(tail).rstrip()]))
+
+
+READY_S: Final = 240.0
+"""The worker compiles its code once, when it is started for the first time."""
+
+
+async def until_worker_ready(robot: Client, tell: Callable[[str], None]) -> int | None:
+    """Wait, and tell what it is at; its process id.
+
+    Raises:
+        ProgramError: it cannot work here, or was not ready in time.
+    """
+    try:
+        async with asyncio.timeout(READY_S), robot.subscribe("worker") as reports:
+            async for event in reports:
+                if event.data.state == "ready":
+                    return event.data.pid
+                if event.data.state == "unavailable":
+                    raise ProgramError(Exit.NOT_DONE, event.data.reason)
+                tell(f"the worker is {event.data.state} (the first time it compiles its code)")
+    except TimeoutError:
+        pass
+    raise ProgramError(Exit.NOT_DONE, f"the worker was not ready within {READY_S:g} s")

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from msgspec import to_builtins
@@ -15,10 +16,14 @@ from rich.table import Table
 
 from chefbotd.cli.common import state_text
 from chefbotd.cli.common.console import Printer
+from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, writing
+from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.latency import Latencies, percentile
-from chefbotd.cli.drive.course import deviation
-from chefbotd.cli.drive.course_driver import CourseResult, Progress, Report
+from chefbotd.cli.drive.course import CourseParameters, deviation, square
+from chefbotd.cli.drive.course_driver import CourseDriver, CourseResult, Progress, Report, problems
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon
+from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
 
 PERCENTS = (50, 95, 99)
@@ -120,3 +125,30 @@ def latencies(seen: Latencies) -> Table:
         values = of(seen)
         table.add_row(kind, *(f"{1000 * percentile(values, p):.2f}" for p in PERCENTS), str(len(values)))
     return table
+
+
+def drive_square(
+    context: CommandContext, side_m: float, *, simulated: bool, robot: Path | None = None
+) -> None:
+    """Drive the square on the daemon of ``context``, or on a new simulation of ``robot``; show and judge the result.
+
+    Raises:
+        ProgramError: the robot did not reach the goal.
+    """
+    view = View(context.as_json)
+
+    async def drive_course(client: Client) -> CourseResult:
+        with view.progress() as report:
+            return await CourseDriver(client, CourseParameters(), report).drive_course(square(side_m))
+
+    async def drive_simulation() -> CourseResult:
+        view.say("starting chefbotd on a simulated robot ...")
+        async with simulated_daemon(robot) as address:
+            view.say(f"driving a {side_m:g} m square through {address}")
+            return await CommandContext(address).with_client(drive_course)
+
+    result = context.run(drive_simulation() if simulated else context.with_client(drive_course))
+    found = problems(result)
+    view.show(result, found)
+    if found:
+        raise ProgramError(Exit.NOT_DONE, "; ".join(found))

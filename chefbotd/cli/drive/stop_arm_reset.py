@@ -8,7 +8,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.drive.release import arm_seen, describe_stop
+from chefbotd.cli.drive.control import arm_seen, describe_stop
 from chefbotd.client import Client
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 
-from chefbotd.cli.drive.release import release_source
+from chefbotd.cli.drive.control import release_source
 from chefbotd.client import Client
 from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelsDriven
 from chefbotd.client.state import State

@@ -8,9 +8,8 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import positive
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.terminal import need_terminal
-from chefbotd.cli.look.fields import EVERY, select
-from chefbotd.cli.look.state import follow, state_of
+from chefbotd.cli.common.echo import need_terminal
+from chefbotd.cli.look.fields import EVERY, follow, select, state_of
 from chefbotd.client import Client
 
 TOPICS = (

@@ -1,10 +1,12 @@
 """What of an event ``watch`` prints: a topic, or fields of it such as ``odometry.x_m`` or ``wheels.duty.0``."""
 
-from collections.abc import Iterable, Mapping
+import asyncio
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.client import ChefbotError, Client
 
 EVERY = "all"
 
@@ -58,3 +60,24 @@ def _value(topic: str, name: str, data: Mapping[str, Any]) -> Any:
             raise ProgramError(Exit.USAGE, f"{topic} has no field {name!r}: at {key!r} there is {known}")
         value = found[key]
     return value
+
+
+PERIOD_S = 0.5
+
+
+async def state_of(robot: Client) -> dict[str, Any]:
+    """Everything that ``status`` shows, as the daemon tells it now."""
+    hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
+    return {**hello, **await robot.call("get_state"), "stats": await robot.call("get_stats")}
+
+
+async def follow(robot: Client, show: Callable[[Mapping[str, Any] | None, str], None]) -> None:
+    """Show the latest state, and why there is none newer, until cancelled; ``robot`` connects again by itself."""
+    latest: Mapping[str, Any] | None = None
+    while True:
+        try:
+            latest, trouble = await state_of(robot), ""
+        except ChefbotError as error:
+            trouble = f"no answer: {error}"
+        show(latest, trouble)
+        await asyncio.sleep(PERIOD_S)

@@ -1,12 +1,14 @@
 """How the commands for maps ask the daemon: one that keeps no maps is told so, and files are written whole."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
+from chefbotd.client.wire import ProgressListener
 
 T = TypeVar("T")
 
@@ -37,3 +39,29 @@ def write_file(path: Path, data: bytes, *, force: bool) -> None:
     except OSError as error:
         new.unlink(missing_ok=True)
         raise ProgramError(Exit.FAILED, f"cannot write {path}: {error.strerror}") from error
+
+
+@contextmanager
+def progress_bar(doing: str, *, quiet: bool = False) -> Iterator[ProgressListener]:
+    """Draw what the listener is told, where there is a terminal; it is gone when the block ends."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        yield _show_nothing
+        return
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), console=console, transient=True, auto_refresh=False
+    ) as bar:
+        task = bar.add_task(doing)
+
+        def show(done: float, total: float, text: str) -> None:
+            bar.update(task, completed=done, total=total, description=f"{doing}: {text}", refresh=True)
+
+        yield show
+
+
+def _show_nothing(_done: float, _total: float, _text: str) -> None:
+    """Nobody looks."""

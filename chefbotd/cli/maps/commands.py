@@ -11,9 +11,8 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import require
-from chefbotd.cli.maps.asking import ask, write_file
+from chefbotd.cli.maps.asking import ask, progress_bar, write_file
 from chefbotd.cli.maps.making import COMMANDS as MAKING
-from chefbotd.cli.maps.progress import progress_bar
 from chefbotd.client import Client
 
 if TYPE_CHECKING:

@@ -14,12 +14,10 @@ from typing import Any, Final
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.command import send_drive
-from chefbotd.cli.drive.simulated_daemon import simulated_process
-from chefbotd.cli.maps.listening import listen
+from chefbotd.cli.drive.control import send_drive
+from chefbotd.cli.drive.simulated_daemon import simulated_process, until_worker_ready
 from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
-from chefbotd.cli.maps.tour import Show, Tour
-from chefbotd.cli.maps.worker_ready import until_worker_ready
+from chefbotd.cli.maps.tour import Show, Tour, listen
 from chefbotd.client import CallError, Client
 from chefbotd.client.models import MapSaved
 from chefbotd.core.geometry import Pose2D, Twist2D

@@ -1,7 +1,10 @@
 """The commands of ``chefbotctl map`` that make a map: start, pause, finish, discard, live, demo."""
 
+import fcntl
 import json
-from collections.abc import Awaitable, Callable
+import os
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,8 +15,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import require
-from chefbotd.cli.maps.asking import write_file
-from chefbotd.cli.maps.progress import progress_bar
+from chefbotd.cli.maps.asking import progress_bar, write_file
 from chefbotd.client import Client
 
 T = TypeVar("T")
@@ -71,8 +73,7 @@ def discard(context: CommandContext, yes: bool) -> None:
 def live(context: CommandContext) -> None:
     """Draw the map that is being made, as it grows, with the robot in it, until Ctrl-C."""
     from chefbotd.cli.maps.demo_view import DemoView
-    from chefbotd.cli.maps.listening import listen
-    from chefbotd.cli.maps.tour import Tour
+    from chefbotd.cli.maps.tour import Tour, listen
 
     view = DemoView(quiet=context.as_json)
 
@@ -103,7 +104,7 @@ def demo(context: CommandContext, out: Path) -> None:
     from chefbotd.cli.maps.demo import Demo
     from chefbotd.cli.maps.demo_view import DemoView, as_json
     from chefbotd.cli.maps.draw import Mark
-    from chefbotd.cli.maps.only_one import only_one_in
+    from chefbotd.cli.maps.making import only_one_in
     from chefbotd.cli.maps.png import to_png
     from chefbotd.sim.scene import of_solids
     from chefbotd.sim.worlds.building import SLICE_M
@@ -130,3 +131,25 @@ def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T
 
 
 COMMANDS = (start, pause, finish, discard, live, demo)
+
+
+@contextmanager
+def only_one_in(folder: Path) -> Iterator[None]:
+    """Keep the folder from every other demonstration until the end, which the kernel sees to.
+
+    Raises:
+        ProgramError: another one has it, or it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder / ".demo.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise ProgramError(Exit.NOT_DONE, f"cannot write to {folder}: {error.strerror}") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        told = f"another demonstration is writing to {folder}: wait for it, or give another folder with --out"
+        raise ProgramError(Exit.NOT_DONE, told) from None
+    finally:
+        os.close(descriptor)

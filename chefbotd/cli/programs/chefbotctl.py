@@ -15,12 +15,12 @@ from chefbotd.cli.doctor.doctor_command import doctor
 from chefbotd.cli.doctor.ports_command import ports
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
-from chefbotd.cli.drive.wheel_commands import wheels
+from chefbotd.cli.drive.commands import wheels
 from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
-from chefbotd.cli.programs.completion import completion
+from chefbotd.cli.programs.init import completion
 from chefbotd.cli.programs.program import Program, wants_json
 from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.serve import commands as navigating

@@ -16,8 +16,7 @@ from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
 from chefbotd.cli.common.extras import require
-from chefbotd.cli.programs.completion import completion
-from chefbotd.cli.programs.init import init, urdf
+from chefbotd.cli.programs.init import completion, init, urdf
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, wants_json

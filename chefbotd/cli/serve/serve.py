@@ -12,13 +12,11 @@ from typing import Any, Final
 import chefbotd.sim.worlds
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.simulated_daemon import simulated_process
+from chefbotd.cli.drive.simulated_daemon import simulated_process, until_worker_ready
 from chefbotd.cli.maps.draw import Mark
-from chefbotd.cli.maps.worker_ready import until_worker_ready
 from chefbotd.cli.serve import order
 from chefbotd.cli.serve.legs import Best, Truth, ended_leg
-from chefbotd.cli.serve.results import Found, Leg, Served
-from chefbotd.cli.serve.scene import PLACE, NavigationScene, Show, listen
+from chefbotd.cli.serve.scene import PLACE, Found, Leg, NavigationScene, Served, Show, listen
 from chefbotd.client import CallError, Client
 from chefbotd.client.goals import GoalNotReached
 from chefbotd.core.geometry import Pose2D, wrap_angle

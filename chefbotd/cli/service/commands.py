@@ -53,7 +53,7 @@ def install_service(
         raise click.UsageError(
             "--robot and --config exclude each other: a configuration says which robot it is"
         )
-    from chefbotd.cli.common.bad_configuration import bad_configuration
+    from chefbotd.cli.programs.load import bad_configuration
     from chefbotd.process.installation import plan
     from chefbotd.process.installation.host import Host
     from chefbotd.settings import SettingsError

@@ -8,9 +8,9 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import gain
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import need_terminal
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra
-from chefbotd.cli.common.terminal import need_terminal
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
 UNSAVED = (
@@ -67,7 +67,7 @@ def save(context: CommandContext, path: Path) -> None:
     """
     with extra("tune", "tomlkit"):
         from chefbotd.settings import gains_file
-    from chefbotd.cli.common.bad_configuration import bad_configuration
+    from chefbotd.cli.programs.load import bad_configuration
     from chefbotd.settings import SettingsError
 
     gains = context.run_with_client(lambda robot: robot.get_pid())

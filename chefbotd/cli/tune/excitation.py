@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from pydantic import Field
 
-from chefbotd.cli.drive.release import release_source
+from chefbotd.cli.drive.control import release_source
 from chefbotd.client import CallError, Client
 from chefbotd.core.parameters import Parameters
 

@@ -15,12 +15,10 @@ from textual.widgets import Static
 
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Style
-from chefbotd.cli.drive.release import arm_seen
+from chefbotd.cli.drive.control import arm_seen
 from chefbotd.cli.tune.excitation import Exciter, WaveParameters
-from chefbotd.cli.tune.gain_commands import restore_commands
-from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, stepped
-from chefbotd.cli.tune.plots import PANELS, SHOWN_S, WheelPlot, coloured
-from chefbotd.cli.tune.trace import Trace
+from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, restore_commands, stepped
+from chefbotd.cli.tune.plots import PANELS, SHOWN_S, Trace, WheelPlot, coloured
 from chefbotd.client import Client
 from chefbotd.client.methods import Gains
 from chefbotd.motion.pid import PidParameters

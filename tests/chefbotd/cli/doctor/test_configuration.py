@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from chefbotd.cli.doctor.configuration import RunningDaemon, config_of_unit, running_daemons
+from chefbotd.cli.doctor.host import RunningDaemon, config_of_unit, running_daemons
 
 
 def process(proc: Path, pid: int, *words: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.cli.doctor import host, port
+from chefbotd.cli.doctor import host, walk
 from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.cli.doctor.ports import Behind, look_behind
 from chefbotd.clock import LoopClock, run_virtual
@@ -39,7 +39,7 @@ def test_the_configured_rate():
 
     async def scenario() -> None:
         diagnosis, device = diagnosis_at({115_200: CYCLES})
-        result = await port.find_baud(diagnosis)
+        result = await walk.find_baud(diagnosis)
         assert result is not None
         assert result[0] == 115_200
         assert found(diagnosis)["baud"].verdict is Verdict.OK
@@ -53,7 +53,7 @@ def test_a_wrong_rate_is_found_out():
 
     async def scenario() -> None:
         diagnosis, device = diagnosis_at({57_600: GARBAGE, 115_200: CYCLES}, link__baud=57_600)
-        result = await port.find_baud(diagnosis)
+        result = await walk.find_baud(diagnosis)
         assert result is not None
         assert result[0] == 115_200
         finding = found(diagnosis)["baud"]
@@ -69,12 +69,12 @@ def test_garbage_at_every_rate_and_silence():
 
     async def scenario() -> None:
         diagnosis, _ = diagnosis_at(dict.fromkeys((9_600, 57_600, 115_200, 230_400), GARBAGE))
-        assert await port.find_baud(diagnosis) is not None
+        assert await walk.find_baud(diagnosis) is not None
         assert found(diagnosis)["baud"].verdict is Verdict.PROBLEM
         silent, _ = diagnosis_at({})
         began_s = asyncio.get_running_loop().time()
-        await port.find_baud(silent)
-        assert asyncio.get_running_loop().time() - began_s < port.LISTEN_S + 0.5
+        await walk.find_baud(silent)
+        assert asyncio.get_running_loop().time() - began_s < walk.LISTEN_S + 0.5
         assert found(silent)["baud"].verdict is Verdict.SKIPPED
 
     run_virtual(scenario())
@@ -86,7 +86,7 @@ def test_a_port_that_cannot_be_opened():
     async def scenario() -> None:
         diagnosis, device = diagnosis_at({})
         device.unplug()
-        assert await port.find_baud(diagnosis) is None
+        assert await walk.find_baud(diagnosis) is None
         assert found(diagnosis)["open"].verdict is Verdict.PROBLEM
 
     run_virtual(scenario())
@@ -106,7 +106,9 @@ def test_a_port_that_another_program_holds(tmp_path: Path):
         assert other.stdout is not None
         other.stdout.readline()
         name = Path(f"/proc/{other.pid}/comm").read_text().strip()
-        is_free = port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
+        is_free = walk.examine_port(
+            diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False
+        )
     assert not is_free
     finding = found(diagnosis)["holder"]
     assert finding.verdict is Verdict.PROBLEM
@@ -117,12 +119,12 @@ def test_a_port_that_is_not_there_or_not_ours(tmp_path: Path, monkeypatch: pytes
     """Absent: which ones are there. Forbidden: what gives permission. Neither is opened."""
     device = tmp_path / "board"
     diagnosis, _ = diagnosis_at({}, link__device=str(device))
-    assert not port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
+    assert not walk.examine_port(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
     assert "serial port" in found(diagnosis)["device"].measured
     device.touch()
     monkeypatch.setattr("chefbotd.link.port_list.os.access", lambda *_: False)
     diagnosis, _ = diagnosis_at({}, link__device=str(device))
-    assert not port.look(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
+    assert not walk.examine_port(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
     assert found(diagnosis)["permission"].verdict is Verdict.PROBLEM
 
 

@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from chefbotd.cli.drive.command import send_drive
+from chefbotd.cli.drive.control import send_drive
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import Twist2D
 

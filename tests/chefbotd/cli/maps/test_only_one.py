@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.maps.only_one import only_one_in
+from chefbotd.cli.maps.making import only_one_in
 from tests.chefbotd.cli.conftest import Control
 
 

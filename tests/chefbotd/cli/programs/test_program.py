@@ -11,8 +11,8 @@ from typing import TextIO
 import pytest
 from click.testing import CliRunner
 
+from chefbotd.cli.common.echo import need_terminal
 from chefbotd.cli.common.exits import Exit
-from chefbotd.cli.common.terminal import need_terminal
 from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main as chefbotd
 from tests.chefbotd.cli.conftest import Control

@@ -1,7 +1,7 @@
 """What changed gains read as, so that they can be set again."""
 
 from chefbotd.cli.common.arguments import gain
-from chefbotd.cli.tune.gain_commands import restore_commands
+from chefbotd.cli.tune.gain_steps import restore_commands
 from chefbotd.motion.pid import PidParameters
 
 SAVED = PidParameters(kp=400.0, ki=100.0, output_limit=1023.0, back_calculation_s=0.5)

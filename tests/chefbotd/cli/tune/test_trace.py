@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.cli.tune.trace import Trace
+from chefbotd.cli.tune.plots import Trace
 
 
 def sample(target: float, speed: float, duty: int) -> dict[str, object]:
