@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from chefbotd.core.record import Record
 from chefbotd.sim.plant import Supply
-from chefbotd.sim_parameters.battery import BatteryParameters
+from chefbotd.sim_parameters.motor import BatteryParameters
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
 # Tenths of the charge, from empty to full.

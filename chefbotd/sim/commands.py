@@ -1,13 +1,15 @@
-"""How a sketch reads commands from the host's bytes.
+"""How a sketch reads commands from the host's bytes, and how the board's PWM reads their numbers.
 
 The published sketches use a library (Messenger) that cuts a line into words and reads numbers like C's ``atol``:
 ``66s`` is 66, and a missing word is 0. So if the middle of two commands is lost, the sketch obeys what is left of
 them.
 """
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from chefbotd.sim_parameters.sketches import PwmLaw
 from firmware_protocol.messages import ResetBoard, SetDuty
 
 BUFFER_BYTES = 64
@@ -61,3 +63,25 @@ def _number(word: bytes) -> int:
     """As ``atol`` reads it."""
     found = NUMBER.match(word)
     return min(max(int(found.group()), -(1 << 31)), (1 << 31) - 1) if found else 0
+
+
+BYTE = 256
+
+
+def pwm_share(law: PwmLaw, full_scale: int, value: int) -> float:
+    """The share of the period that the bridge is on for a command's ``value``; its sign is the direction."""
+    return math.copysign(_MAGNITUDES[law](abs(value), full_scale) / full_scale, value)
+
+
+def _clipped(magnitude: int, full_scale: int) -> int:
+    return min(magnitude, full_scale)
+
+
+def _low_byte(magnitude: int, full_scale: int) -> int:
+    return min(magnitude % BYTE, full_scale)
+
+
+_MAGNITUDES: dict[PwmLaw, Callable[[int, int], int]] = {
+    PwmLaw.CLIPPED: _clipped,
+    PwmLaw.LOW_BYTE: _low_byte,
+}

@@ -9,8 +9,7 @@ from typing import Self
 
 from chefbotd.clock import Clock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.plugged_lidars import PluggedLidars
-from chefbotd.sim.pty import PtyBoard
+from chefbotd.sim.pty import PluggedLidars, PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 from chefbotd.sim.truth_file import Truth, TruthWriter
 

@@ -5,9 +5,8 @@ import numpy as np
 from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.crowd import Crowd
-from chefbotd.sim.sketch import Sketch
+from chefbotd.sim.sketch import Sketch, Wiring
 from chefbotd.sim.uart import Uart
-from chefbotd.sim.wiring import Wiring
 from chefbotd.sim_parameters.sketches import BoardParameters
 
 

@@ -13,7 +13,6 @@ from chefbotd.mapping.occupancy_grid import OCCUPIED
 from chefbotd.sim import scene
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.scene import Scene
-from chefbotd.sim.world import World
 from chefbotd.sim.worlds.building import Building
 from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.sim.worlds.office import OFFICE
@@ -44,11 +43,6 @@ def scene_of(named: Path | None, closed_doors: Collection[str] = ()) -> Scene:
     return scene.of_walls(_furnished_room() if named is None else _map_walls(named))
 
 
-def default_room() -> World:
-    """The furnished room."""
-    return World(_furnished_room())
-
-
 def _furnished_room() -> Vector:
     """A 4.2 m square room with furniture along its walls.
 
@@ -73,18 +67,8 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
     return [(*corners[k], *corners[(k + 1) % 4]) for k in range(4)]
 
 
-def load_map(path: Path) -> World:
-    """The walls of the map whose YAML file this is; its image lies beside it.
-
-    Raises:
-        OSError: a file cannot be read.
-        ValueError: the YAML or the image is not a map, or nothing in it is occupied.
-        ModuleNotFoundError: Pillow is not installed.
-    """
-    return World(_map_walls(path))
-
-
 def _map_walls(path: Path) -> Vector:
+    """The walls of the map whose YAML file this is; its image lies beside it."""
     description = parse_description(path.read_text(encoding="utf-8"), str(path))
     grid = parse_image((path.parent / description.image).read_bytes(), description)
     occupied = grid.percent == OCCUPIED

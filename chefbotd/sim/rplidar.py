@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.sight import Sight
-from chefbotd.sim.spinning import LidarMount, LidarWire, SpinningLidar
+from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
 from chefbotd.sim_parameters.lidar import ExpressScan, LidarFlaws
 from firmware_protocol.lidar.rplidar import (
     BAUD,

@@ -13,8 +13,7 @@ from msgspec.structs import asdict
 
 from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.plugged_lidars import PluggedLidars
-from chefbotd.sim.pty import PtyBoard
+from chefbotd.sim.pty import PluggedLidars, PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
 
 Say = Callable[[str], None]

@@ -10,15 +10,13 @@ from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.ld19 import SimulatedLd19
-from chefbotd.sim.opening import FirstLineCut
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.rplidar import SimulatedRplidar
 from chefbotd.sim.sensors import Ultrasonic, UltrasonicMount
-from chefbotd.sim.sight import Sight
-from chefbotd.sim.spinning import LidarMount, LidarWire, SpinningLidar
-from chefbotd.sim.wiring import Wiring
+from chefbotd.sim.sketch import Wiring
+from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
 from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from firmware_protocol.codec import CLASSIC, Variant
@@ -134,3 +132,22 @@ def start_pose(configured: WorldParameters, default: Pose2D) -> Pose2D:
         default.y_m if y_m is None else y_m,
         default.heading_rad if heading_rad is None else heading_rad,
     )
+
+
+class FirstLineCut:
+    """Passes on what the board sends; of the first line that each new host would hear, only the second half.
+
+    ``host`` gives the one that has the port open, None if nobody has.
+    """
+
+    def __init__(self, send: Callable[[bytes], None], host: Callable[[], object | None]) -> None:
+        self._send, self._host = send, host
+        self._heard_by: object | None = None
+
+    def __call__(self, data: bytes) -> None:
+        """One or more whole lines."""
+        host = self._host()
+        if host is not None and host is not self._heard_by:
+            data = data[(data.find(b"\n") + 1) // 2 :]
+        self._heard_by = host
+        self._send(data)

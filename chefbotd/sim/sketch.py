@@ -12,20 +12,23 @@ that decodes no encoders sends their edges before each ``t``.
 
 import math
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from chefbotd.sim.battery import adc_counts
-from chefbotd.sim.commands import CommandReader
+from chefbotd.sim.battery import Divider, adc_counts
+from chefbotd.sim.chassis import Chassis
+from chefbotd.sim.commands import CommandReader, pwm_share
 from chefbotd.sim.dmp import MotionProcessor
-from chefbotd.sim.pwm import pwm_share
+from chefbotd.sim.infrared import Infrared
 from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
-from chefbotd.sim.sensors import Imu
+from chefbotd.sim.robot import Robot
+from chefbotd.sim.sensors import Imu, Ultrasonic
 from chefbotd.sim.uart import Uart
-from chefbotd.sim.wiring import Wiring
+from chefbotd.sim_parameters.sensors import ImuParameters
 from chefbotd.sim_parameters.sketches import UINT32_SPAN, BoardParameters
-from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, from_board
+from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, Variant, from_board
 from firmware_protocol.messages import (
     AnalogueLevel,
     Banner,
@@ -41,6 +44,20 @@ from firmware_protocol.messages import (
     SetDuty,
     UltrasonicDistance,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """What the board is connected to, and the variant of the lines that it speaks."""
+
+    robot: Robot
+    chassis: Chassis
+    ultrasonic: Ultrasonic | None
+    imu: ImuParameters | None
+    divider: Divider
+    variant: Variant
+    infrared: tuple[Infrared, ...] = ()
+
 
 SOUND_M_S = 343.0
 SKETCH_US_PER_CM = 29

@@ -5,10 +5,9 @@ from pathlib import Path
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters, section
-from chefbotd.sim_parameters.battery import BatteryParameters
 from chefbotd.sim_parameters.crowd import PersonParameters, ThingParameters
 from chefbotd.sim_parameters.lidar import LidarFlaws
-from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
+from chefbotd.sim_parameters.motor import BatteryParameters, BodyParameters, MotorParameters
 from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
 from chefbotd.sim_parameters.sketches import BoardParameters
 

@@ -12,7 +12,17 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.sim_parameters.pwm import PwmLaw
+
+
+class PwmLaw(StrEnum):
+    """How ``analogWrite`` treats a value that its range does not hold."""
+
+    CLIPPED = "clipped"
+    """Energia on the Tiva: full scale and more is full on."""
+
+    LOW_BYTE = "low_byte"
+    """An AVR: only the low eight bits count, so 256 is off and 400 is 144."""
+
 
 UINT32_SPAN = 1 << 32
 LINE_KINDS = "teusiab"

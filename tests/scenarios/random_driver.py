@@ -10,8 +10,8 @@ from collections.abc import Awaitable, Callable
 from chefbotd.client import CallError
 from chefbotd.clock import LoopClock
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.faults import BadCable, CableParameters
 from chefbotd.testing.daemon import SimulatedRobot
+from tests.fakes.bad_cable import BadCable, CableParameters
 from tests.scenarios.instruments import task_count
 from tests.scenarios.invariants import Invariants
 from tests.scenarios.wires import frozen, rewire, transport_of

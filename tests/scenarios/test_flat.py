@@ -13,7 +13,7 @@ from chefbotd.core.events.lidars import LidarChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base
 from chefbotd.settings import load, packaged
-from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.world import World
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

@@ -17,7 +17,7 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
 from chefbotd.settings import load, packaged
-from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.worker import worker_in_process

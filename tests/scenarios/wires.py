@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable
 
-from chefbotd.sim.faults import BadCable, CableParameters
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.transport import FakeSerialTransport
+from tests.fakes.bad_cable import BadCable, CableParameters
 
 Rewrite = Callable[[list[bytes]], list[bytes] | None]
 

@@ -135,7 +135,7 @@ def _fields(schema: Data) -> str:
 def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], None]]:
     """A progress bar over ``seconds`` where there is a terminal."""
     if console.quiet or not console.is_terminal:
-        yield _no_progress
+        yield lambda gone_s: None
         return
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -144,7 +144,3 @@ def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], 
     with bar:
         task = bar.add_task("driving", total=seconds)
         yield lambda gone_s: bar.update(task, completed=gone_s)
-
-
-def _no_progress(_gone_s: float) -> None:
-    """Show nothing."""

@@ -20,6 +20,7 @@ FORWARD_M, FORWARD_M_S = 0.3, 0.1
 TURN_RAD, TURN_RAD_S = math.pi / 2, 0.5
 AHEAD_WITHIN_RAD = math.radians(30)
 LEAVE_OUT = "Type skip to leave it out."
+SOMEBODY = "run the doctor with somebody beside the robot"
 
 
 async def examine_with_help(diagnosis: Diagnosis, robot: Client) -> None:
@@ -58,14 +59,12 @@ async def _push(diagnosis: Diagnosis, robot: Client) -> None:
     what = "Push the robot straight ahead on the floor by about 30 cm"
     by_itself = f"drives {FORWARD_M:g} m ahead at {FORWARD_M_S:g} m/s"
     if not await _moved(diagnosis, robot, what, by_itself, (FORWARD_M / FORWARD_M_S, FORWARD_M_S, 0.0)):
-        diagnosis.find(
-            skipped("encoders", "the robot was not pushed", "run the doctor with somebody beside the robot")
-        )
+        diagnosis.find(skipped("encoders", "the robot was not pushed", SOMEBODY))
         return
     after = await snapshot(robot)
-    diagnosis.find_all(check_push(diagnosis.wheels, _turned(before, after)))
+    diagnosis.find(*check_push(diagnosis.wheels, _turned(before, after)))
     motion = _motion(before, after)
-    diagnosis.find_all(_lidar_motion(before, after, motion))
+    diagnosis.find(*_lidar_motion(before, after, motion))
     answer = await diagnosis.asker.ask(
         "How far did it go, in centimetres? Press Enter if you did not measure."
     )
@@ -80,16 +79,14 @@ async def _turn(diagnosis: Diagnosis, robot: Client) -> None:
     )
     by_itself = f"turns by itself at {TURN_RAD_S:g} rad/s"
     if not await _moved(diagnosis, robot, what, by_itself, (TURN_RAD / TURN_RAD_S, 0.0, TURN_RAD_S)):
-        diagnosis.find(
-            skipped("turn", "the robot was not turned", "run the doctor with somebody beside the robot")
-        )
+        diagnosis.find(skipped("turn", "the robot was not turned", SOMEBODY))
         return
     after = await snapshot(robot)
     motion = _motion(before, after)
     diagnosis.find(check_turn(motion.heading_rad, diagnosis.wheels, _turned(before, after)))
     if diagnosis.settings.imu is not None:
         diagnosis.find(check_imu_turn(_imu_turned(before, after), motion.heading_rad))
-    diagnosis.find_all(_lidar_motion(before, after, motion))
+    diagnosis.find(*_lidar_motion(before, after, motion))
 
 
 async def _place_ahead(diagnosis: Diagnosis, robot: Client) -> None:
@@ -104,17 +101,15 @@ async def _place_ahead(diagnosis: Diagnosis, robot: Client) -> None:
         f"step aside, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        diagnosis.find(
-            skipped("ahead", "nothing was placed ahead", "run the doctor with somebody beside the robot")
-        )
+        diagnosis.find(skipped("ahead", "nothing was placed ahead", SOMEBODY))
         return
     after = await snapshot(robot)
-    diagnosis.find_all(
-        check_beam_ahead(each, before.beams_m[each], after.beams_m.get(each)) for each in sensors
+    diagnosis.find(
+        *[check_beam_ahead(each, before.beams_m[each], after.beams_m.get(each)) for each in sensors]
     )
     both = before.scans.keys() & after.scans.keys()
-    diagnosis.find_all(
-        check_ahead(name, before.scans[name], after.scans[name], AHEAD_M) for name in sorted(both)
+    diagnosis.find(
+        *[check_ahead(name, before.scans[name], after.scans[name], AHEAD_M) for name in sorted(both)]
     )
 
 
@@ -128,9 +123,7 @@ async def _lift(diagnosis: Diagnosis, robot: Client) -> None:
         f"Lift the front of the robot by a hand's breadth, hold it still, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        diagnosis.find(
-            skipped("imu_tilt", "the robot was not lifted", "run the doctor with somebody beside the robot")
-        )
+        diagnosis.find(skipped("imu_tilt", "the robot was not lifted", SOMEBODY))
         return
     diagnosis.find(check_imu_lift(before.attitude, (await snapshot(robot)).attitude))
 

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -105,10 +105,6 @@ class Diagnosis:
         for finding in findings:
             self.findings.append(finding)
             self.report(finding)
-
-    def find_all(self, findings: Iterable[Finding]) -> None:
-        """The same for any number."""
-        self.find(*findings)
 
     @property
     def wheels(self) -> list[WheelSetting]:

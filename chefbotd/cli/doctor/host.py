@@ -75,10 +75,6 @@ async def service_unit() -> Mapping[str, str] | None:
     return dict(line.split("=", 1) for line in told.splitlines() if "=" in line)
 
 
-def _runs_systemd() -> bool:
-    return RUNS_SYSTEMD.exists()
-
-
 PROC = Path("/proc")
 
 
@@ -134,3 +130,7 @@ def config_of_unit(exec_start: str) -> str:
     """The configuration in a unit's ``ExecStart``; empty where it names none."""
     match = re.search(r"--config[= ](\S+)", exec_start)
     return match.group(1) if match else ""
+
+
+def _runs_systemd() -> bool:
+    return RUNS_SYSTEMD.exists()

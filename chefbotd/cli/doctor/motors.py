@@ -5,7 +5,7 @@ from typing import Any
 
 from chefbotd.cli.doctor.collecting import collected, of_topic
 from chefbotd.cli.doctor.diagnosis import YES, Diagnosis
-from chefbotd.cli.drive.control import release_source
+from chefbotd.cli.drive.control import ignoring_too_old, release_source
 from chefbotd.client import CallError, Client, Event
 from chefbotd.core.record import replace
 from chefbotd.doctor.finding import skipped
@@ -23,9 +23,6 @@ from chefbotd.link.line_survey import echo_delays_s, line_bytes
 from chefbotd.safety.faults import FaultKind
 
 PERIOD_S = 0.05
-TOO_OLD = "too_old"
-"""The kind of refusal of a command that was under way for too long."""
-
 CREEP, STEADY, HARD = (0.1, 0.8), (0.3, 1.0), (0.8, 1.0)
 """Shares of ``max_rim_speed_m_s``, and for how long. A wheel that turned at the first goes on with the second, so that a
 board with another scale is noticed at a creep; one that did not is asked for the third, so that friction is overcome."""
@@ -155,19 +152,12 @@ async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) ->
     ends_s = loop.time() + seconds
     try:
         while loop.time() < ends_s:
-            await _command(robot, name, speed_rad_s)
+            with ignoring_too_old():
+                await robot.set_wheel_velocities({name: speed_rad_s})
             await asyncio.sleep(PERIOD_S)
     except CallError as error:
         return error.message
     return ""
-
-
-async def _command(robot: Client, name: str, speed_rad_s: float) -> None:
-    try:
-        await robot.set_wheel_velocities({name: speed_rad_s})
-    except CallError as error:
-        if error.kind != TOO_OLD:
-            raise
 
 
 def _samples(events: list[Event[Any]]) -> tuple[Sample, ...]:

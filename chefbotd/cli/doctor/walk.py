@@ -120,19 +120,14 @@ async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None
     if found is None:
         return
     baud, heard = found
-    diagnosis.find_all(check_left_on(heard.duty))
+    diagnosis.find(*check_left_on(heard.duty))
     fits = heard.is_board and heard.wheels == len(diagnosis.settings.chassis.wheels)
-    async with _daemon_at(diagnosis, baud) if fits else _none() as robot:
+    async with _daemon_at(diagnosis, baud) if fits else contextlib.nullcontext() as robot:
         if robot is None:
             diagnosis.find(*line_findings(diagnosis, heard))
             diagnosis.find(skipped("board", "no more is asked of a board that is not the configured one"))
         else:
             await examine(diagnosis, robot, rate_is_known=True)
-
-
-@contextlib.asynccontextmanager
-async def _none() -> AsyncIterator[None]:
-    yield None
 
 
 @contextlib.asynccontextmanager

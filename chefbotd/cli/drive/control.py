@@ -2,7 +2,7 @@
 
 import contextlib
 import socket
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from typing import TypeVar
 
 import click
@@ -47,16 +47,23 @@ def run_as_driver(
     return context.run_with_client(as_driver, name=name, reconnect=reconnect)
 
 
-async def send_drive(robot: Client, twist: Twist2D) -> None:
-    """Drive so. A command that was refused as too late moved nothing, and the next one follows in a moment.
+@contextlib.contextmanager
+def ignoring_too_old() -> Iterator[None]:
+    """A command that was refused as too late moved nothing, and the next one follows in a moment.
 
     That happens on a busy computer. Raises the client's other errors.
     """
     try:
-        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
+        yield
     except CallError as error:
         if error.kind != "too_old":
             raise
+
+
+async def send_drive(robot: Client, twist: Twist2D) -> None:
+    """Drive so, unless the command is too late."""
+    with ignoring_too_old():
+        await robot.drive(twist.linear_m_s, twist.angular_rad_s)
 
 
 async def arm_seen(robot: Client) -> None:

@@ -75,10 +75,7 @@ def remaining_rad(leg: TurnTo, course_from_base: Pose2D) -> float:
 
 def steer(parameters: CourseParameters, leg: GoTo, course_from_base: Pose2D) -> Twist2D | None:
     """The velocity for this side; None when it is done."""
-    return _along(parameters, leg.target.inverse().compose(course_from_base))
-
-
-def _along(parameters: CourseParameters, target_from_base: Pose2D) -> Twist2D | None:
+    target_from_base = leg.target.inverse().compose(course_from_base)
     remaining_m = -target_from_base.x_m
     if remaining_m <= parameters.position_tolerance_m:
         return None

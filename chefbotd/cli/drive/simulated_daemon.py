@@ -9,6 +9,7 @@ from asyncio.subprocess import Process
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Final
 
 from chefbotd.cli.common.arguments import Address
@@ -22,44 +23,25 @@ LOG_TAIL_LINES = 20
 
 
 @asynccontextmanager
-async def simulated_daemon(robot: Path | None = None) -> AsyncIterator[Address]:
+async def simulated_daemon(
+    robot: Path | str = "chefbot", environment: Mapping[str, str] = MappingProxyType({})
+) -> AsyncIterator[tuple[Address, int]]:
     """Start ``chefbotd run --sim``, wait until it listens, and end it when the block ends, also after an error.
 
-    ``robot`` is the configuration to simulate; None is the packaged ChefBot's.
+    Yields its address and its process id. ``robot`` is the configuration, or the name of a packaged one.
+    ``environment`` is added to ours.
 
     Raises:
         ProgramError: it ended, or did not listen in time; its last log lines are in the message.
     """
-    async with simulated_process(None if robot is None else str(robot), {}) as (address, _):
-        yield address
-
-
-@asynccontextmanager
-async def simulated_process(
-    robot: str | None, environment: Mapping[str, str]
-) -> AsyncIterator[tuple[Address, int]]:
-    """The same, with its process id; ``robot`` may also name a packaged configuration.
-
-    ``environment`` is added to ours.
-
-    Raises:
-        ProgramError: as ``simulated_daemon`` does.
-    """
     address = Address("127.0.0.1", _free_port())
     with tempfile.TemporaryFile("w+") as log:
-        configured = () if robot is None else ("--config", robot)
-        command = (
-            "-m",
-            "chefbotd.cli.programs.chefbotd",
-            "run",
-            "--sim",
-            "--listen",
-            str(address),
-            *configured,
-        )
+        words = ("run", "--sim", "--listen", str(address), "--config", str(robot))
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            *command,
+            "-m",
+            "chefbotd.cli.programs.chefbotd",
+            *words,
             stdout=log,
             stderr=log,
             env={**os.environ, **environment},

@@ -143,7 +143,7 @@ def drive_square(
 
     async def drive_simulation() -> CourseResult:
         view.say("starting chefbotd on a simulated robot ...")
-        async with simulated_daemon(robot) as address:
+        async with simulated_daemon(robot or "chefbot") as (address, _):
             view.say(f"driving a {side_m:g} m square through {address}")
             return await CommandContext(address).with_client(drive_course)
 

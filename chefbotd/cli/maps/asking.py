@@ -48,7 +48,7 @@ def progress_bar(doing: str, *, quiet: bool = False) -> Iterator[ProgressListene
 
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
-        yield _show_nothing
+        yield lambda done, total, text: None
         return
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -61,7 +61,3 @@ def progress_bar(doing: str, *, quiet: bool = False) -> Iterator[ProgressListene
             bar.update(task, completed=done, total=total, description=f"{doing}: {text}", refresh=True)
 
         yield show
-
-
-def _show_nothing(_done: float, _total: float, _text: str) -> None:
-    """Nobody looks."""

@@ -6,16 +6,15 @@ against the true walls.
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import send_drive
-from chefbotd.cli.drive.simulated_daemon import simulated_process, until_worker_ready
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
 from chefbotd.cli.maps.tour import Show, Tour, listen
 from chefbotd.client import CallError, Client
@@ -76,7 +75,7 @@ class Demo:
         """
         self._show(self._tour)
         environment = {"CHEFBOTD_MAPS__FOLDER": str(self._folder.absolute())}
-        async with simulated_process("chefbot_lidar", environment) as (where, daemon_pid):
+        async with simulated_daemon("chefbot_lidar", environment) as (where, daemon_pid):
             return await CommandContext(where).with_client(lambda robot: self._with_robot(robot, daemon_pid))
 
     async def _with_robot(self, robot: Client, daemon_pid: int) -> DemoResult:
@@ -85,13 +84,13 @@ class Demo:
         await robot.discard_mapping()
         await robot.start_mapping()
         began_s, before, used = time.monotonic(), await robot.get_stats(), Usage(daemon_pid, self._worker_pid)
-        async with self._listening(robot):
+        async with beside(listen(robot, self._tour, self._show)):
             await self._drive(robot)
             self._tour.driven_s = time.monotonic() - began_s
             processes = used.since()
             self._tour.doing = "matching all scans with each other"
             saved = await robot.finish_mapping(self._name, on_progress=self._report)
-        after, image = await robot.get_stats(), await self._saved_map(robot)
+        after, image = await robot.get_stats(), (await robot.get_map(self._name)).grid()
         return DemoResult(
             saved=saved,
             grid=image,
@@ -102,18 +101,6 @@ class Demo:
             worker_restarts=_count(after, "worker_restarts") - _count(before, "worker_restarts"),
             processes=processes,
         )
-
-    async def _saved_map(self, robot: Client) -> OccupancyGrid:
-        return (await robot.get_map(self._name)).grid()
-
-    @asynccontextmanager
-    async def _listening(self, robot: Client) -> AsyncIterator[None]:
-        task = asyncio.create_task(listen(robot, self._tour, self._show))
-        try:
-            yield
-        finally:
-            task.cancel()
-            await asyncio.wait({task})
 
     async def _drive(self, robot: Client) -> None:
         """Through all points; it fails where the robot comes no nearer to the end for some time."""

@@ -20,8 +20,7 @@ from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
-from chefbotd.cli.programs.init import completion
-from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.programs.program import Program, completion, wants_json
 from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.serve import commands as navigating
 from chefbotd.cli.tune.commands import pid

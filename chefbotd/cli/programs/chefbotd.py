@@ -16,10 +16,10 @@ from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
 from chefbotd.cli.common.extras import require
-from chefbotd.cli.programs.init import completion, init, urdf
+from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
-from chefbotd.cli.programs.program import Program, wants_json
+from chefbotd.cli.programs.program import Program, completion, wants_json
 from chefbotd.cli.record.replay import replay
 from chefbotd.cli.service.commands import install_service, uninstall_service
 from chefbotd.process import signals

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-from click.shell_completion import get_completion_class
 
 from chefbotd.cli.common.arguments import configuration
 from chefbotd.cli.common.echo import echo
@@ -57,23 +56,3 @@ def urdf(path: Path | None) -> None:
     from chefbotd.settings.urdf import urdf_of
 
     echo(urdf_of(load_valid(path)).rstrip("\n"))
-
-
-SHELLS = ("bash", "zsh", "fish")
-
-
-@click.command()
-@click.argument("shell", type=click.Choice(SHELLS))
-@click.pass_context
-def completion(ctx: click.Context, shell: str) -> None:
-    """Print the script that completes commands in SHELL.
-
-    In bash: eval "$(PROGRAM completion bash)".
-    """
-    root = ctx.find_root()
-    program = root.command.name or ""
-    completer = get_completion_class(shell)
-    if completer is None:
-        raise ProgramError(Exit.FAILED, f"this version of click cannot complete {shell}")
-    variable = f"_{program}_COMPLETE".upper().replace("-", "_")
-    echo(completer(root.command, {}, program, variable).source())

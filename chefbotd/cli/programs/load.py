@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra
-from chefbotd.settings import MissingExtraError, SettingsError
 
 if TYPE_CHECKING:
-    from chefbotd.settings import Settings
+    from chefbotd.settings import Settings, SettingsError
     from chefbotd.sim.simulation import Simulation
 
 
@@ -19,7 +18,6 @@ def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None)
     Raises:
         ProgramError: it is not valid, or cannot be read without an extra; the message says why.
     """
-    from chefbotd.cli.programs.load import bad_configuration
     from chefbotd.settings import SettingsError, load
 
     try:
@@ -43,8 +41,10 @@ def simulation(settings: "Settings") -> "Simulation":
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
 
 
-def bad_configuration(error: SettingsError) -> ProgramError:
+def bad_configuration(error: "SettingsError") -> ProgramError:
     """Its text, the differences between description and configuration, and the exit code that fits."""
+    from chefbotd.settings import MissingExtraError
+
     details = {"differences": error.differences} if error.differences else {}
     is_missing = isinstance(error, MissingExtraError)
     return ProgramError(Exit.NOT_INSTALLED if is_missing else Exit.BAD_CONFIGURATION, str(error), **details)

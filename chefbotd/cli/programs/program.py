@@ -1,4 +1,4 @@
-"""What chefbotd and chefbotctl share: failures become exit codes, and --json may stand anywhere."""
+"""What chefbotd and chefbotctl share: failures become exit codes, --json may stand anywhere, shells can complete."""
 
 import io
 import json
@@ -7,8 +7,9 @@ from copy import copy
 from typing import Any, Protocol, Self, runtime_checkable
 
 import click
+from click.shell_completion import get_completion_class
 
-from chefbotd.cli.common.echo import plain
+from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 JSON_HELP = "Print JSON for scripts; failures too, on stderr."
@@ -87,3 +88,23 @@ def _with_json(command: click.Command) -> click.Command:
     if isinstance(taking, click.Group):
         taking.commands = {name: _with_json(inner) for name, inner in taking.commands.items()}
     return taking
+
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(SHELLS))
+@click.pass_context
+def completion(ctx: click.Context, shell: str) -> None:
+    """Print the script that completes commands in SHELL.
+
+    In bash: eval "$(PROGRAM completion bash)".
+    """
+    root = ctx.find_root()
+    program = root.command.name or ""
+    completer = get_completion_class(shell)
+    if completer is None:
+        raise ProgramError(Exit.FAILED, f"this version of click cannot complete {shell}")
+    variable = f"_{program}_COMPLETE".upper().replace("-", "_")
+    echo(completer(root.command, {}, program, variable).source())

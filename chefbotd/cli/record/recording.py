@@ -93,14 +93,18 @@ def list_files(context: CommandContext) -> None:
     if not listed.files and not context.as_json:
         echo(f"There is no recording in {listed.folder} yet.")
         return
-    rows = [[row.file, _size(row.size_bytes), _time(row), _condition(row)] for row in listed.files]
+    rows = [
+        [
+            row.file,
+            _size(row.size_bytes),
+            datetime.fromtimestamp(row.changed_at_s).strftime("%Y-%m-%d %H:%M"),
+            _condition(row),
+        ]
+        for row in listed.files
+    ]
     output.table(context.as_json, listed.model_dump(mode="json"), ["recording", "size", "changed", ""], rows)
     if not context.as_json:
         echo(f"In {listed.folder}, on the robot's computer.")
-
-
-def _time(row: "RecordedFile") -> str:
-    return datetime.fromtimestamp(row.changed_at_s).strftime("%Y-%m-%d %H:%M")
 
 
 def _condition(row: "RecordedFile") -> str:
@@ -120,14 +124,10 @@ def _line(*, quiet: bool) -> Iterator[Show]:
 
     console = Console(stderr=True, highlight=False)
     if quiet or not console.is_terminal:
-        yield _show_nothing
+        yield lambda text: None
         return
     with console.status("recording") as status:
         yield status.update
-
-
-def _show_nothing(_text: str) -> None:
-    """Nobody looks."""
 
 
 def _ask(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:

@@ -149,42 +149,29 @@ def _figures(replayed: "Replayed") -> Iterator[str]:
     yield "(the wheels turn as they did: this is what would have been commanded, not how they would have followed)"
 
 
+OF_OUTCOME = (
+    *("seconds", "entries", "exact", "from_start", "from_state", "skipped_s", "left_out", "same_since_s"),
+    *("lost", "problems"),
+)
+OF_DIFFERENCE = ("stamp_s", "after", "field", "recorded", "replayed")
+OF_ROW = ("recorded", "replayed", "differing", "largest", "field")
+
+
+def _told_by_name(told: object, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: getattr(told, name) for name in names}
+
+
 def _as_json(replayed: "Replayed") -> dict[str, Any]:
     outcome = replayed.outcome
     first = outcome.first
     return {
         "robot": replayed.robot,
-        "seconds": outcome.seconds,
         "took_s": replayed.took_s,
-        "entries": outcome.entries,
-        "exact": outcome.exact,
-        "from_start": outcome.from_start,
-        "from_state": outcome.from_state,
-        "skipped_s": outcome.skipped_s,
-        "left_out": outcome.left_out,
-        "same_since_s": outcome.same_since_s,
-        "lost": outcome.lost,
         "problem": replayed.problem,
-        "problems": outcome.problems,
+        **_told_by_name(outcome, OF_OUTCOME),
         "first_difference": None
         if first is None
-        else {
-            "stamp_s": first.stamp_s,
-            "after": first.after,
-            "event": first.kind,
-            "field": first.field,
-            "recorded": first.recorded,
-            "replayed": first.replayed,
-        },
-        "events": {
-            kind: {
-                "recorded": row.recorded,
-                "replayed": row.replayed,
-                "differing": row.differing,
-                "largest": row.largest,
-                "field": row.field,
-            }
-            for kind, row in outcome.comparison.rows.items()
-        },
+        else {"event": first.kind, **_told_by_name(first, OF_DIFFERENCE)},
+        "events": {kind: _told_by_name(row, OF_ROW) for kind, row in outcome.comparison.rows.items()},
         "wheel_speed_error_rms_rad_s": [outcome.recorded_error.rms_rad_s, outcome.replayed_error.rms_rad_s],
     }

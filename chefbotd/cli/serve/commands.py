@@ -11,7 +11,7 @@ import click
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
-from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.extras import extra, require
@@ -41,23 +41,26 @@ def go(context: CommandContext, target: tuple[str, ...], tolerance_m: float | No
     goal = _goal(target)
     if tolerance_m is not None:
         goal["tolerance_m"] = tolerance_m
-    told = _navigate(context, lambda robot: robot.navigate_to(**goal), f"to {' '.join(target)}")
-    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+    _send(context, lambda robot: robot.navigate_to(**goal), f"to {' '.join(target)}")
 
 
 @click.command()
 @click.pass_obj
 def home(context: CommandContext) -> None:
     """Send the robot home: to the place navigation.home_place of the map in use. Ctrl-C cancels."""
-    told = _navigate(context, lambda robot: robot.go_home(), "home")
-    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+    _send(context, lambda robot: robot.go_home(), "home")
 
 
 @click.command()
 @click.pass_obj
 def dock(context: CommandContext) -> None:
     """Send the robot to where it is charged: to the place navigation.dock_place of the map in use. Ctrl-C cancels."""
-    told = _navigate(context, lambda robot: robot.dock(), "to the dock")
+    _send(context, lambda robot: robot.dock(), "to the dock")
+
+
+def _send(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> None:
+    """Have it drive there, and say what came of it."""
+    told = _navigate(context, drive, doing)
     output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
 
 
@@ -67,12 +70,8 @@ def _goal(target: tuple[str, ...]) -> dict[str, Any]:
     with contextlib.suppress(ValueError):
         numbers = [float(word) for word in target]
     if len(numbers) in (2, 3) and all(map(math.isfinite, numbers)):
-        goal: dict[str, Any] = {"x_m": numbers[0], "y_m": numbers[1]}
-        return (
-            goal
-            if len(numbers) == 2
-            else {**goal, "heading_rad": math.radians(math.remainder(numbers[2], 360))}
-        )
+        headings = [math.radians(math.remainder(degrees, 360)) for degrees in numbers[2:]]
+        return dict(zip(("x_m", "y_m", "heading_rad"), [*numbers[:2], *headings], strict=False))
     return {"place": " ".join(target)}
 
 
@@ -192,12 +191,8 @@ async def _watched(
     scene.grid = (await robot.get_map()).grid()
     known = (await robot.list_places()).places
     scene.places = tuple(Mark(each.x_m, each.y_m, label=each.name, style=PLACE) for each in known)
-    listening = asyncio.create_task(listen(robot, scene, show))
-    try:
+    async with beside(listen(robot, scene, show)):
         return await drive(robot)
-    finally:
-        listening.cancel()
-        await asyncio.wait({listening})
 
 
 def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:

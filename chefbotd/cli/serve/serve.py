@@ -4,20 +4,19 @@ import asyncio
 import math
 import tempfile
 import time
-from collections.abc import AsyncIterator, Coroutine
-from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import chefbotd.sim.worlds
-from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.simulated_daemon import simulated_process, until_worker_ready
+from chefbotd.cli.drive.control import ignoring_too_old
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.cli.maps.draw import Mark
 from chefbotd.cli.serve import order
 from chefbotd.cli.serve.legs import Best, Truth, ended_leg
 from chefbotd.cli.serve.scene import PLACE, Found, Leg, NavigationScene, Served, Show, listen
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 from chefbotd.client.goals import GoalNotReached
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.sim.scene import of_solids
@@ -56,14 +55,14 @@ class Serve:
         self._show(self._scene)
         with tempfile.TemporaryDirectory(prefix="chefbotctl-") as folder:
             environment = order.environment(Path(folder) / "maps")
-            async with simulated_process("chefbot_lidar", environment) as (where, _):
+            async with simulated_daemon("chefbot_lidar", environment) as (where, _):
                 return await CommandContext(where).with_client(self._with_robot)
 
     async def _with_robot(self, robot: Client) -> Served:
         began_s = time.monotonic()
         await robot.wait_until_armed()
         await until_worker_ready(robot, self._say)
-        async with self._beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
+        async with beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
             await self._load_map(robot)
             self._due_s = time.monotonic() + ORDER_S
             found = await self._find(robot)
@@ -73,17 +72,6 @@ class Serve:
                 if legs[-1].end != "reached":
                     break
         return Served(found, tuple(legs), time.monotonic() - began_s)
-
-    @asynccontextmanager
-    async def _beside(self, *loops: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-        """Run these while the block runs."""
-        tasks = [asyncio.create_task(loop) for loop in loops]
-        try:
-            yield
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.wait(tasks)
 
     async def _watch_truth(self, robot: Client) -> None:
         async with robot.subscribe("sim", max_rate_hz=TRUTH_HZ) as events:
@@ -165,11 +153,8 @@ class Serve:
     async def _sent(self, robot: Client, place: str) -> str:
         """On a busy computer a request may be too old before it is read: then it is sent again, until the leg's end."""
         while True:
-            try:
+            with ignoring_too_old():
                 return await robot.navigate_to(place=place)
-            except CallError as error:
-                if error.kind != "too_old":
-                    raise
             await asyncio.sleep(SENT_AGAIN_S)
 
     def _say(self, doing: str) -> None:

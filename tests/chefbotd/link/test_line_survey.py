@@ -5,7 +5,7 @@ import random
 import pytest
 
 from chefbotd.link.line_survey import LineSurvey, echo_delays_s, line_bytes
-from chefbotd.sim.lidar_faults import heard_at
+from chefbotd.sim.lidar import heard_at
 
 
 def cycles(

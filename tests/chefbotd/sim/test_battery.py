@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.sim.battery import Battery, Divider, adc_counts
-from chefbotd.sim_parameters.battery import BatteryParameters
+from chefbotd.sim_parameters.motor import BatteryParameters
 
 
 def test_charge_falls_by_what_is_drawn() -> None:

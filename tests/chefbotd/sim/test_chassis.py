@@ -4,7 +4,7 @@ import pytest
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.sim.chassis import Chassis, Wheel
-from chefbotd.sim.scrub import Scrub
+from chefbotd.sim.plant import Scrub
 
 
 def chassis(order: str) -> Chassis:

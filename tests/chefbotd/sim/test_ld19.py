@@ -10,8 +10,7 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim import scene
 from chefbotd.sim.ld19 import SimulatedLd19
-from chefbotd.sim.sight import Sight
-from chefbotd.sim.spinning import LidarMount
+from chefbotd.sim.spinning import LidarMount, Sight
 from chefbotd.sim.worlds.solids import Material, Place, box
 from chefbotd.sim_parameters.lidar import LidarFlaws
 from firmware_protocol.lidar.ld19 import Ld19Decoder, Ld19Packet

@@ -11,8 +11,7 @@ from chefbotd.clock import LoopClock, SystemClock, run_virtual
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.embedded import EmbeddedBoard
-from chefbotd.sim.lidar import LidarRunner
-from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.lidar import LidarFault, LidarRunner
 from chefbotd.sim.simulate import simulate
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.lidar_faults import LidarFault, LidarLine, heard_at
+from chefbotd.sim.lidar import LidarFault, LidarLine, heard_at
 from firmware_protocol.lidar.ld19 import Ld19Decoder, Ld19Packet, encode
 
 SENT = [

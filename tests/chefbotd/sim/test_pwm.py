@@ -2,8 +2,8 @@
 
 import pytest
 
-from chefbotd.sim.pwm import pwm_share
-from chefbotd.sim_parameters.pwm import PwmLaw
+from chefbotd.sim.commands import pwm_share
+from chefbotd.sim_parameters.sketches import PwmLaw
 
 
 @pytest.mark.parametrize(

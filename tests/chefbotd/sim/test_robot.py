@@ -11,10 +11,9 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.sim.battery import Battery
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot, arc
-from chefbotd.sim.rooms import default_room
+from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.world import World
-from chefbotd.sim_parameters.battery import BatteryParameters
-from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
+from chefbotd.sim_parameters.motor import BatteryParameters, BodyParameters, MotorParameters
 from tests.budget import examples
 
 FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
@@ -172,7 +171,7 @@ def test_a_start_inside_a_wall_is_refused() -> None:
 @given(shares=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6))
 def test_no_drive_leaves_the_room(shares: list[tuple[float, float]]) -> None:
     """However it is driven, the robot never comes closer to a wall than its radius."""
-    room = default_room()
+    room = scene_of(None).below(1.0)
     robot = robot_in(room, Pose2D(2.2, 2.2, 0.5))
     for index, pair in enumerate(shares, start=1):
         robot.drive(pair)

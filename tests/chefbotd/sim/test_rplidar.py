@@ -13,10 +13,9 @@ from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.settings import load, packaged
 from chefbotd.sim import scene
-from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.rplidar import SimulatedRplidar
-from chefbotd.sim.sight import Sight
-from chefbotd.sim.spinning import LidarMount, LidarWire
+from chefbotd.sim.spinning import LidarMount, LidarWire, Sight
 from chefbotd.sim_parameters.lidar import LidarFlaws
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from firmware_protocol.lidar.rplidar import (

@@ -10,8 +10,7 @@ from pydantic import ValidationError
 
 from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.opening import FirstLineCut
-from chefbotd.sim.simulation import Simulation, build_launchpad
+from chefbotd.sim.simulation import FirstLineCut, Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, BoardParameters
 from firmware_protocol.codec import KHAN

@@ -9,7 +9,7 @@ from functools import partial
 
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
-from chefbotd.sim.lidar_faults import LidarFault
+from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.scenarios.faults.outcomes import DEAD_MAN_S, RAMP_S, SLACK_S

@@ -6,8 +6,8 @@ from chefbotd.cli.doctor.passive import examine_robot
 from chefbotd.clock import run_virtual
 from chefbotd.doctor.finding import Finding, Verdict
 from chefbotd.settings import Settings
-from chefbotd.sim.faults import BadCable, CableParameters
 from tests.chefbotd.cli.doctor.bench import Answers, bench, configured, diagnosis_of, found, straight
+from tests.fakes.bad_cable import BadCable, CableParameters
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from chefbotd.cli.doctor.ports import Behind, look_behind
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.doctor.finding import Verdict
 from chefbotd.link.port_list import SerialPort
-from chefbotd.sim.lidar_faults import heard_at
+from chefbotd.sim.lidar import heard_at
 from firmware_protocol.lidar import rplidar
 from tests.chefbotd.cli.doctor.bench import Answers, configured, diagnosis_of, found
 from tests.chefbotd.link.test_listener import Talker

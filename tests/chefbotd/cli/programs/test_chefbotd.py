@@ -232,7 +232,7 @@ def test_a_daemon_of_its_own() -> None:
     """The launcher's daemon answers at its address and ends when it is left."""
 
     async def talk() -> str:
-        async with simulated_daemon() as address, Client.connect(address.host, address.port) as robot:
+        async with simulated_daemon() as (address, _), Client.connect(address.host, address.port) as robot:
             assert "sim" in (await robot.describe()).topics
             return robot.hello.robot
 
@@ -244,7 +244,7 @@ def test_a_daemon_that_cannot_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CHEFBOTD_API__PORT_", "1")
 
     async def start() -> Address:
-        async with simulated_daemon() as address:
+        async with simulated_daemon() as (address, _):
             return address
 
     with pytest.raises(ProgramError, match="ended with exit code 78; its log ends") as caught:
@@ -277,7 +277,7 @@ def test_signals_end_a_command_in_order() -> None:
         return watching.returncode
 
     async def main() -> list[int | None]:
-        async with simulated_daemon() as address:
+        async with simulated_daemon() as (address, _):
             return [await interrupt(address, number) for number in (signal.SIGTERM, signal.SIGINT)]
 
     assert asyncio.run(main()) == [Exit.INTERRUPTED, Exit.INTERRUPTED]

@@ -12,7 +12,7 @@ from PIL import Image
 
 from chefbotd.mapping.map_server import parse_description, parse_image
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from chefbotd.sim.rooms import BUILDINGS, load_map, scene_of
+from chefbotd.sim.rooms import BUILDINGS, scene_of
 from chefbotd.sim.worlds import draw
 from chefbotd.sim.worlds.building import Building
 from chefbotd.sim.worlds.flat import FLAT
@@ -112,7 +112,7 @@ def test_the_tour_leads_through_every_room_with_room_to_spare(building: Building
 
 def test_walls_by_name_and_by_map_file_are_the_same() -> None:
     """What a beam meets is within a cell of 2 cm, be the walls the table's or the map's; glass is a wall in both."""
-    named, drawn = scene_of(Path("flat")).below(0.35), load_map(FOLDER / "flat.yaml")
+    named, drawn = scene_of(Path("flat")).below(0.35), scene_of(FOLDER / "flat.yaml").below(0.35)
     bearings = np.arange(0.05, math.tau, 0.17)
     apart = [
         np.abs(named.first_hits_m(place, bearings) - drawn.first_hits_m(place, bearings))

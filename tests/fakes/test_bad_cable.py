@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from chefbotd.sim.faults import BadCable, CableParameters, Fault
 from tests.budget import examples
+from tests.fakes.bad_cable import BadCable, CableParameters, Fault
 
 EVERYTHING = CableParameters(flip_share=0.02, drop_share=0.02, double_share=0.02, noise_share=0.02)
 BYTES = random.Random(1).randbytes(20_000)
