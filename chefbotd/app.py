@@ -201,7 +201,7 @@ class Daemon:
             raise
 
     def _started(self, stamp_s: float) -> DaemonStarted:
-        gate = self.driving.gate
+        gate = self.driving.keeper.gate
         fault = None if gate.fault is None else str(gate.fault)
         return DaemonStarted(stamp_s, str(gate.mode), gate.reason, fault, self._session)
 

@@ -55,12 +55,10 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         bus,
         clock,
         settings.safety,
-        wheel_names=context.wheel_names,
-        counts_per_turn=settings.encoders.counts_per_turn,
         mounts=settings.range_mounts(),
         latch=latch,
         session=int(context.session, 16),
-        motors=MotorWatch(settings.safety, settings.chassis),
+        motors=MotorWatch(settings.safety, settings.chassis, settings.encoders.counts_per_turn),
         scans=scan_guard(context),
     )
     return DriveService(
@@ -96,7 +94,7 @@ def robot_features(
             arm_role=settings.api.arm_role,
         ),
         odometry(OdometryService(bus, clock, settings.chassis, settings.odometry)),
-        tuning(Tuning(service, driven, driven * settings.safety.wheels.driven_duty_share)),
+        tuning(Tuning(service.wheels, driven, driven * settings.safety.wheels.driven_duty_share)),
         sensors(
             SensorService(
                 bus,

@@ -66,7 +66,7 @@ async def _watched(daemon: Daemon, settings: Settings, clock: Clock) -> AsyncIte
         clock,
         daemon.driving,
         daemon.session.stop_from_thread,
-        daemon.driving.report_from_thread,
+        daemon.driving.keeper.report_from_thread,
     )
     with watchdog:
         yield

@@ -111,7 +111,7 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
         SystemClock(),
         daemon.driving,
         daemon.session.stop_from_thread,
-        daemon.driving.report_from_thread,
+        daemon.driving.keeper.report_from_thread,
     )
     with watchdog:
         await daemon.run(report_ready, *(service.loops if service else ()), *more)

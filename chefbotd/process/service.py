@@ -31,14 +31,14 @@ class DaemonTarget:
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
-        self.gains = daemon.driving.gains
+        self.gains = daemon.driving.wheels.gains
         self.exchange_tokens = daemon.rpc.exchange_tokens
 
     def retune(self, gains: Mapping[str, PidParameters]) -> None:
         """Without a bump."""
         told = {name: each.model_dump(mode="json") for name, each in gains.items()}
         with self._daemon.entries.entry(GainsExchanged, told):
-            self._daemon.driving.retune(gains)
+            self._daemon.driving.wheels.retune(gains)
 
     def relimit(self, limits: MotionLimits) -> bool:
         """As soon as the robot stands; what is told of a command changes at the same time."""
@@ -48,7 +48,7 @@ class DaemonTarget:
             log.info("the limits have changed")
 
         with self._daemon.entries.entry(LimitsExchanged, limits.model_dump(mode="json")):
-            return self._daemon.driving.relimit(limits, tell)
+            return self._daemon.driving.wheels.relimit(limits, tell)
 
     def set_level(self, level: Level) -> None:
         """For every part of the process, but for the worker's."""

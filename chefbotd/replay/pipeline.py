@@ -128,7 +128,7 @@ class Pipeline:
                 self._daemon.session.withdraw_setpoint()
             elif isinstance(answer, inputs.FaultTaken):
                 fault = Fault(FaultKind(answer.kind), answer.reason)
-                self._daemon.driving.report_from_thread(fault)
+                self._daemon.driving.keeper.report_from_thread(fault)
             elif isinstance(answer, inputs.AnswerTaken):
                 self._entries.add_answer(answer.asked, answer.answer)
         if drained and self._drains and BOARD_LINK in self._ports:
@@ -244,13 +244,13 @@ class Pipeline:
         self._daemon.driving.fail(Fault(FaultKind.SERVICE_FAILED, entry.reason))
 
     def _retune(self, entry: inputs.GainsExchanged) -> None:
-        self._daemon.driving.retune(
+        self._daemon.driving.wheels.retune(
             {name: PidParameters.model_validate(gains) for name, gains in entry.gains.items()}
         )
 
     def _relimit(self, entry: inputs.LimitsExchanged) -> None:
         limits = MotionLimits.model_validate(entry.limits)
-        self._daemon.driving.relimit(limits, lambda: self._daemon.limit_preview.relimit(limits))
+        self._daemon.driving.wheels.relimit(limits, lambda: self._daemon.limit_preview.relimit(limits))
 
 
 class UnknownLink(Exception):

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.features.discovery.parameters import DiscoveryParameters
-from chefbotd.features.driving.service import ControlParameters
+from chefbotd.features.driving.watch_timer import ControlParameters
 from chefbotd.features.foxglove.parameters import FoxgloveParameters
 from chefbotd.link.port import LinkParameters
 from chefbotd.localization.section import LocalizationSection

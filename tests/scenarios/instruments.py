@@ -73,9 +73,7 @@ class StepCount:
     def _behind(self) -> int:
         driving = self._robot.daemon.driving
         return (
-            self._robot.daemon.session.frames.get("EncoderCounts", 0)
-            - driving.steps
-            - driving.readings_refused
+            self._robot.daemon.session.frames.get("EncoderCounts", 0) - driving.steps - driving.reader.refused
         )
 
 

@@ -4,10 +4,9 @@ Their commands are refused before the keeper of the robot's safety hears of them
 a stop or an ``arm``, the next of them would move the robot without its driver having asked anew.
 """
 
-from chefbotd.features.driving.safety_keeper import EMERGENCY_STOP, stopped
+from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, StopHold
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.session import Session
-from chefbotd.safety import hold
 
 
 class Contenders:
@@ -15,7 +14,7 @@ class Contenders:
 
     def __init__(self, leases: ControlLeases) -> None:
         self._leases = leases
-        self._attempts: hold.Attempts = ()
+        self._held = StopHold(leases.stop_hold_s)
         self._last: dict[str, Session] = {}
         self._estopped = False
 
@@ -23,28 +22,24 @@ class Contenders:
         """A client tries to drive; raises ``Refused`` where the source is free, but a stop holds those who try."""
         if self._leases.is_own(source, session, now_s):
             return
-        stop_hold_s = self._leases.stop_hold_s
-        self._attempts = hold.note_attempt(self._attempts, source, now_s, stop_hold_s)
+        self._held.note_attempt(source, now_s, estopped=self._estopped)
         self._last[source] = session
-        if self._estopped:
-            self._attempts = hold.hold(self._attempts, now_s, stop_hold_s, EMERGENCY_STOP)
-        stopped_by = hold.holder_of(self._attempts, source)
-        if stopped_by and not self._estopped and self._leases.holder(source, now_s) is None:
-            raise stopped(source, stopped_by, stop_hold_s)
+        if not self._estopped and self._leases.holder(source, now_s) is None:
+            self._held.require_free(source)
 
     def stop(self, session: Session, by: str, now_s: float) -> None:
         """Hold who has tried lately, but for the client that asks for it."""
-        self._attempts = hold.hold(self._attempts, now_s, self._leases.stop_hold_s, by, self._of(session))
+        self._held.hold(now_s, by, self._of(session))
 
     def estop(self, now_s: float) -> None:
         """Hold who has tried lately, and who tries before somebody arms."""
-        self._attempts = hold.hold(self._attempts, now_s, self._leases.stop_hold_s, EMERGENCY_STOP)
+        self._held.hold(now_s, EMERGENCY_STOP)
         self._estopped = True
 
     def arm(self, session: Session) -> None:
         """No e-stop is latched any more; this client knows of the stop, and asks to drive."""
         self._estopped = False
-        self._attempts = hold.free(self._attempts, self._of(session))
+        self._held.free(self._of(session))
 
     def _of(self, session: Session) -> list[str]:
         return [source for source, last in self._last.items() if last is session]

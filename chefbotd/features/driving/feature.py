@@ -36,7 +36,7 @@ class PreviewedDrive:
         self, source: str, velocity_rad_s: Mapping[str, float]
     ) -> Allowed[Mapping[str, float]]:
         """Take a command for each wheel."""
-        wanted = self._service.wheel_velocities(velocity_rad_s)
+        wanted = self._service.wheels.wheel_velocities(velocity_rad_s)
         self._service.command(source, wanted)
         return self._preview.of_wheels(wanted)
 
@@ -73,12 +73,14 @@ def driving(
 def _add_metrics(metrics: Metrics, service: DriveService, quadrature: QuadratureService) -> None:
     metrics.counter("control_steps", "Steps of the control loop.", lambda: service.steps)
     metrics.histogram("control_step_s", "How long a step of the control loop takes.", service.step_times)
-    metrics.counters("faults", "Faults that disarmed the robot.", "fault", lambda: service.faults)
+    metrics.counters(
+        "faults", "Faults that disarmed the robot.", "fault", lambda: service.keeper.announcer.faults
+    )
     metrics.counter("internal_errors", "Steps that failed.", lambda: service.internal_errors)
     metrics.counter(
         "encoder_readings_refused",
         "Encoder readings that were rejected.",
-        lambda: service.readings_refused,
+        lambda: service.reader.refused,
     )
     metrics.counter(
         "encoder_transitions_illegal",

@@ -1,11 +1,11 @@
-"""What the motors do, held against what they were told: too fast, or although told to stand, or not what was said."""
+"""What the wheels do, held against what they were told: stuck, backwards, too fast, although told to stand."""
 
 from collections.abc import Iterator
 
 from chefbotd.core.events import DutyEchoed
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.safety import echo, overspeed, unresponsive
+from chefbotd.safety import echo, overspeed, unresponsive, wheels
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
 
@@ -23,8 +23,11 @@ LATE_READINGS_S = 1.0
 class MotorWatch:
     """Holds what the detectors remember from one reading to the next."""
 
-    def __init__(self, parameters: SafetyParameters, chassis: ChassisParameters) -> None:
+    def __init__(
+        self, parameters: SafetyParameters, chassis: ChassisParameters, counts_per_turn: float
+    ) -> None:
         self._parameters, self._kinematics = parameters, Kinematics(chassis)
+        self._play_rad = wheels.play_of(counts_per_turn)
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._dragged = len(self._names) > 2
         self._echo = echo.UNKNOWN
@@ -42,14 +45,23 @@ class MotorWatch:
         return paused
 
     def start_anew(self) -> None:
-        """The robot is armed, or its board another: nothing is held against it."""
+        """The robot is armed: nothing is held against it."""
+        self._wheels = wheels.at_rest(len(self._names))
+        self._forget_motion()
+
+    def _forget_motion(self) -> None:
         self._overspeed = overspeed.at_rest(len(self._names))
         self._unresponsive = unresponsive.DRIVEN
 
     def connected(self) -> None:
         """Whether the board's echo can be believed has to be seen."""
         self._echo = echo.UNKNOWN
-        self.start_anew()
+        self._forget_motion()
+
+    def note_jump(self, jumped: tuple[int, ...]) -> Fault | None:
+        """An encoder reading was refused because of these wheels."""
+        self._wheels, fault = wheels.note_jump(self._parameters.wheels, self._names, self._wheels, jumped)
+        return fault
 
     def note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
@@ -63,8 +75,25 @@ class MotorWatch:
         self._echo, fault = echo.note_echo(self._parameters.echo, self._echo, event.arrival_s, event.duty)
         return fault
 
-    def watch(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
-        """A good reading, after a while in which the rims were asked for these speeds."""
+    def watch(
+        self, now_s: float, effort: tuple[float, ...], setpoint_m_s: tuple[float, ...], seen: WheelsRead
+    ) -> Iterator[Fault]:
+        """A good reading, after a while with this effort (see ``chefbotd.safety.wheels``) and setpoint of each rim.
+
+        Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
+        """
+        longest_s = self._parameters.encoders.max_age_s
+        self._wheels, fault = wheels.watch(
+            self._parameters.wheels,
+            self._names,
+            self._wheels,
+            effort,
+            seen.reading.travel_rad,
+            seen.dt_s if seen.dt_s < longest_s else longest_s,
+            self._play_rad,
+        )
+        if fault is not None:
+            yield fault
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
             self._unresponsive = unresponsive.told(

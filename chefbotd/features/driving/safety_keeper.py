@@ -25,8 +25,9 @@ from chefbotd.entries import entries_of
 from chefbotd.features.driving.gate_announcer import GateAnnouncer
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
+from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
-from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold, wheels
+from chefbotd.safety import battery_monitor, encoder_timeout, gate
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
@@ -38,7 +39,6 @@ ENCODERS_STALE = "encoders_stale"
 NO_BOARD = "no_board"
 """The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
 
-EMERGENCY_STOP = "an emergency stop"
 JUST_S = 0.001
 """So much older than it may be is a reading that is just too old."""
 
@@ -49,10 +49,10 @@ LATCHES_PER_SESSION = 2**20
 
 
 class SafetyKeeper:
-    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name; ``counts_per_turn`` the encoders'.
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
     ``scans`` makes what guards by lidars. ``latch`` remembers the mode beyond the end of the process; what latches is
-    numbered within the ``session``. ``motors`` says whether the board does as it is told.
+    numbered within the ``session``. ``motors`` says whether board and wheels do as they are told.
     """
 
     def __init__(
@@ -61,8 +61,6 @@ class SafetyKeeper:
         clock: Clock,
         parameters: SafetyParameters,
         *,
-        wheel_names: tuple[str, ...],
-        counts_per_turn: float,
         mounts: Mapping[str, Pose2D],
         latch: GateStore,
         session: int = 0,
@@ -70,21 +68,19 @@ class SafetyKeeper:
         scans: Callable[[OnError], Scans] | None = None,
     ) -> None:
         self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
-        self._wheel_names, self._play_rad = wheel_names, wheels.play_of(counts_per_turn)
-        self._motors = motors
+        self.motors = motors
         self._gate, self._decision = latch.recall(), HALT
         self._latched = session * LATCHES_PER_SESSION
-        self._attempts: hold.Attempts = ()
+        self._held = StopHold(parameters.held_until_silent_s)
         self._silence = EncoderTimeoutState()
-        self._wheels = wheels.at_rest(len(wheel_names))
         self._critical_since_s: float | None = None
         self._obstacles = ObstacleGuard(bus, parameters.guard, mounts, scans, self._keep_error)
         self._link_open = False
         self._reported: Fault | None = None
-        self._announcer = GateAnnouncer(bus, latch)
+        self.announcer = GateAnnouncer(bus, latch)
         self._announced: tuple[str | int | None, ...] = ()
         self._reading_error: Exception | None = None
-        self._on_fault: Callable[[], None] = _nothing
+        self._on_fault: Callable[[], None] = lambda: None
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
 
@@ -92,11 +88,6 @@ class SafetyKeeper:
     def gate(self) -> GateState:
         """The gate's state."""
         return self._gate
-
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """How often each fault has latched."""
-        return self._announcer.faults
 
     @property
     def armed(self) -> bool:
@@ -121,40 +112,24 @@ class SafetyKeeper:
             Refused: the link is down, the robot is not armed, or there is no such source.
         """
         self._take_report()
-        self._note_attempt(command)
+        if command.source in self._parameters.sources:
+            estopped = self._gate.mode is Mode.ESTOPPED
+            self._held.note_attempt(command.source, command.stamp_s, estopped=estopped)
         accepted = gate.accept(self._parameters, self._gate, command)
-        self._require_free(command.source)
+        self._held.require_free(command.source)
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
         self._gate = accepted
-
-    def _note_attempt(self, command: Command) -> None:
-        """Who tries to drive while an e-stop is latched is held from then on, as who did before it."""
-        stop_hold_s = self._parameters.held_until_silent_s
-        if command.source not in self._parameters.sources:
-            return
-        self._attempts = hold.note_attempt(self._attempts, command.source, command.stamp_s, stop_hold_s)
-        if self._gate.mode is Mode.ESTOPPED:
-            self._hold(EMERGENCY_STOP)
-
-    def _require_free(self, source: str) -> None:
-        stopped_by = hold.holder_of(self._attempts, source)
-        if stopped_by:
-            raise stopped(source, stopped_by, self._parameters.held_until_silent_s)
-
-    def _hold(self, by: str, excluded: Collection[str] = ()) -> None:
-        now_s, stop_hold_s = self._clock.now_s(), self._parameters.held_until_silent_s
-        self._attempts = hold.hold(self._attempts, now_s, stop_hold_s, by, excluded)
 
     def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
         """Forget every command; hold the sources that are driven, but for the ``excluded`` ones, if told by whom."""
         self._gate = gate.stop(self._gate)
         if by:
-            self._hold(by, excluded)
+            self._held.hold(self._clock.now_s(), by, excluded)
 
     def resume(self, sources: Collection[str]) -> None:
         """The drivers of these sources ask anew: no stop holds them any longer."""
-        self._attempts = hold.free(self._attempts, sources)
+        self._held.free(sources)
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
@@ -162,7 +137,7 @@ class SafetyKeeper:
 
     def estop(self, reason: str) -> None:
         """Latch, until ``arm``; who drives is held beyond that."""
-        self._hold(EMERGENCY_STOP)
+        self._held.hold(self._clock.now_s(), EMERGENCY_STOP)
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
         self._latched += 1
 
@@ -189,8 +164,7 @@ class SafetyKeeper:
         if self.armed:
             return
         self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
-        self._wheels = wheels.at_rest(len(self._wheel_names))
-        self._motors.start_anew()
+        self.motors.start_anew()
         self._silence = replace(self._silence, interrupted=False)
 
     # What happens to the robot
@@ -211,7 +185,7 @@ class SafetyKeeper:
         if isinstance(event, LinkOpened):
             self._link_open = True
             self._silence = EncoderTimeoutState()
-            self._motors.connected()
+            self.motors.connected()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
             self._link_open = False
@@ -221,18 +195,11 @@ class SafetyKeeper:
             self._recover("the board is back")
 
     def watch_wheels(
-        self, now_s: float, effort: tuple[float, ...], travel_rad: tuple[float, ...], dt_s: float
+        self, now_s: float, effort: tuple[float, ...], setpoint_m_s: tuple[float, ...], seen: WheelsRead
     ) -> None:
-        """A good encoder reading, and the effort that led to it (see ``chefbotd.safety.wheels``).
-
-        Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
-        """
+        """A good encoder reading, and what each wheel and rim was asked for meanwhile (see ``MotorWatch.watch``)."""
         self._silence = EncoderTimeoutState(now_s)
-        dt_s = min(dt_s, self._parameters.encoders.max_age_s)
-        self._wheels, fault = wheels.watch(
-            self._parameters.wheels, self._wheel_names, self._wheels, effort, travel_rad, dt_s, self._play_rad
-        )
-        if fault is not None:
+        for fault in self.motors.watch(now_s, effort, setpoint_m_s, seen):
             self.fail(fault)
 
     def loop_runs(self, now_s: float) -> None:
@@ -240,24 +207,13 @@ class SafetyKeeper:
 
         After a pause the encoders have not been silent for its time: the robot brakes until they are heard again.
         """
-        if self._motors.loop_runs(now_s):
+        if self.motors.loop_runs(now_s):
             stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
             self._silence = replace(self._silence, heard_s=max(self._silence.heard_s, stale_s))
 
-    def tell_motors(self, now_s: float, duty: tuple[int, ...]) -> None:
-        """A command goes to the board."""
-        self._motors.note_command(now_s, duty)
-
-    def watch_motors(self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead) -> None:
-        """A good encoder reading, after a while in which the rims were asked for these speeds."""
-        for fault in self._motors.watch(now_s, setpoint_m_s, seen):
-            self.fail(fault)
-
     def note_jump(self, jumped: tuple[int, ...]) -> None:
         """An encoder reading was refused because of these wheels."""
-        self._wheels, fault = wheels.note_jump(
-            self._parameters.wheels, self._wheel_names, self._wheels, jumped
-        )
+        fault = self.motors.note_jump(jumped)
         if fault is not None:
             self.fail(fault)
 
@@ -286,7 +242,7 @@ class SafetyKeeper:
         said = (mode, reason, decision.source, state.fault, decision.limited_by, self._latched)
         if said != self._announced:
             self._announced = said
-            self._announcer.announce(SafetyChanged(now_s, *said), state)
+            self.announcer.announce(SafetyChanged(now_s, *said), state)
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
@@ -322,7 +278,7 @@ class SafetyKeeper:
             self._on_fault()
 
     def _on_echo(self, event: DutyEchoed) -> None:
-        fault = self._motors.note_echo(event)
+        fault = self.motors.note_echo(event)
         if fault is not None:
             self.fail(fault)
             self._on_fault()
@@ -335,16 +291,3 @@ class SafetyKeeper:
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
             self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
-
-
-def _nothing() -> None:
-    """Nobody wants to know."""
-
-
-def stopped(source: str, stopped_by: str, stop_hold_s: float) -> Refused:
-    """What the driver of a source is told that a stop holds."""
-    return Refused(
-        RefusalKind.STOPPED,
-        f"{source} was stopped by {stopped_by}: do not drive for {stop_hold_s:g} s, or send arm",
-        {"source": source, "stopped_by": stopped_by, "stop_hold_s": stop_hold_s},
-    )

@@ -4,11 +4,10 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 goes out as events.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from time import perf_counter
 
 import structlog
-from pydantic import Field
 
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
@@ -20,20 +19,17 @@ from chefbotd.core.events import (
     WheelsDriven,
     WheelsMeasured,
 )
-from chefbotd.core.geometry import Motion, WheelVelocities
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.geometry import Motion
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.motor_watch import PAUSE_S
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
-from chefbotd.features.driving.watch_timer import WatchTimer
+from chefbotd.features.driving.watch_timer import ControlParameters, WatchTimer
 from chefbotd.features.driving.wheel_controller import WheelController
 from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
 from chefbotd.metrics import Histogram
 from chefbotd.motion.drive import Drive
-from chefbotd.motion.limits import MotionLimits
-from chefbotd.motion.pid import PidParameters
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Command, Decision, GateState
+from chefbotd.safety.gate import Command, Decision
 from chefbotd.safety.watchdog import WatchdogParameters
 
 STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
@@ -42,14 +38,8 @@ STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 log = structlog.get_logger(component="drive")
 
 
-class ControlParameters(Parameters):
-    """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
-
-    watch_period_s: float = Field(default=0.02, gt=0, le=0.1)
-
-
 class DriveService:
-    """Owns the wheels' controller; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
+    """Asks ``wheels`` what to do; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
     ``reader`` says what the wheels did; ``wheel_names`` and ``duty_ceiling`` are the ``WheelController``'s.
     A loop that stood still for ``patience_s`` while it drove disarms, whether or not a watchdog looked meanwhile.
@@ -72,21 +62,22 @@ class DriveService:
         patience_s: float = WatchdogParameters().timeout_s,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
-        self._wheels = WheelController(drive, wheel_names, duty_ceiling)
-        self._keeper, self._reader = keeper, reader
+        self.wheels = WheelController(drive, wheel_names, duty_ceiling)
+        self.keeper, self.reader = keeper, reader
         self._patience_s = patience_s
         self._watch_timer = WatchTimer(
             self._clock, control.watch_period_s, min(patience_s, PAUSE_S), self._watch
         )
-        keeper.call_on_fault(self._look_soon)
+        keeper.call_on_fault(self._watch_timer.look_soon)
         self._failure = HandlerFailure()
         self._still = (0,) * len(wheel_names)
         self.stops, self.stopped_by = 0, ""
+        on_error = self._on_handler_error
         self._remove_handlers = (
-            bus.add_handler(self._on_encoders, EncodersCounted, on_error=self._on_handler_error),
-            bus.add_handler(self._on_link, LinkOpened, on_error=self._on_handler_error),
-            bus.add_handler(self._on_link, LinkClosed, on_error=self._on_handler_error),
-            bus.add_handler(self._on_link, BoardRestarted, on_error=self._on_handler_error),
+            bus.add_handler(self._on_encoders, EncodersCounted, on_error=on_error),
+            bus.add_handler(self._on_link, LinkOpened, on_error=on_error),
+            bus.add_handler(self._on_link, LinkClosed, on_error=on_error),
+            bus.add_handler(self._on_link, BoardRestarted, on_error=on_error),
         )
         self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
         self.internal_errors = 0
@@ -102,21 +93,17 @@ class DriveService:
         """
         now_s = self._clock.now_s()
         self._note_run(now_s)
-        self._keeper.accept(Command(source, motion, now_s))
+        self.keeper.accept(Command(source, motion, now_s))
         self._obey(now_s)
-
-    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
-        """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
-        return self._wheels.wheel_velocities(velocity_rad_s)
 
     def release(self, source: str) -> None:
         """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
-        self._keeper.release(source)
+        self.keeper.release(source)
         self._obey(self._clock.now_s())
 
     def brake(self) -> None:
         """Zero on the wire now, every source's command forgotten, and no motion before the next one."""
-        self._keeper.stop()
+        self.keeper.stop()
         self._halt()
 
     def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
@@ -125,17 +112,17 @@ class DriveService:
         Sources that are driven are held in the name of ``by``, but for the ``excluded`` ones; without a name, none is.
         """
         self.stops, self.stopped_by = self.stops + 1, by
-        self._keeper.stop(by, excluded)
+        self.keeper.stop(by, excluded)
         self._obey(self._clock.now_s())
 
     def resume(self, sources: Collection[str]) -> None:
         """Hold these sources no longer."""
-        self._keeper.resume(sources)
+        self.keeper.resume(sources)
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""
         self.stops, self.stopped_by = self.stops + 1, "an emergency stop"
-        self._keeper.estop(reason)
+        self.keeper.estop(reason)
         self._obey(self._clock.now_s())
 
     def arm(self, latch: int | None = None) -> None:
@@ -144,49 +131,18 @@ class DriveService:
         Raises:
             Refused: the link is down, or another e-stop or fault has latched after that one.
         """
-        self._keeper.arm(latch)
+        self.keeper.arm(latch)
         self._obey(self._clock.now_s())
 
     def fail(self, fault: Fault) -> None:
         """Another part has failed: zero on the wire now, and until ``arm``."""
-        self._keeper.fail(fault)
+        self.keeper.fail(fault)
         self._obey(self._clock.now_s())
-
-    def report_from_thread(self, fault: Fault) -> None:
-        """The same, as soon as the loop goes on; may be called from any thread."""
-        self._keeper.report_from_thread(fault)
-
-    @property
-    def gate(self) -> GateState:
-        """The gate's state."""
-        return self._keeper.gate
 
     @property
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
-        return any(self._wheels.state.duty)
-
-    def gains(self) -> dict[str, PidParameters]:
-        """The present gains by wheel name."""
-        return self._wheels.gains()
-
-    def retune(self, gains: Mapping[str, PidParameters]) -> None:
-        """Exchange the gains of every wheel without a bump."""
-        self._wheels.retune(gains)
-
-    def relimit(self, limits: MotionLimits, then: Callable[[], None]) -> bool:
-        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once."""
-        return self._wheels.relimit(limits, then)
-
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """How often each fault has latched."""
-        return self._keeper.faults
-
-    @property
-    def readings_refused(self) -> int:
-        """Encoder readings that were rejected."""
-        return self._reader.refused
+        return any(self.wheels.state.duty)
 
     # The loop
 
@@ -195,7 +151,7 @@ class DriveService:
 
         Encoder frames and changes of the link are handled in the call that publishes them.
         """
-        self._keeper.announce(self._clock.now_s())
+        self.keeper.announce(self._clock.now_s())
         self._watch_timer.start(self._clock.now_s())
         try:
             await self._failure.wait()
@@ -208,10 +164,6 @@ class DriveService:
         """Handle nothing more of what the board and its link do. A link that the daemon closes itself is no fault."""
         for remove in self._remove_handlers:
             remove()
-
-    def _look_soon(self) -> None:
-        """A fault was found between two steps: it is told when a robot that drives would tell it."""
-        self._watch_timer.look_soon(self._clock.now_s())
 
     def _watch(self) -> None:
         """Act without a measurement: nothing was received for the period."""
@@ -226,49 +178,39 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        seen = self._reader.read(event, self._wheels.state.setpoint_m_s)
+        seen = self.reader.read(event, self.wheels.state.setpoint_m_s)
         reading = seen.reading
-        self._keeper.loop_runs(now_s)
+        self.keeper.loop_runs(now_s)
         if reading.refused:
             self._watch_timer.restart(now_s)
             if reading.jumped:
-                self._keeper.note_jump(reading.jumped)
+                self.keeper.note_jump(reading.jumped)
             self._watch_timer.note_activity(now_s)
             self._act(now_s)
             return
-        effort = self._reader.effort(seen, self._wheels.effort)
-        self._keeper.watch_wheels(now_s, effort, reading.travel_rad, seen.dt_s)
-        self._keeper.watch_motors(now_s, self._wheels.state.setpoint_m_s, seen)
-        self._wheels.regulate(self._keeper.decide(now_s, driven=self.is_driving), now_s, seen)
-        self._send_duty(now_s, self._wheels.state.duty)
+        effort = self.reader.effort(seen, self.wheels.effort)
+        self.keeper.watch_wheels(now_s, effort, self.wheels.state.setpoint_m_s, seen)
+        self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen)
+        self._send_duty(now_s, self.wheels.state.duty)
         self._watch_timer.restart(now_s)
-        if self._wheels.change_waits:
-            self._wheels.make_change()
-        if self._wheels.state.duty != self._still or any(reading.travel_rad) or self._is_asked():
+        if self.wheels.change_waits:
+            self.wheels.make_change()
+        if self.wheels.state.duty != self._still or any(reading.travel_rad) or self._is_asked():
             if self._watch_timer.still_since_s is not None:
                 self._watch_timer.note_activity(now_s)
         else:
             self._watch_timer.note_stillness(now_s)
         self.steps += 1
-        self._keeper.announce(now_s)
+        self.keeper.announce(now_s)
         self._publish(event, seen)
         self.step_times.observe(perf_counter() - began_s)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
-        stamp_s, excluded = event.stamp_s, seen.same_side.excluded
-        position_rad, velocity_rad_s = seen.reading.position_rad, seen.reading.velocity_rad_s
-        self._bus.publish(
-            WheelsMeasured(
-                stamp_s,
-                event.arrival_s,
-                event.board_s,
-                position_rad,
-                seen.reading.travel_rad,
-                velocity_rad_s,
-                excluded,
-            )
-        )
-        targets, duty = self._wheels.targets_rad_s, self._wheels.state.duty
+        stamp_s, reading, excluded = event.stamp_s, seen.reading, seen.same_side.excluded
+        position_rad, velocity_rad_s = reading.position_rad, reading.velocity_rad_s
+        times = stamp_s, event.arrival_s, event.board_s
+        self._bus.publish(WheelsMeasured(*times, position_rad, reading.travel_rad, velocity_rad_s, excluded))
+        targets, duty = self.wheels.targets_rad_s, self.wheels.state.duty
         self._bus.publish(WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, duty, excluded))
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
@@ -276,25 +218,25 @@ class DriveService:
 
         One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
         """
-        before = self._wheels.state.duty
-        self._wheels.retarget(self._decide(now_s), now_s)
-        duty = self._wheels.state.duty
+        before = self.wheels.state.duty
+        self.wheels.retarget(self._decide(now_s), now_s)
+        duty = self.wheels.state.duty
         if repeat or duty != before or not any(duty):
             self._send_duty(now_s, duty)
-        if self._wheels.change_waits:
-            self._wheels.make_change()
+        if self.wheels.change_waits:
+            self.wheels.make_change()
         if self._watch_timer.resting and self._is_asked():
             self._watch_timer.note_activity(now_s)
-        self._keeper.announce(now_s)
+        self.keeper.announce(now_s)
 
     def _is_asked(self) -> bool:
         """Whether a duty is in force, a setpoint is not zero, or a source commands, be it to stand."""
-        return self._keeper.is_commanded or not self._wheels.rests
+        return self.keeper.is_commanded or not self.wheels.rests
 
     def _decide(self, now_s: float) -> Decision:
         self._note_run(now_s)
-        self._keeper.loop_runs(now_s)
-        return self._keeper.decide(now_s, driven=self.is_driving)
+        self.keeper.loop_runs(now_s)
+        return self.keeper.decide(now_s, driven=self.is_driving)
 
     def _note_run(self, now_s: float) -> None:
         """The loop runs. If it stood still while a duty was in force, that is a fault, whoever wakes first after it."""
@@ -303,7 +245,7 @@ class DriveService:
             reason = (
                 f"the control loop did not run for {stood_s:.2f} s, or the whole program; its log may say why"
             )
-            self._keeper.fail(Fault(FaultKind.LOOP_BLOCKED, reason))
+            self.keeper.fail(Fault(FaultKind.LOOP_BLOCKED, reason))
 
     # Faults
 
@@ -321,16 +263,16 @@ class DriveService:
         self._watch_timer.note_activity(now_s)
         self._watch_timer.restart(now_s)
         if isinstance(event, BoardRestarted):
-            self._reader.rebase()
+            self.reader.rebase()
         if not isinstance(event, LinkOpened):
             self._halt()
-        self._keeper.on_link(event)
+        self.keeper.on_link(event)
         self._act(now_s)
 
     def _on_handler_error(self, error: Exception) -> None:
         """Brake and disarm; an error in that ends the service, and the daemon with it."""
         try:
-            if self._keeper.armed:
+            if self.keeper.armed:
                 log.error("a control step failed", exc_info=error)
             self._on_internal_error(error)
         except Exception as another:  # noqa: BLE001 (ends the service)
@@ -339,14 +281,14 @@ class DriveService:
     def _on_internal_error(self, error: Exception) -> None:
         self.internal_errors += 1
         reason = f"the control loop failed and stopped: {error!r}; see the log"
-        self._keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
+        self.keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()
-        self._keeper.announce(self._clock.now_s())
+        self.keeper.announce(self._clock.now_s())
 
     def _send_duty(self, now_s: float, duty: tuple[int, ...]) -> None:
-        self._keeper.tell_motors(now_s, duty)
+        self.keeper.motors.note_command(now_s, duty)
         self._write_duty(duty)
 
     def _halt(self) -> None:
-        self._wheels.halt()
+        self.wheels.halt()
         self._send_duty(self._clock.now_s(), self._still)

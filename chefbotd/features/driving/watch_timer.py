@@ -8,6 +8,9 @@ of a robot that is driven, and every command acts in the call that brings it.
 import math
 from collections.abc import Callable
 
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
 from chefbotd.entries import Entries, Timer
 
 REST_AFTER_S = 1.0
@@ -19,6 +22,12 @@ LOOKS_PER_PATIENCE = 2
 
 DRIVE_WATCH = "drive watch"
 """What the timer is called in a recording."""
+
+
+class ControlParameters(Parameters):
+    """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
+
+    watch_period_s: float = Field(default=0.02, gt=0, le=0.1)
 
 
 class WatchTimer:
@@ -72,13 +81,13 @@ class WatchTimer:
         self.still_since_s = None
         if self.resting:
             self.resting = False
-            self.look_soon(now_s)
+            self.look_soon()
 
-    def look_soon(self, now_s: float) -> None:
-        """Something waits to be told: look when a robot that is not at rest would be looked at."""
+    def look_soon(self) -> None:
+        """A fault, say, waits to be told: look when a robot that is not at rest would be looked at."""
         if self._timer is None:
             return
-        gone_s = now_s - self._began_s
+        gone_s = self._entries.now_s() - self._began_s
         looks = max(1, math.ceil(gone_s / self._period_s - JUST))
         self._timer.cancel()
         delay_s = max(0.0, looks * self._period_s - gone_s)

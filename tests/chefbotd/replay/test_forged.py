@@ -57,7 +57,7 @@ def put_back(state: State) -> list[str]:
 def forge(state: State, attribute: str, value: Any) -> None:
     """Give the drive service another attribute, or its wheels' controller where that has it."""
     service = state[DRIVING]["is"]
-    wheels = service["_wheels"]["is"]
+    wheels = service["wheels"]["is"]
     (wheels if attribute in wheels else service)[attribute] = value
 
 

@@ -33,7 +33,7 @@ async def eventful(robot: SimulatedRobot) -> None:
     await asyncio.sleep(0.3)
     await client.arm()
     await drive(robot, 0.11, -0.2, 0.4)
-    robot.daemon.driving.report_from_thread(Fault(FaultKind.INTERNAL_ERROR, "a thread says so"))
+    robot.daemon.driving.keeper.report_from_thread(Fault(FaultKind.INTERNAL_ERROR, "a thread says so"))
     await asyncio.sleep(0.3)
     await client.arm()
     await drive(robot, -0.13, 0.55, 0.9)

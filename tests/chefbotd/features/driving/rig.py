@@ -10,7 +10,8 @@ from chefbotd.core.events import EncodersCounted, LinkOpened, SafetyChanged, Whe
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
-from chefbotd.features.driving.service import ControlParameters, DriveService
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.driving.watch_timer import ControlParameters
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveParameters
@@ -58,11 +59,9 @@ class Rig:
                 self.bus,
                 self.clock,
                 SafetyParameters(rearm=rearm),
-                wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
-                counts_per_turn=1000,
                 mounts={"front": Pose2D(0.15)},
                 latch=LatchFile(latch),
-                motors=MotorWatch(SafetyParameters(rearm=rearm), CHASSIS),
+                motors=MotorWatch(SafetyParameters(rearm=rearm), CHASSIS, 1000),
             ),
             reader=WheelReader(
                 CHASSIS,

@@ -18,7 +18,7 @@ class Rig:
     def __init__(self, chassis: ChassisParameters | None = None) -> None:
         settings = load()
         self.wheels = chassis or settings.chassis
-        self.watch = MotorWatch(settings.safety, self.wheels)
+        self.watch = MotorWatch(settings.safety, self.wheels, settings.encoders.counts_per_turn)
         self.reader = WheelReader(self.wheels, settings.encoders, settings.same_side)
         self.cycles = 0
         self.counts = [0] * len(self.wheels.wheels)
@@ -32,7 +32,9 @@ class Rig:
         self.counts = [count + step for count, step in zip(self.counts, self.steps, strict=True)]
         event = EncodersCounted(now_s, now_s, self.cycles * CYCLE_S, tuple(self.counts))
         seen = self.reader.read(event, setpoint_m_s)
-        faults = [fault.kind for fault in self.watch.watch(now_s, setpoint_m_s, seen)]
+        faults = [
+            fault.kind for fault in self.watch.watch(now_s, (0.0,) * len(self.counts), setpoint_m_s, seen)
+        ]
         echoed = None
         if self.echo is not None:
             echoed = self.watch.note_echo(DutyEchoed(now_s - 0.004, now_s, self.echo))

@@ -22,12 +22,25 @@ from chefbotd.core.geometry import Motion, Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.obstacle_guard import Scans
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
+from chefbotd.features.driving.wheel_reader import WheelsRead
+from chefbotd.motion.encoder import Reading
+from chefbotd.motion.same_side import SameSideState
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
 
 TWIST = Twist2D(0.2, -0.3)
+
+
+FAST_M_S = (10.0, 10.0)
+"""Rims that are asked for so much are never too fast."""
+
+
+def reading(travel_rad: tuple[float, ...], dt_s: float) -> WheelsRead:
+    """Wheels that turned by this much within ``dt_s``; both are believed."""
+    none = (0.0,) * len(travel_rad)
+    return WheelsRead(Reading(travel_rad, travel_rad, none), dt_s, SameSideState(none, none, none))
 
 
 class Kept:
@@ -48,13 +61,11 @@ class Kept:
             self.bus,
             self.clock,
             parameters,
-            wheel_names=("left", "right"),
-            counts_per_turn=1000,
             mounts=mounts or {},
             scans=scans,
             latch=LatchFile(None),
             session=session,
-            motors=MotorWatch(parameters, CHASSIS),
+            motors=MotorWatch(parameters, CHASSIS, 1000),
         )
         self.keeper.on_link(LinkOpened(100.0, "dev"))
 
@@ -67,7 +78,7 @@ class Kept:
     ) -> None:
         """A good reading after ``dt_s``, in which the wheels were driven so."""
         self.clock.advance(dt_s)
-        self.keeper.watch_wheels(self.clock.now_s(), effort, travel_rad, dt_s)
+        self.keeper.watch_wheels(self.clock.now_s(), effort, FAST_M_S, reading(travel_rad, dt_s))
 
     def fault(self, *, driven: bool) -> FaultKind | None:
         """What has latched by now."""
@@ -225,7 +236,7 @@ def test_names_that_are_no_source_leave_nothing_behind() -> None:
     for number in range(1000):
         with pytest.raises(Refused, match="no source named"):
             kept.keeper.accept(Command(f"source{number}", TWIST, kept.clock.now_s()))
-    assert kept.keeper._attempts == ()
+    assert kept.keeper._held._attempts == ()
 
 
 def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
@@ -237,7 +248,7 @@ def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
             kept.keeper.on_link(LinkOpened(kept.clock.now_s(), "dev"))
             kept.keeper.arm()
         kept.clock.advance(0.02)
-        kept.keeper.tell_motors(kept.clock.now_s(), (40, -9))
+        kept.keeper.motors.note_command(kept.clock.now_s(), (40, -9))
         kept.bus.publish(DutyEchoed(kept.clock.now_s(), kept.clock.now_s(), duty))
     return kept.keeper._gate.fault
 

@@ -189,7 +189,7 @@ def test_each_wheel_is_driven_as_it_was_named():
     async def scenario(rig: Rig) -> None:
         await rig.frames(0.01)
         for _ in range(20):
-            rig.service.command("teleop", rig.service.wheel_velocities({"right_wheel": 2.0}))
+            rig.service.command("teleop", rig.service.wheels.wheel_velocities({"right_wheel": 2.0}))
             await rig.frames(0.01)
         assert rig.duty == (0, 140)
 
@@ -222,7 +222,7 @@ def test_an_impossible_jump_moves_nothing_and_is_counted():
         before = len(rig.wheels)
         await rig.frames(0.01, counts=(12345, 123))
         assert len(rig.wheels) == before
-        assert rig.service.readings_refused == 1
+        assert rig.service.reader.refused == 1
         await rig.frames(0.01, counts=(12346, 12346))
         assert rig.wheels.take_event().position_rad == (0.0, 0.0)
 
@@ -243,7 +243,7 @@ def test_a_board_restart_rebases_the_encoders():
         ]
         assert len(measured) == 4
         assert all(event.travel_rad == (0.0, 0.0) for event in measured)
-        assert rig.service.readings_refused == 0
+        assert rig.service.reader.refused == 0
 
     on_rig(scenario)
 
@@ -254,9 +254,11 @@ def test_gains_change_while_it_drives():
     async def scenario(rig: Rig) -> None:
         await rig.frames(0.01)
         await rig.drive_for(0.3)
-        changed = {name: gains.model_copy(update={"kp": 5.0}) for name, gains in rig.service.gains().items()}
-        rig.service.retune(changed)
-        assert rig.service.gains() == changed
+        changed = {
+            name: gains.model_copy(update={"kp": 5.0}) for name, gains in rig.service.wheels.gains().items()
+        }
+        rig.service.wheels.retune(changed)
+        assert rig.service.wheels.gains() == changed
         rig.service.command("teleop", AHEAD)
         assert rig.duty == FULL_DUTY
 

@@ -72,7 +72,7 @@ def test_a_fault_reported_from_a_thread_comes_before_the_next_command():
     async def scenario(rig: Rig) -> None:
         await rig.drive_for(0.3)
         assert rig.service.is_driving
-        rig.service.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "stood still"))
+        rig.service.keeper.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "stood still"))
         with pytest.raises(Refused, match="stood still"):
             rig.service.command("teleop", AHEAD)
         await rig.frames(0.01)
@@ -117,7 +117,9 @@ def stand_still(seconds: float) -> None:
 
 
 WAKES_FIRST: dict[str, Callable[[Rig], object]] = {
-    "watchdog": lambda rig: rig.service.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "stood still")),
+    "watchdog": lambda rig: rig.service.keeper.report_from_thread(
+        Fault(FaultKind.LOOP_BLOCKED, "stood still")
+    ),
     "command": lambda rig: rig.service.command("teleop", AHEAD),
     "encoders": lambda rig: rig.bus.publish(EncodersCounted(*[rig.clock.now_s()] * 3, (57, -3))),
     "stop": lambda rig: rig.service.stop(),

@@ -15,6 +15,7 @@ from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.gate import Command, Decision, SafetyParameters
 from chefbotd.safety.guard import GuardParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
+from tests.chefbotd.features.driving.test_safety_keeper import FAST_M_S, reading
 
 Limit = Callable[[Twist2D], tuple[Twist2D, str | None]]
 
@@ -44,15 +45,13 @@ def decided(
         bus,
         clock,
         parameters,
-        wheel_names=("left", "right"),
-        counts_per_turn=1000,
         mounts={"left": mount},
         latch=LatchFile(None),
-        motors=MotorWatch(parameters, CHASSIS),
+        motors=MotorWatch(parameters, CHASSIS, 1000),
         scans=lambda on_error: Scans(rule),
     )
     keeper.on_link(LinkOpened(100.0, "dev"))
-    keeper.watch_wheels(100.0, (0.0, 0.0), (0.0, 0.0), 0.02)
+    keeper.watch_wheels(100.0, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.02))
     bus.publish(RangeMeasured(100.0, 100.0, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
     keeper.accept(Command("teleop", wanted, 100.0))
     return keeper.decide(100.0, driven=False)

@@ -106,7 +106,7 @@ async def running_away(rig: Rig) -> None:
     await at_rest(rig)
     for step in range(20):
         await asyncio.sleep(OBLIQUE_S)
-        if rig.service.gate.mode is Mode.ARMED:
+        if rig.service.keeper.gate.mode is Mode.ARMED:
             rig.service.command("teleop", AHEAD)
         await asyncio.sleep(0.0011)
         count(rig, (7 + 90 * step, -3 + 95 * step))
