@@ -23,7 +23,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map test test-again test-all coverage check audit lint format topics wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: docs run serve map test test-again test-all coverage check audit lint format client wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -67,8 +67,8 @@ audit: $(VENV)/ready  ## Check that the dependencies fit together and have no kn
 	$(BIN)/pip check
 	$(BIN)/python -m tests.audit
 
-topics: $(VENV)/ready  ## Write the client's typed topics from its models (after a topic is added)
-	$(BIN)/python -m tests.chefbotd.client.typed_topics
+client: $(VENV)/ready  ## Write the client's methods, models and topics and the tables of docs/api.md from the registered ones
+	$(BIN)/python -m tests.chefbotd.client.generate
 
 format: $(VENV)/ready  ## Format the code, and mend what can be mended
 	$(BIN)/ruff format .

@@ -25,6 +25,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
+from chefbotd.client.generated import Topics
 from chefbotd.client.handshake import (
     CLOSING_PATIENCE_S,
     RECOVERABLE,
@@ -36,15 +37,13 @@ from chefbotd.client.handshake import (
 from chefbotd.client.map_methods import MapMethods
 from chefbotd.client.methods import Methods
 from chefbotd.client.navigation_methods import NavigationMethods
-from chefbotd.client.recording_methods import RecordingMethods
 from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
-from chefbotd.client.topics import Topics
 from chefbotd.client.wire import ProgressListener
 
 FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
 
 
-class Client(Methods, MapMethods, NavigationMethods, RecordingMethods, Topics):
+class Client(Methods, MapMethods, NavigationMethods, Topics):
     """A connected daemon; made by ``connect``. ``hello`` is its latest greeting."""
 
     def __init__(self, endpoint: Endpoint, *, reconnect: bool) -> None:

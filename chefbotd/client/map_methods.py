@@ -1,4 +1,4 @@
-"""Maps and places: one Python method per method of the socket."""
+"""Maps and places: the methods that do more than ask, or take ``of_map`` for ``map``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from chefbotd.client.caller import Caller, given, ignore_progress
+from chefbotd.client.caller import Caller, given
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.parsing import parse
 from chefbotd.client.wire import ProgressListener
@@ -50,19 +50,6 @@ class MapImage:
 class MapMethods(Caller):
     """The methods of maps."""
 
-    async def list_maps(self) -> models.MapList:
-        """Every stored map, and the one in use."""
-        from chefbotd.client import models
-
-        return parse(models.MapList, await self.call("list_maps"))
-
-    async def load_map(self, name: str, on_progress: ProgressListener | None = None) -> models.MapInUse:
-        """Use a map from now on, and after a restart of the daemon."""
-        from chefbotd.client import models
-
-        answer = await self.call("load_map", on_progress=on_progress or ignore_progress, name=name)
-        return parse(models.MapInUse, answer)
-
     async def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:
         """The cells of a map; without a ``name`` of the one that is being made, or else of the one in use.
 
@@ -82,29 +69,6 @@ class MapMethods(Caller):
                 on_progress(len(parts), part.parts, "receiving")
         return _image(parts)
 
-    async def import_map(
-        self,
-        yaml: str,
-        name: str | None = None,
-        *,
-        replace: bool = False,
-        on_progress: ProgressListener | None = None,
-    ) -> models.MapInUse:
-        """Store the map of map_server's files: ``yaml`` is a path on the robot's computer."""
-        from chefbotd.client import models
-
-        asked = given(yaml=yaml, name=name, replace=replace)
-        answer = await self.call("import_map", on_progress=on_progress or ignore_progress, **asked)
-        return parse(models.MapInUse, answer)
-
-    async def rename_map(self, name: str, new_name: str) -> None:
-        """Give a map another name."""
-        await self.call("rename_map", name=name, new_name=new_name)
-
-    async def delete_map(self, name: str) -> None:
-        """Remove a map with all its versions and places."""
-        await self.call("delete_map", name=name)
-
     async def save_place(
         self,
         name: str,
@@ -115,20 +79,19 @@ class MapMethods(Caller):
         of_map: str | None = None,
     ) -> models.PlaceData:
         """Give a pose a name, or move the place of this name; without a pose, it is where the robot is."""
-        from chefbotd.client import models
-
-        pose = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, map=of_map)
-        return parse(models.PlaceData, await self.call("save_place", name=name, **pose))
+        place: models.PlaceData = await self._ask(
+            "PlaceData", "save_place", name=name, x_m=x_m, y_m=y_m, heading_rad=heading_rad, map=of_map
+        )
+        return place
 
     async def list_places(self, of_map: str | None = None) -> models.PlaceList:
         """The places of a map; without one, of the map in use."""
-        from chefbotd.client import models
-
-        return parse(models.PlaceList, await self.call("list_places", **given(map=of_map)))
+        places: models.PlaceList = await self._ask("PlaceList", "list_places", map=of_map)
+        return places
 
     async def delete_place(self, name: str, of_map: str | None = None) -> None:
         """Remove a place."""
-        await self.call("delete_place", name=name, **given(map=of_map))
+        await self._ask(None, "delete_place", name=name, map=of_map)
 
 
 def _image(parts: list[models.MapPart]) -> MapImage:

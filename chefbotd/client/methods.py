@@ -1,7 +1,6 @@
-"""One Python method per method of the command socket.
+"""The methods of the client that do more than ask: written by hand. The others are in ``generated``.
 
-Importing the result models takes about 0.3 s. Each method imports its own model before it calls, so that ``stop`` and
-``estop`` of a program that has just started do not wait for models, and a robot never drives while they load.
+A method of the socket that has one here gets none there.
 """
 
 from __future__ import annotations
@@ -11,15 +10,13 @@ import contextlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from chefbotd.client.caller import Caller, given, ignore_progress
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
+from chefbotd.client.generated import GeneratedMethods
 from chefbotd.client.parsing import parse
 
 if TYPE_CHECKING:
     from chefbotd.client import models
-    from chefbotd.client.models import StatsData
     from chefbotd.client.state import State
-    from chefbotd.client.wire import ProgressListener
     from chefbotd.motion.pid import PidParameters
 
 MAX_REASON_CHARACTERS = 200  # more is cut by the daemon; a line that is too long would end the connection
@@ -48,23 +45,8 @@ class Gains(TypedDict, total=False):
     conditional_integration: bool
 
 
-class Methods(Caller):
+class Methods(GeneratedMethods):
     """The methods of the robot itself."""
-
-    # motion
-
-    async def drive(
-        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
-    ) -> models.Driven:
-        """Command a velocity: forward in m/s, turning in rad/s (CCW positive). Returns what the limits allow.
-
-        The command expires after the daemon's dead-man time (0.5 s, KHAN 0.25 s): repeat it, or use ``drive_for``.
-        Without ``source`` the robot's default source is used.
-        """
-        from chefbotd.client import models
-
-        asked = given(linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
-        return parse(models.Driven, await self.call("drive", **asked))
 
     async def drive_for(
         self,
@@ -107,11 +89,11 @@ class Methods(Caller):
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
     ) -> models.WheelsDriven:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
-        from chefbotd.client import models
-
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        asked = given(name=names, velocity_rad_s=velocities, source=source)
-        return parse(models.WheelsDriven, await self.call("set_wheel_velocities", **asked))
+        driven: models.WheelsDriven = await self._ask(
+            "WheelsDriven", "set_wheel_velocities", name=names, velocity_rad_s=velocities, source=source
+        )
+        return driven
 
     async def stop(self) -> dict[str, str]:
         """Brake the robot to standstill, whoever drives it. Returns the name of each source's driver.
@@ -123,42 +105,17 @@ class Methods(Caller):
 
     async def estop(self, reason: str | None = None) -> None:
         """Stop the motors at once and keep them stopped until ``arm``. A long ``reason`` is cut."""
-        told = None if reason is None else reason[:MAX_REASON_CHARACTERS]
-        await self.call("estop", **given(reason=told))
-
-    async def arm(self, latch: int | None = None) -> None:
-        """Allow motion again after an emergency stop or a fault.
-
-        ``latch``, from the topic ``safety``, names what is to be cleared: what came after it is not.
-        """
-        told: dict[str, Any] = {} if latch is None else {"latch": latch}
-        await self.call("arm", **told)
-
-    # who drives
-
-    async def set_client_name(self, client: str) -> None:
-        """Set the name under which other clients see this one: 1 to 64 characters."""
-        await self.call("set_client_name", client=client)
-
-    async def authenticate(self, token: str) -> models.Known:
-        """Authenticate with a token; ``connect(token=...)`` does this already."""
-        from chefbotd.client import models
-
-        return parse(models.Known, await self.call("authenticate", token=token))
+        await self._ask(None, "estop", reason=None if reason is None else reason[:MAX_REASON_CHARACTERS])
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
-        from chefbotd.client import models
-
-        return parse(models.Taken, await self.call("take_control", **given(source=source))).taken_from
+        taken: models.Taken = await self._ask("Taken", "take_control", source=source)
+        return taken.taken_from
 
     async def release_control(self) -> list[str]:
         """Release all sources that we control, and withdraw our commands. Returns the names of the sources."""
-        from chefbotd.client import models
-
-        return parse(models.Released, await self.call("release_control")).sources
-
-    # state
+        released: models.Released = await self._ask("Released", "release_control")
+        return released.sources
 
     async def get_state(self) -> State:
         """The link, the safety, and the latest value of each topic with its age."""
@@ -186,105 +143,27 @@ class Methods(Caller):
             raise CallTimeout(f"the robot was not ready to move within {timeout_s:g} s: {missing}") from None
         return state
 
-    async def get_stats(self) -> StatsData:
-        """The daemon's counters, as in the topic ``stats``."""
-        from chefbotd.client.models import StatsData
-
-        return parse(StatsData, await self.call("get_stats"))
-
     async def get_description(self) -> str | None:
         """The robot's links and joints as a URDF document; None where the configuration names none."""
-        from chefbotd.client import models
-
-        return parse(models.RobotDescription, await self.call("get_description")).urdf
-
-    async def describe(self) -> models.Description:
-        """Methods, topics and error kinds with their JSON Schemas."""
-        from chefbotd.client import models
-
-        return parse(models.Description, await self.call("describe"))
-
-    async def ping(self) -> models.Pong:
-        """Check that the daemon answers. ``stamp_s`` is its monotonic clock."""
-        from chefbotd.client import models
-
-        return parse(models.Pong, await self.call("ping"))
-
-    # tuning and resets
+        description: models.RobotDescription = await self._ask("RobotDescription", "get_description")
+        return description.urdf
 
     async def get_pid(self) -> dict[str, PidParameters]:
         """The gains by wheel name."""
-        return _gains(await self.call("get_pid"))
+        return await self._gains("get_pid")
 
     async def set_pid(self, wheel: str = "all", **changes: Unpack[Gains]) -> dict[str, PidParameters]:
         """Change some gains of one wheel or of all. Returns the gains of every wheel."""
-        return _gains(await self.call("set_pid", wheel=wheel, **changes))
+        return await self._gains("set_pid", wheel=wheel, **changes)
 
     async def undo_pid(self) -> dict[str, PidParameters]:
         """Undo the latest change of gains, whoever made it. Returns the gains of every wheel."""
-        return _gains(await self.call("undo_pid"))
+        return await self._gains("undo_pid")
 
-    async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
-        """Set the robot's pose in ``odom``."""
-        await self.call("reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
-
-    async def reset_board(self) -> None:
-        """Restart the board."""
-        await self.call("reset_board")
-
-    # localization and mapping, where the robot has a lidar
-
-    async def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0) -> models.LocalizationResult:
-        """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
+    async def _gains(self, method: str, **params: Any) -> dict[str, PidParameters]:
         from chefbotd.client import models
 
-        answer = await self.call("set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
-        return parse(models.LocalizationResult, answer)
-
-    async def localize(
-        self, *, turn: bool = False, on_progress: ProgressListener | None = None
-    ) -> models.LocalizationResult:
-        """Have the robot search the whole map for where it is; the topic ``localization`` tells how that goes.
-
-        With ``turn`` it turns once on the spot, where looking is not enough: this waits for the end, and giving it up
-        ends the turn.
-        """
-        from chefbotd.client import models
-
-        if not turn:
-            return parse(models.LocalizationResult, await self.call("localize"))
-        answer = await self.call("localize", on_progress=on_progress or ignore_progress, turn=True)
-        return parse(models.LocalizationResult, answer)
-
-    async def start_mapping(
-        self, name: str | None = None, *, unfinished: bool = False
-    ) -> models.MappingResult:
-        """Begin a map; with a ``name`` go on with that saved one, ``unfinished``: with the one never finished."""
-        from chefbotd.client import models
-
-        answer = await self.call("start_mapping", **given(name=name), unfinished=unfinished)
-        return parse(models.MappingResult, answer)
-
-    async def pause_mapping(self) -> models.MappingResult:
-        """Add nothing to the map until ``start_mapping`` is called."""
-        from chefbotd.client import models
-
-        return parse(models.MappingResult, await self.call("pause_mapping"))
-
-    async def finish_mapping(
-        self, name: str, *, on_progress: ProgressListener | None = None
-    ) -> models.MapSaved:
-        """Match all scans once more and save the map; it takes seconds, for a building minutes."""
-        from chefbotd.client import models
-
-        answer = await self.call("finish_mapping", name=name, on_progress=on_progress or ignore_progress)
-        return parse(models.MapSaved, answer)
-
-    async def discard_mapping(self) -> models.MappingResult:
-        """Forget the map that is being made, or that was never finished; saved maps stay."""
-        from chefbotd.client import models
-
-        return parse(models.MappingResult, await self.call("discard_mapping"))
+        return parse(models.Wheels, await self.call(method, **params)).wheels
 
 
 def _missing_to_move(state: State) -> str:
@@ -293,9 +172,3 @@ def _missing_to_move(state: State) -> str:
     if not state.safety.armed:
         return f"it is {state.safety.mode}: {state.safety.reason}"
     return "" if "odometry" in state.topics else "no odometry yet"
-
-
-def _gains(answer: dict[str, Any]) -> dict[str, PidParameters]:
-    from chefbotd.client import models
-
-    return parse(models.Wheels, answer).wheels

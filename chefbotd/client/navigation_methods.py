@@ -1,4 +1,4 @@
-"""Navigation: send the robot somewhere, and wait until it is there."""
+"""Navigation: the methods that send the robot somewhere, and wait until it is there."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import asyncio
 import contextlib
 from typing import TYPE_CHECKING, Any
 
-from chefbotd.client.caller import Caller, given, ignore_progress
+from chefbotd.client.caller import Caller, given
 from chefbotd.client.errors import ChefbotError
 from chefbotd.client.goals import not_reached
-from chefbotd.client.parsing import parse
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -40,77 +39,38 @@ class NavigationMethods(Caller):
             GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
             CallError: it was refused, as where there is no such place.
         """
-        from chefbotd.client import models
-
         goal = given(
             x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m, queue=queue
         )
-        answer = await self._until_end("navigate_to", goal, on_progress)
-        return _reached(parse(models.GoalResult, answer))
+        return await self._until_reached("navigate_to", goal, on_progress)
 
     async def follow_waypoints(
         self, places: list[str], *, queue: bool | None = None, on_progress: ProgressListener | None = None
     ) -> str:
         """Drive to places one after the other, and wait for the end; queued and raises as ``navigate_to``."""
-        from chefbotd.client import models
-
         waypoints = given(waypoints=[{"place": place} for place in places], queue=queue)
-        answer = await self._until_end("follow_waypoints", waypoints, on_progress)
-        return _reached(parse(models.GoalResult, answer))
+        return await self._until_reached("follow_waypoints", waypoints, on_progress)
 
     async def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
         """Drive to the place that is the robot's home, and wait for the end; raises as ``navigate_to`` does."""
-        from chefbotd.client import models
-
-        return _reached(parse(models.GoalResult, await self._until_end("go_home", {}, on_progress)))
+        return await self._until_reached("go_home", {}, on_progress)
 
     async def dock(self, *, on_progress: ProgressListener | None = None) -> str:
         """Drive to the place where the robot is charged, and wait for the end; raises as ``navigate_to`` does."""
-        from chefbotd.client import models
+        return await self._until_reached("dock", {}, on_progress)
 
-        return _reached(parse(models.GoalResult, await self._until_end("dock", {}, on_progress)))
-
-    async def plan_to(
-        self,
-        x_m: float | None = None,
-        y_m: float | None = None,
-        heading_rad: float | None = None,
-        *,
-        place: str | None = None,
-        tolerance_m: float | None = None,
-    ) -> models.PlanResult:
-        """How long the way is, how much time it takes, and whether there is one; nothing moves."""
-        from chefbotd.client import models
-
-        goal = given(x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m)
-        return parse(models.PlanResult, await self.call("plan_to", **goal))
-
-    async def cancel_navigation(self) -> None:
-        """End all goals; the robot stands."""
-        await self.call("cancel_navigation")
-
-    async def pause_navigation(self) -> None:
-        """Stand until ``resume_navigation``."""
-        await self.call("pause_navigation")
-
-    async def resume_navigation(self) -> None:
-        """Go on."""
-        await self.call("resume_navigation")
-
-    async def _until_end(
+    async def _until_reached(
         self, method: str, params: dict[str, Any], on_progress: ProgressListener | None
-    ) -> dict[str, Any]:
+    ) -> str:
         """Cancelled, it has the request cancelled, and its goals with it; others keep theirs."""
         try:
-            return await self.call(method, on_progress=on_progress or ignore_progress, wait=True, **params)
+            result: models.GoalResult = await self._ask(
+                "GoalResult", method, on_progress=on_progress, wait=True, **params
+            )
         except asyncio.CancelledError:
             with contextlib.suppress(ChefbotError):
                 await self.call("ping")  # when this is answered, the daemon has read that
             raise
-
-
-def _reached(result: models.GoalResult) -> str:
-    """The sentence of a goal that was reached; raises for any other."""
-    if result.end != "reached":
-        raise not_reached(result.goal, result.end or "unknown", result.reason)
-    return result.reason
+        if result.end != "reached":
+            raise not_reached(result.goal, result.end or "unknown", result.reason)
+        return result.reason

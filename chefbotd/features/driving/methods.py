@@ -166,7 +166,11 @@ class DrivingMethods:
 
     @method(role=Role.DRIVE, moves=True)
     def drive(self, caller: Caller, params: DriveParams) -> Driven:
-        """Move so until the command is replaced or too old; repeat it to keep moving."""
+        """Move so until the command is replaced or too old; repeat it to keep moving.
+
+        It is too old after the dead-man time (0.5 s, KHAN 0.25 s). Without ``source`` it is one of the robot's default
+        source. The answer is what the limits allow of it.
+        """
         now_s, source = self._clock.now_s(), params.source or self._default_source
         self._require_control(source, caller, now_s)
         allowed = self._robot.drive(source, Twist2D(params.linear_m_s, params.angular_rad_s))

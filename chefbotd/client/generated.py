@@ -1,0 +1,220 @@
+# Written by `make client`: see tests/chefbotd/client/generate.py. Whatever is changed here by hand is lost.
+# fmt: off
+# mypy: disable-error-code="no-any-return"
+"""The client's methods that only ask, and the types of ``subscribe``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+from chefbotd.client.caller import Caller
+from chefbotd.client.subscription import SubscribeOptions as Options, Subscription
+
+if TYPE_CHECKING:
+    from chefbotd.client import models as m
+    from chefbotd.client.wire import ProgressListener
+
+
+class GeneratedMethods(Caller):
+    """The methods of the socket for which asking is all there is to do."""
+
+    async def authenticate(self, token: str) -> m.Known:
+        """Show a token; the role that it gives decides what else may be asked."""
+        return await self._ask("Known", "authenticate", token=token)
+
+    async def set_client_name(self, client: str) -> None:
+        """Say what this client is called where others see who drives."""
+        await self._ask(None, "set_client_name", client=client)
+
+    async def describe(self) -> m.Description:
+        """Methods, topics and errors, with the JSON Schemas of what they carry."""
+        return await self._ask("Description", "describe")
+
+    async def ping(self) -> m.Pong:
+        """Answer at once, with the daemon's time."""
+        return await self._ask("Pong", "ping")
+
+    async def start_recording(self, name: str | None = None,
+        on_progress: ProgressListener | None = None) -> m.RecordingStarted:
+        """Record everything into a file on the robot's computer, until stop_recording."""
+        return await self._ask("RecordingStarted", "start_recording", name=name, on_progress=on_progress)
+
+    async def stop_recording(self, on_progress: ProgressListener | None = None) -> m.RecordingEnded:
+        """End the recording."""
+        return await self._ask("RecordingEnded", "stop_recording", on_progress=on_progress)
+
+    async def list_recordings(self, on_progress: ProgressListener | None = None) -> m.RecordingList:
+        """Every recording in the robot's folder."""
+        return await self._ask("RecordingList", "list_recordings", on_progress=on_progress)
+
+    async def save_ring(self, reason: str | None = None, on_progress: ProgressListener | None = None) -> m.RingSaved:
+        """Write the last minutes, which are kept in memory, into a file."""
+        return await self._ask("RingSaved", "save_ring", reason=reason, on_progress=on_progress)
+
+    async def list_maps(self, on_progress: ProgressListener | None = None) -> m.MapList:
+        """Every stored map, whether it is whole, and which one is in use."""
+        return await self._ask("MapList", "list_maps", on_progress=on_progress)
+
+    async def load_map(self, name: str, on_progress: ProgressListener | None = None) -> m.MapInUse:
+        """Use a map from now on, and after a restart."""
+        return await self._ask("MapInUse", "load_map", name=name, on_progress=on_progress)
+
+    async def import_map(self, yaml: str, name: str | None = None, *, replace: bool = False,
+        on_progress: ProgressListener | None = None) -> m.MapInUse:
+        """Store the map of map_server's files on the robot's computer."""
+        return await self._ask("MapInUse", "import_map", yaml=yaml, name=name, replace=replace, on_progress=on_progress)
+
+    async def rename_map(self, name: str, new_name: str, on_progress: ProgressListener | None = None) -> None:
+        """Give a map another name."""
+        await self._ask(None, "rename_map", name=name, new_name=new_name, on_progress=on_progress)
+
+    async def delete_map(self, name: str, on_progress: ProgressListener | None = None) -> None:
+        """Remove a map with all its versions and places."""
+        await self._ask(None, "delete_map", name=name, on_progress=on_progress)
+
+    async def start_mapping(self, name: str | None = None, *, unfinished: bool = False,
+        on_progress: ProgressListener | None = None) -> m.MappingResult:
+        """Begin a map, go on with a saved one by its name, or go on after a pause."""
+        return await self._ask("MappingResult", "start_mapping", name=name, unfinished=unfinished,
+            on_progress=on_progress)
+
+    async def pause_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingResult:
+        """Add nothing to the map until start_mapping is sent."""
+        return await self._ask("MappingResult", "pause_mapping", on_progress=on_progress)
+
+    async def finish_mapping(self, name: str, on_progress: ProgressListener | None = None) -> m.MapSaved:
+        """Match all scans once more, save the map under a name, and end; reports progress."""
+        return await self._ask("MapSaved", "finish_mapping", name=name, on_progress=on_progress)
+
+    async def discard_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingResult:
+        """End without saving, and forget the map that was never finished; saved maps stay."""
+        return await self._ask("MappingResult", "discard_mapping", on_progress=on_progress)
+
+    async def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0,
+        on_progress: ProgressListener | None = None) -> m.LocalizationResult:
+        """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
+        return await self._ask("LocalizationResult", "set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad,
+            on_progress=on_progress)
+
+    async def localize(self, *, turn: bool = False,
+        on_progress: ProgressListener | None = None) -> m.LocalizationResult:
+        """Search the whole map for where the robot is, whatever is known; it does not move, unless it may turn."""
+        return await self._ask("LocalizationResult", "localize", turn=turn, on_progress=on_progress)
+
+    async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
+        place: str | None = None, tolerance_m: float = 0.0,
+        on_progress: ProgressListener | None = None) -> m.PlanResult:
+        """Tell how long a way is, how much time it takes, and whether there is one; nothing moves."""
+        return await self._ask("PlanResult", "plan_to", x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place,
+            tolerance_m=tolerance_m, on_progress=on_progress)
+
+    async def cancel_navigation(self) -> None:
+        """End all goals; the robot comes to rest."""
+        await self._ask(None, "cancel_navigation")
+
+    async def pause_navigation(self) -> None:
+        """Come to rest, and keep the goals."""
+        await self._ask(None, "pause_navigation")
+
+    async def resume_navigation(self) -> None:
+        """Go on with the goals, from wherever the robot is."""
+        await self._ask(None, "resume_navigation")
+
+    async def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> m.Driven:
+        """Move so until the command is replaced or too old; repeat it to keep moving.
+
+        It is too old after the dead-man time (0.5 s, KHAN 0.25 s). Without ``source`` it is one of the robot's default
+        source. The answer is what the limits allow of it.
+        """
+        return await self._ask("Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
+
+    async def arm(self, latch: int | None = None) -> None:
+        """Allow motion, after an emergency stop or a fault; with ``latch``, after that one and none that came later."""
+        await self._ask(None, "arm", latch=latch)
+
+    async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
+        """Declare where the robot stands in odom; the origin, if nothing is said."""
+        await self._ask(None, "reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+    async def get_stats(self) -> m.StatsData:
+        """The daemon's counters as they stand."""
+        return await self._ask("StatsData", "get_stats")
+
+    async def reset_board(self) -> None:
+        """Restart the board; its counters begin anew."""
+        await self._ask(None, "reset_board")
+
+
+class Topics(ABC):
+    """``subscribe``, typed by the name of the topic."""
+
+    @overload
+    def subscribe(self, topics: Literal["recording"], **options: Unpack[Options]) -> Subscription[m.RecordingData]: ...
+    @overload
+    def subscribe(self, topics: Literal["scan"], **options: Unpack[Options]) -> Subscription[m.ScanData]: ...
+    @overload
+    def subscribe(self, topics: Literal["lidars"], **options: Unpack[Options]) -> Subscription[m.LidarsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["worker"], **options: Unpack[Options]) -> Subscription[m.WorkerData]: ...
+    @overload
+    def subscribe(self, topics: Literal["mapping"], **options: Unpack[Options]) -> Subscription[m.MappingData]: ...
+    @overload
+    def subscribe(self, topics: Literal["map"], **options: Unpack[Options]) -> Subscription[m.MapData]: ...
+    @overload
+    def subscribe(self, topics: Literal["map_pose"], **options: Unpack[Options]) -> Subscription[m.MapPoseData]: ...
+    @overload
+    def subscribe(self, topics: Literal["localization"],
+        **options: Unpack[Options]) -> Subscription[m.LocalizationData]: ...
+    @overload
+    def subscribe(self, topics: Literal["navigation"],
+        **options: Unpack[Options]) -> Subscription[m.NavigationData]: ...
+    @overload
+    def subscribe(self, topics: Literal["path"], **options: Unpack[Options]) -> Subscription[m.PathData]: ...
+    @overload
+    def subscribe(self, topics: Literal["costmap"], **options: Unpack[Options]) -> Subscription[m.CostmapData]: ...
+    @overload
+    def subscribe(self, topics: Literal["obstacles"], **options: Unpack[Options]) -> Subscription[m.ObstaclesData]: ...
+    @overload
+    def subscribe(self, topics: Literal["depth_cameras"],
+        **options: Unpack[Options]) -> Subscription[m.DepthCamerasData]: ...
+    @overload
+    def subscribe(self, topics: Literal["wheels"], **options: Unpack[Options]) -> Subscription[m.WheelsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["safety"], **options: Unpack[Options]) -> Subscription[m.SafetyData]: ...
+    @overload
+    def subscribe(self, topics: Literal["odometry"], **options: Unpack[Options]) -> Subscription[m.OdometryData]: ...
+    @overload
+    def subscribe(self, topics: Literal["imu"], **options: Unpack[Options]) -> Subscription[m.ImuData]: ...
+    @overload
+    def subscribe(self, topics: Literal["ranges"], **options: Unpack[Options]) -> Subscription[m.RangesData]: ...
+    @overload
+    def subscribe(self, topics: Literal["battery"], **options: Unpack[Options]) -> Subscription[m.BatteryData]: ...
+    @overload
+    def subscribe(self, topics: Literal["stats"], **options: Unpack[Options]) -> Subscription[m.StatsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["sim"], **options: Unpack[Options]) -> Subscription[m.SimData]: ...
+    @overload
+    def subscribe(self, topics: Literal["link"], **options: Unpack[Options]) -> Subscription[m.LinkData]: ...
+    @overload
+    def subscribe(self, topics: Literal["reset"], **options: Unpack[Options]) -> Subscription[m.ResetData]: ...
+    @overload
+    def subscribe(self, topics: Literal["text"], **options: Unpack[Options]) -> Subscription[m.TextData]: ...
+    @overload
+    def subscribe(self, topics: Literal["raw"], **options: Unpack[Options]) -> Subscription[m.RawData]: ...
+    @overload
+    def subscribe(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]: ...
+
+    def subscribe(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]:
+        """Events of one or several topics, first the latest value of each; see ``Subscription``.
+
+        Subscriptions of one client to the same topic share it, and have the same rate and policy.
+
+        Raises:
+            SubscriptionConflict: on starting, when the topic is subscribed with another rate or policy.
+        """
+        return self._subscription(topics, **options)
+
+    @abstractmethod
+    def _subscription(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]: ...

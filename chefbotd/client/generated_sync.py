@@ -1,0 +1,62 @@
+# Written by `make client`: see tests/chefbotd/client/generate.py. Whatever is changed here by hand is lost.
+# fmt: off
+"""The methods of the asyncio client as plain ones."""
+
+from chefbotd.client.blocking import InBackground, blocking, blocking_subscription
+from chefbotd.client.client import Client
+
+
+class SyncMethods(InBackground):
+    """Every method of ``Client``."""
+
+    subscribe = blocking_subscription(Client.subscribe)
+    wait_until_connected = blocking(Client.wait_until_connected)
+    call = blocking(Client.call)
+    drive_for = blocking(Client.drive_for)
+    set_wheel_velocities = blocking(Client.set_wheel_velocities)
+    stop = blocking(Client.stop)
+    estop = blocking(Client.estop)
+    take_control = blocking(Client.take_control)
+    release_control = blocking(Client.release_control)
+    get_state = blocking(Client.get_state)
+    wait_until_armed = blocking(Client.wait_until_armed)
+    get_description = blocking(Client.get_description)
+    get_pid = blocking(Client.get_pid)
+    set_pid = blocking(Client.set_pid)
+    undo_pid = blocking(Client.undo_pid)
+    get_map = blocking(Client.get_map)
+    save_place = blocking(Client.save_place)
+    list_places = blocking(Client.list_places)
+    delete_place = blocking(Client.delete_place)
+    navigate_to = blocking(Client.navigate_to)
+    follow_waypoints = blocking(Client.follow_waypoints)
+    go_home = blocking(Client.go_home)
+    dock = blocking(Client.dock)
+    authenticate = blocking(Client.authenticate)
+    set_client_name = blocking(Client.set_client_name)
+    describe = blocking(Client.describe)
+    ping = blocking(Client.ping)
+    start_recording = blocking(Client.start_recording)
+    stop_recording = blocking(Client.stop_recording)
+    list_recordings = blocking(Client.list_recordings)
+    save_ring = blocking(Client.save_ring)
+    list_maps = blocking(Client.list_maps)
+    load_map = blocking(Client.load_map)
+    import_map = blocking(Client.import_map)
+    rename_map = blocking(Client.rename_map)
+    delete_map = blocking(Client.delete_map)
+    start_mapping = blocking(Client.start_mapping)
+    pause_mapping = blocking(Client.pause_mapping)
+    finish_mapping = blocking(Client.finish_mapping)
+    discard_mapping = blocking(Client.discard_mapping)
+    set_pose = blocking(Client.set_pose)
+    localize = blocking(Client.localize)
+    plan_to = blocking(Client.plan_to)
+    cancel_navigation = blocking(Client.cancel_navigation)
+    pause_navigation = blocking(Client.pause_navigation)
+    resume_navigation = blocking(Client.resume_navigation)
+    drive = blocking(Client.drive)
+    arm = blocking(Client.arm)
+    reset_odometry = blocking(Client.reset_odometry)
+    get_stats = blocking(Client.get_stats)
+    reset_board = blocking(Client.reset_board)

@@ -1,0 +1,314 @@
+"""Writes what follows from the registered methods and topics: ``make client``.
+
+That is the client's methods that only ask, its models, the types of ``subscribe``, and the tables of docs/api.md.
+"""
+
+import inspect
+import json
+import re
+import sys
+import textwrap
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, SecretStr
+
+import chefbotd.client
+from chefbotd.client.client import Client
+from chefbotd.client.generated import GeneratedMethods
+from chefbotd.rpc.method import Method
+from chefbotd.rpc.models import Done, Sent, UnknownData
+from chefbotd.rpc.topics import Topic
+from tests.fakes.example import example
+from tests.fakes.robot import methods_of_socket, topics_of
+
+PACKAGE = Path(chefbotd.client.__file__).parent
+PAGE = Path(__file__).parents[3] / "docs" / "api.md"
+WIDTH = 120
+WITHOUT_METHOD = {"subscribe", "unsubscribe", "cancel"}
+"""Of these a client makes use by itself."""
+
+ROW = r"^\| `(\w+)` \|(.*)\|$"
+EXAMPLE = r'^(    \{"jsonrpc":"2\.0","id":\d+,"method":"(\w+)".*\})$'
+
+MARK = """# Written by `make client`: see tests/chefbotd/client/generate.py. Whatever is changed here by hand is lost.
+# fmt: off
+"""
+
+METHODS_HEAD = '''# mypy: disable-error-code="no-any-return"
+"""The client's methods that only ask, and the types of ``subscribe``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+from chefbotd.client.caller import Caller
+from chefbotd.client.subscription import SubscribeOptions as Options, Subscription
+
+if TYPE_CHECKING:
+    from chefbotd.client import models as m
+    from chefbotd.client.wire import ProgressListener
+
+
+class GeneratedMethods(Caller):
+    """The methods of the socket for which asking is all there is to do."""
+'''
+
+TOPICS_HEAD = '''
+
+class Topics(ABC):
+    """``subscribe``, typed by the name of the topic."""
+
+'''
+
+SUBSCRIBE = '''
+    @overload
+    def subscribe(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]: ...
+
+    def subscribe(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]:
+        """Events of one or several topics, first the latest value of each; see ``Subscription``.
+
+        Subscriptions of one client to the same topic share it, and have the same rate and policy.
+
+        Raises:
+            SubscriptionConflict: on starting, when the topic is subscribed with another rate or policy.
+        """
+        return self._subscription(topics, **options)
+
+    @abstractmethod
+    def _subscription(self, topics: str | Iterable[str], **options: Unpack[Options]) -> Subscription[Any]: ...
+'''
+
+SYNC_HEAD = '''
+from chefbotd.client.blocking import InBackground, blocking, blocking_subscription
+from chefbotd.client.client import Client
+
+
+class SyncMethods(InBackground):
+    """Every method of ``Client``."""
+
+    subscribe = blocking_subscription(Client.subscribe)
+'''
+
+
+def _filled(line: str, indent: int) -> str:
+    """A long line of code, broken after commas."""
+    held = re.sub(r"(?<=[^, ]) (?=\S)", "\0", line)
+    filled = textwrap.fill(
+        held, WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
+    )
+    return filled.replace("\0", " ")
+
+
+def _annotation(kind: Any, where: str) -> str:
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _annotation(parts[0], where)
+    if origin in (Union, UnionType):
+        return " | ".join(_annotation(part, where) for part in parts)
+    if origin is Literal:
+        return f"Literal[{', '.join(map(repr, parts))}]"
+    if origin in (list, dict):
+        return f"{origin.__name__}[{', '.join(_annotation(part, where) for part in parts)}]"
+    if kind in (bool, int, float, str, SecretStr, NoneType):
+        return {SecretStr: "str", NoneType: "None"}.get(kind, kind.__name__)
+    raise TypeError(
+        f"{where} is {kind}: its method of the client is to be written by hand, in client/methods.py"
+    )
+
+
+def _method(method: Method, exported: Mapping[str, type[Sent]]) -> str:
+    fields = sorted(method.params.model_fields.items(), key=lambda item: not item[1].is_required())
+    takes, gives = ["self"], []
+    for name, field in fields:
+        kind = _annotation(field.annotation, f"{method.name}: {name}")
+        takes += ["*"] if kind == "bool" and "*" not in takes else []
+        takes.append(f"{name}: {kind}" + ("" if field.is_required() else f" = {field.default!r}"))
+        gives.append(f"{name}={name}")
+    if inspect.iscoroutinefunction(method.handle):
+        takes.append("on_progress: ProgressListener | None = None")
+        gives.append("on_progress=on_progress")
+    model = None if method.result is Done else _exported(method.result, exported)
+    head = f"    async def {method.name}({', '.join(takes)}) -> {'None' if model is None else f'm.{model}'}:"
+    asked = ", ".join(["None" if model is None else f'"{model}"', f'"{method.name}"', *gives])
+    call = f"        {'' if model is None else 'return '}await self._ask({asked})"
+    doc = textwrap.indent(inspect.getdoc(method.handle) or "", " " * 8).strip()
+    quoted = f'        """{doc}' + ('\n        """' if "\n" in doc else '"""')
+    return "\n".join((_filled(head, 8), quoted, _filled(call, 12)))
+
+
+def _models(kinds: Iterable[type[BaseModel]]) -> dict[str, type[Sent]]:
+    """These models, those within them and those that they are made from, as far as a module has them."""
+    found: dict[str, type[Sent]] = {}
+    waiting = list(kinds)
+    while waiting:
+        kind = waiting.pop()
+        for each in kind.__mro__:
+            known = getattr(sys.modules[each.__module__], each.__name__, None) is each
+            if known and issubclass(each, Sent) and each is not Sent and each.__name__ not in found:
+                found[each.__name__] = each
+                waiting += [part for field in each.model_fields.values() for part in _parts(field.annotation)]
+    return found
+
+
+def _parts(kind: Any) -> list[type[BaseModel]]:
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return [kind]
+    return [model for part in get_args(kind) for model in _parts(part)]
+
+
+def _exported(model: type[BaseModel], exported: Mapping[str, type[Sent]]) -> str:
+    return next(each.__name__ for each in model.__mro__ if exported.get(each.__name__) is each)
+
+
+def _methods_module(asking: list[Method], exported: Mapping[str, type[Sent]], data: Mapping[str, str]) -> str:
+    methods = "".join(f"\n{_method(each, exported)}\n" for each in asking)
+    overloads = "\n".join(
+        "    @overload\n"
+        + _filled(
+            f'    def subscribe(self, topics: Literal["{topic}"], **options: Unpack[Options]) '
+            f"-> Subscription[m.{model}]: ...",
+            8,
+        )
+        for topic, model in data.items()
+    )
+    return MARK + METHODS_HEAD + methods + TOPICS_HEAD + overloads + SUBSCRIBE
+
+
+def _sync_module(asking: list[Method], by_hand: Mapping[str, object]) -> str:
+    names = [name for name, each in by_hand.items() if inspect.iscoroutinefunction(each) and name[0] != "_"]
+    rows = "".join(f"    {name} = blocking(Client.{name})\n" for name in [*names, *(m.name for m in asking)])
+    return MARK + '"""The methods of the asyncio client as plain ones."""\n' + SYNC_HEAD + rows
+
+
+def _models_module(exported: Mapping[str, type[Sent]], data: Mapping[str, str]) -> str:
+    by_module: dict[str, list[str]] = {}
+    for name, model in exported.items():
+        by_module.setdefault(model.__module__, []).append(name)
+    imports = "\n".join(
+        _import(module, ", ".join(f"{name} as {name}" for name in sorted(names)))
+        for module, names in sorted(by_module.items())
+    )
+    table = _filled("    " + ", ".join(f'"{topic}": {model}' for topic, model in data.items()), 4)
+    return f'''{MARK}"""Every model that a client reads: the results of the methods, and the data of the topics."""
+
+from collections.abc import Mapping
+
+{imports}
+
+DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {{
+{table}
+}}
+"""What a client reads each topic as."""
+'''
+
+
+def _import(module: str, names: str) -> str:
+    line = f"from {module} import {names}"
+    return line if len(line) <= WIDTH else f"from {module} import (\n{_filled('    ' + names, 4)}\n)"
+
+
+def written() -> dict[Path, str]:
+    """What each file should say."""
+    methods, topics = methods_of_socket(), topics_of(simulated=True)
+    kinds = [*(each.result for each in methods.values()), *(topic.model for topic in topics.values())]
+    exported = _models([*kinds, UnknownData])
+    data = {name: _exported(topic.model, exported) for name, topic in topics.items()}
+    by_hand = {
+        name: each
+        for kind in Client.__mro__
+        if kind is not GeneratedMethods
+        for name, each in vars(kind).items()
+    }
+    asking = [each for name, each in methods.items() if name not in {*by_hand, *WITHOUT_METHOD}]
+    files = {
+        PACKAGE / "models.py": _models_module(exported, data),
+        PACKAGE / "generated.py": _methods_module(asking, exported, data),
+        PACKAGE / "generated_sync.py": _sync_module(asking, by_hand),
+    }
+    return files | ({PAGE: page(PAGE.read_text(encoding="utf-8"), methods, topics)} if PAGE.exists() else {})
+
+
+# The tables of docs/api.md
+
+
+def page(text: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> str:
+    """The page with a row for each method and topic, and an example of each method.
+
+    A cell that names all that it has to name stays as somebody has worded it. Any other is written anew.
+    """
+    rows = _rows(text, "Methods")
+    table = [_method_row(each, rows.get(name, [])) for name, each in methods.items()]
+    text = _with_rows(text, "Methods", _in_order(table, rows))
+    rows = _rows(text, "Topics")
+    text = _with_rows(
+        text, "Topics", _in_order([_topic_row(t, rows.get(n, [])) for n, t in topics.items()], rows)
+    )
+    examples = re.findall(EXAMPLE, text, re.MULTILINE)
+    shown = [line for line, name in examples if name in methods]
+    number = max(json.loads(line)["id"] for line in shown)
+    for name in methods.keys() - {name for _, name in examples}:
+        params = example(methods[name].params).model_dump(mode="json", exclude_unset=True)
+        number += 1
+        request = {"jsonrpc": "2.0", "id": number, "method": name} | ({"params": params} if params else {})
+        shown.append(f"    {json.dumps(request, separators=(',', ':'))}")
+    return text.replace("\n".join(line for line, _ in examples), "\n".join(shown))
+
+
+def _rows(text: str, heading: str) -> dict[str, list[str]]:
+    """The cells of each row of the table under a heading, by the name in the first one."""
+    found = re.findall(ROW, _section(text, heading), re.MULTILINE)
+    return {name: [cell.strip() for cell in rest.split("|")] for name, rest in found}
+
+
+def _section(text: str, heading: str) -> str:
+    return text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+
+
+def _with_rows(text: str, heading: str, rows: list[str]) -> str:
+    section = _section(text, heading)
+    old = "\n".join(match[0] for match in re.finditer(ROW, section, re.MULTILINE))
+    return text.replace(section, section.replace(old, "\n".join(rows)))
+
+
+def _in_order(rows: list[str], before: Iterable[str]) -> list[str]:
+    """In the order in which they stood; what is new comes last."""
+    places = {name: place for place, name in enumerate(before)}
+    return sorted(rows, key=lambda row: places.get(row.split("`")[1], len(places)))
+
+
+def _method_row(method: Method, cells: list[str]) -> str:
+    takes, gives = method.params.model_fields, method.result.model_fields
+    old = dict(enumerate(cells))
+    params = _kept(old.get(0, ""), list(takes)[:4]) or ", ".join(
+        f"`{name}`" + ("" if field.is_required() else f" = {json.dumps(field.default)}")
+        for name, field in takes.items()
+    )
+    result = _kept(old.get(1, ""), gives) or ", ".join(f"`{name}`" for name in gives)
+    role = "none" if method.role is None else str(method.role)
+    does = old.get(3, "") or " ".join((inspect.getdoc(method.handle) or "").split())
+    return " | ".join([f"| `{method.name}`", params, result, role, does]).replace("|  |", "| |") + " |"
+
+
+def _topic_row(topic: Topic, cells: list[str]) -> str:
+    fields = {} if topic.name == "stats" else topic.model.model_fields
+    told = (
+        f"`{name}`" + (f" ({field.description})" if field.description else "")
+        for name, field in fields.items()
+    )
+    row = _kept(cells[0] if cells else "", fields) or f"{inspect.getdoc(topic.model)} {', '.join(told)}"
+    return f"| `{topic.name}` | {' '.join(row.split())} |"
+
+
+def _kept(cell: str, names: Iterable[str]) -> str:
+    """The cell, where it names all of these or says that they are as another's."""
+    return cell if cell.startswith("as ") or all(f"`{name}`" in cell for name in names) else ""
+
+
+if __name__ == "__main__":
+    for path, text in written().items():
+        path.write_text(text, encoding="utf-8")

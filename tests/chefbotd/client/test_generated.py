@@ -1,0 +1,116 @@
+"""What is written by ``make client``, and what type checkers infer from it for users of the clients."""
+
+import asyncio
+from pathlib import Path
+from typing import Any, assert_type
+
+import pytest
+
+from chefbotd.client import Client, SyncClient, models
+from chefbotd.client.generated import GeneratedMethods
+from chefbotd.client.models import Driven, MapList, OdometryData, PathData
+from chefbotd.client.subscription import Subscription
+from chefbotd.client.sync_subscription import SyncSubscription
+from tests.chefbotd.client.generate import page, written
+from tests.fakes.example import example
+from tests.fakes.robot import methods_of_socket, topics_of
+
+METHODS = methods_of_socket()
+WRITTEN = written()
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_what_is_written_is_what_follows_from_the_methods_and_topics(path: Path) -> None:
+    """A method or topic that was added, changed or removed is in the client and in docs/api.md."""
+    assert path.read_text(encoding="utf-8") == WRITTEN[path], f"{path.name} is out of date: run `make client`"
+
+
+class Recorder(GeneratedMethods):
+    """Keeps what it is asked, and answers with an example."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+
+    async def call(self, method: str, /, *, on_progress: object = None, **params: Any) -> dict[str, Any]:
+        self.asked.append((method, params))
+        return example(METHODS[method].result).model_dump(mode="json")
+
+
+@pytest.mark.parametrize("name", [name for name in vars(GeneratedMethods) if name in METHODS])
+def test_a_written_method_asks_for_what_it_is_named_after(name: str) -> None:
+    """Each parameter goes along by its name, what is None does not; the answer is the method's own model."""
+    recorder, method = Recorder(), METHODS[name]
+    params = example(method.params).model_dump(mode="json", exclude_unset=True)
+    answer = asyncio.run(getattr(recorder, name)(**params))
+    ((asked, sent),) = recorder.asked
+    defaults = {n: f.default for n, f in method.params.model_fields.items() if not f.is_required()}
+    expected = {name: value for name, value in {**defaults, **params}.items() if value is not None}
+    assert (asked, sent) == (name, expected)
+    assert answer is None if method.result is models.Done else issubclass(method.result, type(answer))
+
+
+def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
+    """A row whose cells name everything stays; what a cell lacks, and a row that is not there, is written."""
+    text = PAGE
+    methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "ping")}
+    told = page(text, methods, {"battery": topics_of(simulated=False)["battery"]})
+    assert "| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |" in told
+    assert (
+        "| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | `state`, `map`, `reason` | drive | as it was |"
+        in told
+    )
+    assert "| `ping` | | `pong`, `stamp_s` | observe | Answer at once, with the daemon's time. |" in told
+    assert "| `battery` | The battery. `voltage_v`, `percentage`, `status` |" in told
+    assert '{"jsonrpc":"2.0","id":8,"method":"ping"}' in told
+    assert "fly" not in told
+    assert page(told, methods, {"battery": topics_of(simulated=False)["battery"]}) == told
+
+
+PAGE = """
+## Methods
+
+| method | parameters | result | role | what it does |
+|---|---|---|---|---|
+| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |
+| `fly` | | `ok` | drive | is gone |
+| `set_pose` | `x_m`, `y_m` | `state` | observe | as it was |
+
+    {"jsonrpc":"2.0","id":7,"method":"set_pose","params":{"x_m":2.1,"y_m":-0.4}}
+    {"jsonrpc":"2.0","id":3,"method":"fly"}
+    {"jsonrpc":"2.0","id":2,"method":"delete_place","params":{"name":"table 3"}}
+
+## Topics
+
+| topic | data |
+|---|---|
+| `battery` | `voltage_v` |
+
+## Limits
+"""
+
+
+def test_both_clients_infer_the_same_types() -> None:
+    """A literal topic gives its model; the plain client's methods return what the asyncio client's await.
+
+    This is for mypy: nothing of it runs.
+    """
+
+    async def with_asyncio(robot: Client) -> None:
+        assert_type(robot.subscribe("path", max_rate_hz=2.0), Subscription[PathData])
+        assert_type(robot.subscribe(["path", "odometry"]), Subscription[Any])
+        assert_type(await robot.drive(0.1, -0.2, source="joystick"), Driven)
+        assert_type(await robot.arm(latch=3), None)
+
+    def without(robot: SyncClient) -> None:
+        assert_type(robot.subscribe("path", max_rate_hz=2.0), SyncSubscription[PathData])
+        assert_type(robot.subscribe("odometry").next(1.0).data, OdometryData)
+        assert_type(robot.subscribe(["path", "odometry"]), SyncSubscription[Any])
+        assert_type(robot.drive(0.1, -0.2, source="joystick"), Driven)
+        assert_type(robot.list_maps(on_progress=print), MapList)
+        assert_type(robot.take_control(source="teleop"), str | None)
+        robot.drive("fast", 0.0)  # type: ignore[arg-type]
+        robot.navigate_to(plaice="kitchen")  # type: ignore[call-arg]
+        robot.subscribe("path", rate=2.0)  # type: ignore[call-overload]
+
+    assert callable(with_asyncio)
+    assert callable(without)
