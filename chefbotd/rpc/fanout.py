@@ -152,6 +152,9 @@ class Fanout:
     """The topics, their groups, and who is in which.
 
     ``on_demand`` is called when a topic whose events are costly gets its first subscriber, and when it loses its last.
+
+    Raises:
+        ValueError: an event of an ``on_demand`` topic is one of another topic, too.
     """
 
     def __init__(
@@ -159,7 +162,16 @@ class Fanout:
     ) -> None:
         self._clock, self._on_demand = clock, on_demand
         self._feeds = {name: Feed(topic) for name, topic in topics.items()}
-        self._by_event = {event: feed for feed in self._feeds.values() for event in feed.topic.events}
+        self._by_event: dict[type[object], tuple[Feed, ...]] = {}
+        for feed in self._feeds.values():
+            for event in feed.topic.events:
+                self._by_event[event] = (*self._by_event.get(event, ()), feed)
+        for event, feeds in self._by_event.items():
+            if len(feeds) > 1 and any(feed.topic.on_demand for feed in feeds):
+                names = ", ".join(feed.topic.name for feed in feeds)
+                raise ValueError(
+                    f"{event.__name__} is an event of {names}: one of an on_demand topic is of no other"
+                )
 
     @property
     def topics(self) -> dict[str, Topic]:
@@ -168,12 +180,12 @@ class Fanout:
 
     def publish(self, event: object) -> None:
         """Hand an event of one of the topics to every client for which it is due."""
-        feed = self._by_event[type(event)]
-        feed.take_event(event)
-        if feed.groups:
-            now_s = self._clock.now_s()
-            for group in feed.groups.values():
-                group.offer(now_s)
+        for feed in self._by_event[type(event)]:
+            feed.take_event(event)
+            if feed.groups:
+                now_s = self._clock.now_s()
+                for group in feed.groups.values():
+                    group.offer(now_s)
 
     def subscribe(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
         """Put a receiver into these topics' groups, out of any other; an unknown topic raises ``KeyError``."""

@@ -91,7 +91,7 @@ class RpcServer:
 
     async def run(self) -> None:
         """Serve the clients of every transport until cancelled; then close all connections."""
-        always = [e for t in self._fanout.topics.values() if not t.on_demand for e in t.events]
+        always = {e: None for t in self._fanout.topics.values() if not t.on_demand for e in t.events}
         stop_telemetry = self._bus.add_handler(self._fanout.publish, *always, on_error=self._failure.report)
         try:
             async with asyncio.TaskGroup() as tasks:

@@ -107,6 +107,23 @@ def test_nothing_is_made_for_nobody() -> None:
     assert (reader.texts, counting.conversions) == (["c"], 1)
 
 
+def test_an_event_may_belong_to_several_topics() -> None:
+    """Each gets it, in its own form, and counts it; one whose events are made on demand shares with no other."""
+    texts = topics_of(simulated=False)["text"]
+    shout = replace(texts, name="shout", data=lambda event: TextData(text=event.text.upper()))
+    fanout, quiet, loud = Fanout({"text": texts, "shout": shout}, ManualClock(), ignore), Reader(), Reader()
+    fanout.subscribe(quiet, ["text"], "latest", 0.0)
+    fanout.subscribe(loud, ["shout"], "latest", 0.0)
+    publish_texts(fanout, "a", "b")
+    assert [(p.topic, p.seq, p.data) for p in quiet.payloads] == [
+        ("text", 1, b'{"text":"a"}'),
+        ("text", 2, b'{"text":"b"}'),
+    ]
+    assert [p.data for p in loud.payloads] == [b'{"text":"A"}', b'{"text":"B"}']
+    with pytest.raises(ValueError, match="TextReceived is an event of text, shout: one of an on_demand"):
+        Fanout({"text": texts, "shout": replace(shout, on_demand=True)}, ManualClock(), ignore)
+
+
 def test_sequence_numbers_count_events_not_deliveries() -> None:
     """A late subscriber sees how many events came before it."""
     reader, fanout = Reader(), text_fanout(ManualClock())
