@@ -212,9 +212,8 @@ def _import(module: str, names: str) -> str:
     return line if len(line) <= WIDTH else f"from {module} import (\n{_filled('    ' + names, 4)}\n)"
 
 
-def written() -> dict[Path, str]:
+def written(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> dict[Path, str]:
     """What each file should say."""
-    methods, topics = methods_of_socket(), topics_of(simulated=True)
     kinds = [*(each.result for each in methods.values()), *(topic.model for topic in topics.values())]
     exported = _models([*kinds, UnknownData])
     data = {name: _exported(topic.model, exported) for name, topic in topics.items()}
@@ -248,15 +247,19 @@ def page(text: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]) 
     text = _with_rows(
         text, "Topics", _in_order([_topic_row(t, rows.get(n, [])) for n, t in topics.items()], rows)
     )
-    examples = re.findall(EXAMPLE, text, re.MULTILINE)
-    shown = [line for line, name in examples if name in methods]
-    number = max(json.loads(line)["id"] for line in shown)
-    for name in methods.keys() - {name for _, name in examples}:
+    return _with_examples(text, methods)
+
+
+def _with_examples(text: str, methods: Mapping[str, Method]) -> str:
+    before, listed, after = re.split(r"(?<=\nBy example:\n\n)((?:    .*\n)+)", text, maxsplit=1)
+    shown = {name: line for line, name in re.findall(EXAMPLE, text, re.MULTILINE)}
+    lines = [line for line, name in re.findall(EXAMPLE, listed, re.MULTILINE) if name in methods]
+    last = max(json.loads(line)["id"] for line in shown.values())
+    for number, name in enumerate([each for each in methods if each not in shown], last + 1):
         params = example(methods[name].params).model_dump(mode="json", exclude_unset=True)
-        number += 1
         request = {"jsonrpc": "2.0", "id": number, "method": name} | ({"params": params} if params else {})
-        shown.append(f"    {json.dumps(request, separators=(',', ':'))}")
-    return text.replace("\n".join(line for line, _ in examples), "\n".join(shown))
+        lines.append(f"    {json.dumps(request, separators=(',', ':'))}")
+    return before + "\n".join(lines) + "\n" + after
 
 
 def _rows(text: str, heading: str) -> dict[str, list[str]]:
@@ -310,5 +313,5 @@ def _kept(cell: str, names: Iterable[str]) -> str:
 
 
 if __name__ == "__main__":
-    for path, text in written().items():
+    for path, text in written(methods_of_socket(), topics_of(simulated=True)).items():
         path.write_text(text, encoding="utf-8")

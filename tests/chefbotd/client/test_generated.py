@@ -15,8 +15,8 @@ from tests.chefbotd.client.generate import page, written
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket, topics_of
 
-METHODS = methods_of_socket()
-WRITTEN = written()
+METHODS, TOPICS = methods_of_socket(), topics_of(simulated=True)
+WRITTEN = written(METHODS, TOPICS)
 
 
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
@@ -53,7 +53,7 @@ def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
     """A row whose cells name everything stays; what a cell lacks, and a row that is not there, is written."""
     text = PAGE
     methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "ping")}
-    told = page(text, methods, {"battery": topics_of(simulated=False)["battery"]})
+    told = page(text, methods, {"battery": TOPICS["battery"]})
     assert "| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |" in told
     assert (
         "| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | `state`, `map`, `reason` | drive | as it was |"
@@ -63,7 +63,7 @@ def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
     assert "| `battery` | The battery. `voltage_v`, `percentage`, `status` |" in told
     assert '{"jsonrpc":"2.0","id":8,"method":"ping"}' in told
     assert "fly" not in told
-    assert page(told, methods, {"battery": topics_of(simulated=False)["battery"]}) == told
+    assert page(told, methods, {"battery": TOPICS["battery"]}) == told
 
 
 PAGE = """
@@ -74,6 +74,8 @@ PAGE = """
 | `delete_place` | its `name` and `map` | `ok` | drive | forgets it |
 | `fly` | | `ok` | drive | is gone |
 | `set_pose` | `x_m`, `y_m` | `state` | observe | as it was |
+
+By example:
 
     {"jsonrpc":"2.0","id":7,"method":"set_pose","params":{"x_m":2.1,"y_m":-0.4}}
     {"jsonrpc":"2.0","id":3,"method":"fly"}

@@ -3,20 +3,28 @@
 import asyncio
 import math
 import re
+import sys
+import types
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from chefbotd.clock import run_virtual
+from chefbotd.bus import Bus
+from chefbotd.client import CallError
+from chefbotd.client import models as client_models
+from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.features.feature import Feature, methods_and_topics
-from chefbotd.rpc.method import method
+from chefbotd.rpc.method import Method, method
 from chefbotd.rpc.models import TopicData
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.chefbotd.client.generate import written
+from tests.chefbotd.rpc.test_guarded import broken_rules
+from tests.fakes.robot import methods_of_socket, topics_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "adding_a_feature.md"
 pytestmark = pytest.mark.skipif(
@@ -24,16 +32,23 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def test_the_worked_example_runs() -> None:
-    """In a daemon on a scripted board: the method answers, the topic has data, the figure and the schemas are there."""
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
+    """The page's code as a module."""
     (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    page: dict[str, Any] = {"__name__": "page"}
-    exec(compile(code, str(PAGE), "exec"), page)
+    module = types.ModuleType("page")
+    monkeypatch.setitem(sys.modules, "page", module)
+    exec(compile(code, str(PAGE), "exec"), vars(module))
+    return module
+
+
+def test_the_worked_example_runs(shown: types.ModuleType) -> None:
+    """In a daemon on a scripted board: the method answers, the topic has data, the figure and the schemas are there."""
     device = FakeSerialDevice()
     board = ScriptedBoard(device)
 
     async def scenario() -> None:
-        async with running_daemon(device, features=[page["trip"]]) as client:
+        async with running_daemon(device, features=[shown.trip]) as client:
             await asyncio.sleep(0.1)
             for counts in ((0, 0), (30, -20), (80, -50), (140, -90)):
                 board.cycle(*counts)
@@ -50,6 +65,58 @@ def test_the_worked_example_runs() -> None:
             assert described["methods"]["reset_trip"]["summary"] == "End the trip, and begin another."
             assert described["methods"]["reset_trip"]["role"] == "drive"
             assert described["topics"]["stats"]["data"]["properties"]["trip_resets"]["type"] == "integer"
+
+    run_virtual(scenario())
+
+
+def test_the_role_of_the_worked_example_is_enforced(shown: types.ModuleType) -> None:
+    """Who may only observe is refused; the example follows the rules for every method as it stands."""
+
+    async def scenario() -> None:
+        settings = load(overrides={"api.default_role": "observe"})
+        async with running_daemon(FakeSerialDevice(), settings, [shown.trip]) as client:
+            with pytest.raises(CallError) as refused:
+                await client.call("reset_trip")
+            assert refused.value.kind == "forbidden"
+
+    run_virtual(scenario())
+    assert broken_rules({"reset_trip": added(shown)[0]["reset_trip"]}) == set()
+
+
+def added(shown: types.ModuleType) -> tuple[dict[str, Method], dict[str, Topic]]:
+    """The methods and topics of a socket, and those of the page."""
+    methods, topics = methods_and_topics([shown.trip(Bus(), ManualClock())])
+    return methods_of_socket() | methods, topics_of(simulated=True) | topics
+
+
+def test_one_command_writes_all_else_that_the_worked_example_needs(
+    shown: types.ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The typed method in both clients, the model, the type of the topic, the rows and the example on the page."""
+    files = {path.name: text for path, text in written(*added(shown)).items()}
+    assert "reset_trip = blocking(Client.reset_trip)" in files["generated_sync.py"]
+    assert (
+        'topics: Literal["trip"], **options: Unpack[Options]) -> Subscription[m.TripData]'
+        in files["generated.py"]
+    )
+    assert "from page import TripData as TripData, TripEnded as TripEnded" in files["models.py"]
+    assert '"trip": TripData' in files["models.py"]
+    row = "| `reset_trip` | `turned_rad` = 0.0 | `turned_rad` | drive | End the trip, and begin another. |"
+    assert row in files["api.md"]
+    assert "| `trip` | How far the first wheel has turned since the trip began" in files["api.md"]
+    assert '"method":"reset_trip"}' in files["api.md"]
+
+    written_module: dict[str, Any] = {}
+    exec(compile(files["generated.py"], "generated.py", "exec"), written_module)
+    monkeypatch.setattr(client_models, "TripEnded", shown.TripEnded, raising=False)
+
+    async def scenario() -> None:
+        async with running_daemon(FakeSerialDevice(), features=[shown.trip]) as client:
+            typed = type(
+                "Typed", (written_module["GeneratedMethods"],), {"call": staticmethod(client.call)}
+            )()
+            assert await typed.reset_trip(2.5) == shown.TripEnded(turned_rad=0.0)
+            assert await typed.reset_trip() == shown.TripEnded(turned_rad=2.5)
 
     run_virtual(scenario())
 
