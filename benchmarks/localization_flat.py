@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmarks.figures import Figure
 from chefbotd.localization.agreement import agreement
-from chefbotd.localization.localizer import localization_map, set_pose
-from chefbotd.localization.searching import LocalizationMap
+from chefbotd.localization.localizer import set_pose
+from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.states import State
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
@@ -45,7 +45,7 @@ TWIN_LOOKS = 40
 
 def figures(*, quick: bool) -> tuple[list[Figure], list[str]]:
     """All of it, and what is told of the fit."""
-    within, drives = localization_map(PARAMS, drawn(WALLS)), QUICK_DRIVES if quick else DRIVES
+    within, drives = localization_map(PARAMS.surfaces, drawn(WALLS)), QUICK_DRIVES if quick else DRIVES
     tracked, fits, seconds = _tracking(within, drives)
     tracked += _on_its_own_map()
     found = [
@@ -92,7 +92,7 @@ def _on_its_own_map() -> list[Figure]:
     params, state, lidar = SlamParameters(), start(), Lidar(WALLS, 31)
     for k, (told, pose) in enumerate(zip(odometry(TRUTH, 31), TRUTH, strict=True)):
         state, _ = slam_step(params, state, float(k), told, scan_of(lidar.points(pose)))
-    robot = Robot(localization_map(PARAMS, occupancy(refined(params, state).nodes)))
+    robot = Robot(localization_map(PARAMS.surfaces, occupancy(refined(params, state).nodes)))
     lidar, errors = Lidar(WALLS, 32), list[float]()
     for told, pose in zip(odometry(TRUTH, 32), TRUTH, strict=True):
         report = robot.take(told, lidar.points(pose))
@@ -169,14 +169,14 @@ def _kidnappings(within: LocalizationMap, count: int) -> Iterable[Figure]:
 def _look_alikes() -> Iterable[Figure]:
     """How often it is sure of a place where nothing tells: in one of two equal rooms, and on a mirrored map."""
     walls = twin_rooms()
-    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS, drawn(walls)))
+    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
     pose = np.array([6.6, 1.9, 2.0])
     for _ in range(TWIN_LOOKS):
         robot.take(np.zeros(3), lidar.points(pose))
     sure = sum(report.state is State.LOCALIZED for report in robot.reports)
     yield Figure(f"twin rooms, sure of one, of {TWIN_LOOKS} scans", sure, "", 0)
     yield Figure("twin rooms, places named (2 are right)", len(robot.reports[-1].alternatives), "", 2)
-    robot, lidar = Robot(localization_map(PARAMS, mirrored(drawn(WALLS)))), Lidar(WALLS, 1)
+    robot, lidar = Robot(localization_map(PARAMS.surfaces, mirrored(drawn(WALLS)))), Lidar(WALLS, 1)
     for told, pose in zip(odometry(TRUTH, 1), TRUTH, strict=True):
         robot.take(told, lidar.points(pose))
     sure = sum(report.state is State.LOCALIZED for report in robot.reports)

@@ -73,7 +73,7 @@ def localized(recording: Recording, scans: int) -> Localized:
     odometry = recording.odometry[list(recording.rows[:scans])]
     _, all_poses = _slam(points, odometry)
     half, half_poses = _slam(points[::2], odometry[::2])
-    within = localization_map(PARAMS, occupancy(half.nodes))
+    within = localization_map(PARAMS.surfaces, occupancy(half.nodes))
     now, reports, seconds, poses = Localization(), list[Report](), list[float](), list[Floats]()
     for k in range(1, len(points), 2):
         began_s = time.process_time()

@@ -18,7 +18,7 @@ from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.entries import entries_of
 from chefbotd.features.board.feature import board
-from chefbotd.features.feature import Service, Waiting, methods_and_topics
+from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
@@ -27,7 +27,7 @@ from chefbotd.link.ring import FaultLog
 from chefbotd.metrics import Metrics
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.rpc.access import Guard, load_guard
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.latch import GateStore
@@ -87,20 +87,9 @@ class Daemon:
         self.entries = clock = entries_of(clock)
         self.entries.bus = self.bus
         rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
-        context = Context(
-            settings,
-            self.bus,
-            clock,
-            rng,
-            self._session,
-            simulated,
-            opener,
-            spawn_worker,
-            depth_spawn,
-            start_writer,
-        )
+        ways_out = opener, spawn_worker, depth_spawn, start_writer
+        context = Context(settings, self.bus, clock, rng, self._session, simulated, *ways_out)
         self.session = board_session(context)
-        fault_log = FaultLog(self.bus, self.session.lines)
         link = PortLink(settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
         self.driving = driving = drive_service(context, self.session, latch)
@@ -108,21 +97,9 @@ class Daemon:
         stop_hold_s = settings.safety.held_until_silent_s
         self.leases = ControlLeases(settings.api.lease_s, stop_hold_s, driving.release, self.bus.publish)
         self.metrics = Metrics()
-        recorders = [*recording(context, lambda: self.state), *foxglove(context)]
-        further = [build(self.bus, clock) for build in features]
-        scanners = lidars(context)
-        on_maps, self.worker = map_features(context, driving, self.leases)
-        self.features = [
-            *recorders,
-            *further,
-            *scanners,
-            *on_maps,
-            *depth_cameras(context),
-            *robot_features(context, driving, self.limit_preview, self.leases, self.metrics),
-            *([SIMULATION] if simulated else []),
-            # last, so that all the others run before the board is touched
-            board(self.session, link, fault_log, driving.brake),
-        ]
+        fault_log = FaultLog(self.bus, self.session.lines)
+        self.features = self._make_features(context, features)  # all run before the board is touched
+        self.features.append(board(self.session, link, fault_log, driving.brake))
         guard = load_guard(settings.api, os.environ)
         self.rpc = self._rpc_server(settings, guard)
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
@@ -130,6 +107,17 @@ class Daemon:
         self.features += discovery(settings, self.server, self.page)
         self.state = self._state()
         self._add_metrics()
+
+    def _make_features(self, context: Context, further: Sequence[FeatureBuilder]) -> list[Feature]:
+        """All but the board's, each with its services and handlers; what records sees everything first."""
+        recorders = [*recording(context, lambda: self.state), *foxglove(context)]
+        others = [build(self.bus, context.clock) for build in further]
+        scanners = lidars(context)
+        on_maps, self.worker = map_features(context, self.driving, self.leases)
+        cameras = depth_cameras(context)
+        own = robot_features(context, self.driving, self.limit_preview, self.leases, self.metrics)
+        simulation = [SIMULATION] if context.simulated else []
+        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *simulation]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)
@@ -142,10 +130,10 @@ class Daemon:
             self.leases,
             robot_name=settings.robot.name,
             session=self._session,
-            sources=tuple(settings.safety.sources),
-            default_source=settings.safety.default_source,
+            sources=Sources(
+                tuple(settings.safety.sources), settings.safety.default_source, self.driving.resume
+            ),
             command_timeout_s=settings.safety.command_timeout_s,
-            resume=self.driving.resume,
             link_is_up=lambda: self.session.is_open,
             keyring=guard.keyring,
         )

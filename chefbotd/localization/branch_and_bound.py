@@ -77,8 +77,7 @@ def divide(
 ) -> None:
     """Divide blocks in their order until none is left that counts, or the budget is used up.
 
-    ``state`` is the best score, how many blocks are divided, how many poses are found, and 1 when done (2: no room
-    for all).
+    ``state``: the best score, blocks divided, poses found, and 1 when done (2: there was no room for all).
     """
     cells = np.empty((points.shape[0], 2), np.int64)
     best_leaf, used = np.empty(3), np.zeros(1, np.int64)
@@ -101,12 +100,18 @@ def divide(
         if int(state[2]) == found.shape[0] and not _emptied(found, state, nearly):
             state[3] = 2.0
             return
-        row = int(state[2])
-        found[row, 0] = within.origin_m[0] + (best_leaf[0] + 0.5) * CELL_M
-        found[row, 1] = within.origin_m[1] + (best_leaf[1] + 0.5) * CELL_M
-        found[row, 2], found[row, 3] = turns[turn], best_leaf[2]
-        state[2] += 1
+        _keep(within, best_leaf, turns[turn], found, state)
     state[3] = max(state[3], 1.0)
+
+
+@kernel
+def _keep(within: Pyramid, leaf: Floats, turn_rad: float, found: Floats, state: Floats) -> None:
+    """Add the pose in the middle of a cell (x, y, score) to those that are found."""
+    row = int(state[2])
+    found[row, 0] = within.origin_m[0] + (leaf[0] + 0.5) * CELL_M
+    found[row, 1] = within.origin_m[1] + (leaf[1] + 0.5) * CELL_M
+    found[row, 2], found[row, 3] = turn_rad, leaf[2]
+    state[2] += 1
 
 
 @kernel

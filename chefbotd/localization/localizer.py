@@ -12,19 +12,10 @@ import numpy as np
 from chefbotd.localization import searching as search_room
 from chefbotd.localization.hypotheses import Hypothesis, likely, moved
 from chefbotd.localization.parameters import LocalizationParameters, WatchParameters
-from chefbotd.localization.pyramid import pyramid
 from chefbotd.localization.searching import LocalizationMap, Searching
 from chefbotd.localization.smoothing import corrected
 from chefbotd.localization.states import HAS_POSE, NEXT, Event, State
-from chefbotd.localization.surface_map import surface_map
-from chefbotd.localization.tracking import (
-    Estimate,
-    motion_covariance,
-    predicted,
-    sigmas,
-    tracked,
-)
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.localization.tracking import Estimate, motion_covariance, predicted, sigmas, tracked
 from chefbotd.mapping.poses import Floats, between, compose, inverse
 from chefbotd.mapping.state import Scan
 
@@ -82,16 +73,6 @@ class Report(NamedTuple):
     overlap: float
     alternatives: tuple[Hypothesis, ...]
     searched: float
-
-
-def localization_map(params: LocalizationParameters, grid: OccupancyGrid) -> LocalizationMap:
-    """Make a map ready; that takes some tenths of a second for a large one.
-
-    Raises:
-        ValueError: it has no wall beside free space.
-    """
-    surfaces = surface_map(params.surfaces, grid)
-    return LocalizationMap(surfaces, pyramid(surfaces))
 
 
 def set_pose(

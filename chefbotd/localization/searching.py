@@ -20,10 +20,11 @@ from chefbotd.localization.hypotheses import (
     moved,
     sure,
 )
-from chefbotd.localization.pyramid import Pyramid
+from chefbotd.localization.pyramid import Pyramid, pyramid
 from chefbotd.localization.states import Event
-from chefbotd.localization.surface_map import SurfaceMap
+from chefbotd.localization.surface_map import SurfaceMap, SurfaceMapParameters, surface_map
 from chefbotd.localization.tracking import TrackingParameters
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, between
 from chefbotd.mapping.state import Scan
 
@@ -46,6 +47,16 @@ class LocalizationMap(NamedTuple):
 
     surfaces: SurfaceMap
     pyramid: Pyramid
+
+
+def localization_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> LocalizationMap:
+    """Make a map ready; that takes some tenths of a second for a large one.
+
+    Raises:
+        ValueError: it has no wall beside free space.
+    """
+    surfaces = surface_map(params, grid)
+    return LocalizationMap(surfaces, pyramid(surfaces))
 
 
 class SearchSettings(NamedTuple):

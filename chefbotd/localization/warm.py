@@ -4,16 +4,9 @@ import numpy as np
 
 from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.localizer import (
-    Localization,
-    Odometry,
-    advanced,
-    localization_map,
-    localize,
-    set_pose,
-    step,
-)
+from chefbotd.localization.localizer import Localization, Odometry, advanced, localize, set_pose, step
 from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.searching import localization_map
 from chefbotd.localization.states import State
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -29,7 +22,7 @@ def warm() -> None:
     percent = np.zeros((SIDE, SIDE), np.int8)
     percent[[0, -1]] = percent[:, [0, -1]] = 100
     percent[10:20, 14:30] = 100
-    within = localization_map(params, OccupancyGrid(0.05, Pose2D(-1.0, -1.2), percent))
+    within = localization_map(params.surfaces, OccupancyGrid(0.05, Pose2D(-1.0, -1.2), percent))
     angles = np.linspace(0, 2 * np.pi, BEAMS, endpoint=False)
     points = np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32)
     center = np.zeros(2)

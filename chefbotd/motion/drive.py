@@ -103,26 +103,16 @@ class Drive:
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
         pids = state.pids
         if substitutes:
-            pids, speeds_m_s = (
-                substituted(substitutes, pids),
-                loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s),
-            )
+            pids = substituted(substitutes, pids)
+            speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
         wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state)
         steps = [pid.step(*wheel, dt_s, scrub_duty) for wheel in wheels]
         outputs = tuple([step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
-        return DriveState(
-            tuple([step[0] for step in steps]),
-            self._duty(outputs),
-            state.limiter,
-            state.stepped_s,
-            share,
-            state.setpoint_m_s,
-            state.acceleration_m_s2,
-            state.loose,
-            history,
-        )
+        stepped = tuple([step[0] for step in steps])
+        driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history
+        return DriveState(stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven)
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""

@@ -90,10 +90,9 @@ def step(
     """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
 
     Where no time has passed, or none that a board can tell, nothing is integrated or differentiated. A clamped output
-    lets the integral shrink, not grow, and drains it if asked to. Written in one piece, as it runs for every wheel and
-    encoder frame.
+    lets the integral shrink, not grow, and drains it if asked to. Written in one piece: it runs for every wheel's frame.
     """
-    derivative_duty, fading_duty, before_m_s = state.derivative_duty, 0.0, state.measured_m_s
+    fading_duty, derivative_duty, before_m_s = 0.0, state.derivative_duty, state.measured_m_s
     if dt_s < SHORTEST_S:
         dt_s = 0.0
     elif before_m_s is not None:  # through a first-order low-pass
@@ -105,8 +104,8 @@ def step(
     error_m_s = setpoint_m_s - measured_m_s
     if -params.deadband <= error_m_s <= params.deadband:
         error_m_s = 0.0
-    duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty) + fading_duty
-    duty = duty + params.kp * error_m_s + derivative_duty
+    forward_duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty)
+    duty = forward_duty + fading_duty + params.kp * error_m_s + derivative_duty
     limit, integral_duty = params.output_limit, state.integral_duty
     demand, growth = duty + integral_duty, params.ki * error_m_s * dt_s
     excess = demand - limit if demand > limit else demand + limit if demand < -limit else 0.0
@@ -117,8 +116,8 @@ def step(
     most = limit if params.integral_limit is None else params.integral_limit
     integral_duty = most if integral_duty > most else -most if integral_duty < -most else integral_duty
     duty += integral_duty
-    stepped = PidState(integral_duty, measured_m_s, derivative_duty, setpoint_m_s, fading_duty)
-    return stepped, limit if duty > limit else -limit if duty < -limit else duty
+    duty = limit if duty > limit else -limit if duty < -limit else duty
+    return PidState(integral_duty, measured_m_s, derivative_duty, setpoint_m_s, fading_duty), duty
 
 
 def preview(

@@ -4,7 +4,7 @@ A lease ends with its client, when it is given back, or ``lease_s`` after its la
 its client or is taken over, the source's last command is withdrawn: nobody answers for it any more.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from msgspec import Struct
 
@@ -12,6 +12,14 @@ from chefbotd.core.events import ControlChanged
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session
+
+
+class Sources(Struct, frozen=True):
+    """The sources of velocity commands; ``resume`` ends the hold of those that a stop holds."""
+
+    names: tuple[str, ...]
+    default: str
+    resume: Callable[[Collection[str]], None]
 
 
 class Lease(Struct):

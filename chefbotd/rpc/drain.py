@@ -1,7 +1,14 @@
-"""How much of what a client has sent is searched for stops once its connection ends: all that can matter, but bounded.
+"""Stops among what a client has sent: served before others, and once its connection ends instead of them, but bounded.
 
 Bytes are counted, and lines that look like a stop. No client that means to stop the robot sends so many.
 """
+
+from collections.abc import Callable
+
+from chefbotd.rpc.backlog import Backlog
+from chefbotd.rpc.dispatch import Dispatcher
+from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
+from chefbotd.rpc.session import Session
 
 DRAIN_S = 0.2
 """For how long a connection that ends is still read; what the kernel holds is there at once."""
@@ -34,3 +41,59 @@ class DrainLimit:
             return False
         self._served.add(method)
         return True
+
+
+class StopSearch:
+    """Finds urgent requests in one client's backlog, and has ``serve`` carry them out.
+
+    ``closing`` says whether the connection ends; then what was searched is dropped, within ``limit``.
+    ``first_line_served``: a line was, and it was of no other protocol.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        backlog: Backlog,
+        dispatcher: Dispatcher,
+        serve: Callable[[Request], None],
+        closing: Callable[[], bool],
+    ) -> None:
+        self._session, self._backlog, self._dispatcher = session, backlog, dispatcher
+        self._serve, self._closing = serve, closing
+        self.limit = DrainLimit()
+        self.first_line_served = False
+
+    def serve_next(self) -> bool:
+        """Serve the next urgent request; whether there may be more. Who has no role has to send a token first."""
+        if self._session.role is None and not self._closing():
+            return False
+        if self._closing() and not self.first_line_served:
+            self._check_first_line()
+        line = self._backlog.find_urgent()
+        if line is not None:
+            self._serve_if_urgent(line)
+        if self._closing():
+            self._backlog.drop_searched()
+        return line is not None
+
+    def _check_first_line(self) -> None:
+        """Do not drain what begins with another protocol, whatever the connection ends for."""
+        foreign = self._dispatcher.is_foreign(self._backlog.first_line())
+        self.limit.exceeded |= foreign or self._backlog.too_long
+        self.first_line_served = bool(self._backlog) and not self._backlog.unfinished
+
+    def _serve_if_urgent(self, line: bytearray) -> None:
+        request = self._dispatcher.urgent_request(self._session, line)
+        if request is not None:
+            self._backlog.remove_found()
+        if self._closing() and not self.limit.admit_line(None if request is None else request.method):
+            return
+        if request is not None:
+            self._serve(request)
+
+    def is_untrusted(self, failure: Failure) -> bool:
+        """Whether a client that is ended for this may not stop the robot either: a web page, or one without a token."""
+        kind = failure.kind
+        foreign = kind in (ErrorKind.PARSE_ERROR, ErrorKind.NOT_UTF8)
+        endless = kind is ErrorKind.REQUEST_TOO_LARGE and not self.first_line_served
+        return foreign or endless or (kind is ErrorKind.WRONG_TOKEN and self._session.role is None)

@@ -1,6 +1,6 @@
 """The server's own methods: what it is, who the client is, what the client receives, and who has control."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -12,7 +12,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.rpc import models
 from chefbotd.rpc.access import Keyring, digest
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.describe import describe
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Jobs
@@ -28,8 +28,7 @@ log = structlog.get_logger(__name__)
 class ServerMethods:
     """The handlers.
 
-    ``table`` has every method of the socket by name. ``sources`` are those of velocity commands; ``resume`` ends the
-    hold of those that a stop holds.
+    ``table`` has every method of the socket by name.
     """
 
     def __init__(
@@ -38,15 +37,11 @@ class ServerMethods:
         fanout: Fanout,
         clock: Clock,
         leases: ControlLeases,
-        *,
-        sources: tuple[str, ...],
-        default_source: str,
-        resume: Callable[[Collection[str]], None],
+        sources: Sources,
         keyring: Keyring | None = None,
     ) -> None:
         self._table, self._fanout, self._clock, self._leases = table, fanout, clock, leases
-        self._sources, self._default_source, self._keyring = sources, default_source, keyring
-        self._resume = resume
+        self._sources, self._keyring = sources, keyring
 
     @method(role=None, when_crowded=True)
     def authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Known:
@@ -120,7 +115,7 @@ class ServerMethods:
     @method(role=Role.DRIVE)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
-        source, known = params.source or self._default_source, self._sources
+        source, known = params.source or self._sources.default, self._sources.names
         if source not in known:
             raise Refused(
                 RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(known)}"
@@ -128,7 +123,7 @@ class ServerMethods:
         before = self._leases.take_source(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
         if others is not None:
-            self._resume((source,))
+            self._sources.resume((source,))
         return models.Taken(source=source, taken_from=others)
 
     @method(role=Role.DRIVE)
@@ -160,10 +155,8 @@ def method_table(
     fanout: Fanout,
     clock: Clock,
     leases: ControlLeases,
+    sources: Sources,
     *,
-    sources: tuple[str, ...],
-    default_source: str,
-    resume: Callable[[Collection[str]], None],
     keyring: Keyring | None = None,
     jobs: Jobs | None = None,
 ) -> dict[str, Method]:
@@ -173,16 +166,7 @@ def method_table(
         ValueError: a feature has a method of the same name as the server.
     """
     table: dict[str, Method] = {}
-    own = ServerMethods(
-        table,
-        fanout,
-        clock,
-        leases,
-        sources=sources,
-        default_source=default_source,
-        resume=resume,
-        keyring=keyring,
-    )
+    own = ServerMethods(table, fanout, clock, leases, sources, keyring)
     table.update({each.name: each for each in (*methods_of(own), *methods_of(jobs or Jobs()))})
     table["get_state"] = replace(table["get_state"], result=state_model(fanout.topics))
     if taken := sorted(table.keys() & methods.keys()):

@@ -1,7 +1,7 @@
 """Everything behind a transport: methods, topics, leases and clients, and the way from the bus to the clients."""
 
 import asyncio
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock, next_beat
@@ -10,7 +10,7 @@ from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.arrivals import LEAST_TIMEOUT_S, SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
@@ -29,8 +29,7 @@ class RpcServer:
     """Serves one robot to many clients.
 
     ``methods`` and ``topics`` are those of the robot's features; the server adds its own. ``session`` names this run of
-    the daemon. ``sources`` are those of velocity commands. A command holds for ``command_timeout_s``; ``resume`` ends
-    the hold of sources that a stop holds. ``keyring`` has the tokens (None: no client needs one).
+    the daemon. A command holds for ``command_timeout_s``. ``keyring`` has the tokens (None: no client needs one).
     """
 
     def __init__(
@@ -44,10 +43,8 @@ class RpcServer:
         *,
         robot_name: str,
         session: str,
-        sources: tuple[str, ...],
-        default_source: str,
+        sources: Sources,
         command_timeout_s: float,
-        resume: Callable[[Collection[str]], None],
         link_is_up: Callable[[], bool],
         keyring: Keyring | None = None,
     ) -> None:
@@ -57,15 +54,7 @@ class RpcServer:
         self.arrivals, self._ticks_with_beat = Arrivals(clock), command_timeout_s >= LEAST_TIMEOUT_S
         jobs = Jobs()
         self._methods = method_table(
-            methods,
-            self._fanout,
-            clock,
-            leases,
-            sources=sources,
-            default_source=default_source,
-            resume=resume,
-            keyring=keyring,
-            jobs=jobs,
+            methods, self._fanout, clock, leases, sources, keyring=keyring, jobs=jobs
         )
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),

@@ -66,7 +66,26 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     path = path or packaged()
     values = _from_file(path)
     _name_world(values)
-    dotted_keys = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    texts, origins = _place_overrides(values, overrides or {})
+    _name_world(values)
+    _locate(values, path.parent, "robot", "description")
+    _locate(values, path.parent, "maps", "folder")
+    _locate(values, path.parent, "recording", "folder")
+    try:
+        settings = _validate(values, texts)
+    except ValidationError as error:
+        raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
+    if wrong := "; ".join(check(settings)):
+        raise SettingsError(f"{path}: {wrong}")
+    _check_description(settings)
+    return settings
+
+
+def _place_overrides(
+    values: dict[str, Any], overrides: Mapping[str, object]
+) -> tuple[dict[Keys, str], dict[Keys, str]]:
+    """Put what goes before the file into its values: the environment's texts by key, and where each key is from."""
+    dotted_keys = {tuple(key.split(".")): value for key, value in overrides.items()}
     environment = {
         keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted_keys
     }
@@ -82,18 +101,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
             origins[place(values, keys, value)] = ""
     except UnknownKey as error:
         raise SettingsError(f"{origins[keys]}{error}") from error
-    _name_world(values)
-    _locate(values, path.parent, "robot", "description")
-    _locate(values, path.parent, "maps", "folder")
-    _locate(values, path.parent, "recording", "folder")
-    try:
-        settings = _validate(values, texts)
-    except ValidationError as error:
-        raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
-    if wrong := "; ".join(check(settings)):
-        raise SettingsError(f"{path}: {wrong}")
-    _check_description(settings)
-    return settings
+    return texts, origins
 
 
 def _from_file(path: Path) -> dict[str, Any]:

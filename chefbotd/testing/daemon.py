@@ -118,13 +118,12 @@ async def simulated_robot(
     board = BoardRunner(build_launchpad(simulation), send, LoopClock())
     device.on_write = board.receive
     lidars = {name: _in_memory(lidar, board, settings) for name, lidar in build_lidars(simulation).items()}
-    opener = _opener(settings, device, {name: lidar.device for name, lidar in lidars.items()})
     loops = [board.run(), *[lidar.runner.run() for lidar in lidars.values()]]
     living = [asyncio.create_task(loop) for loop in loops]
     daemon = build(
         settings,
         clock=LoopClock(),
-        opener=opener,
+        opener=_opener(settings, device, {name: lidar.device for name, lidar in lidars.items()}),
         simulated=True,
         rng=random.Random(settings.sim.seed),
         spawn_worker=spawn_worker,

@@ -9,22 +9,21 @@ its buffers and its outbox, and no stop that has reached the socket is lost.
 import asyncio
 import socket
 from collections.abc import Callable
-from functools import partial
 from typing import cast
 
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
-from chefbotd.rpc.drain import DRAIN_BYTES, DRAIN_S, DrainLimit
+from chefbotd.rpc.drain import DRAIN_S, StopSearch
 from chefbotd.rpc.event import EventPayload
-from chefbotd.rpc.jsonrpc import ErrorKind, Failure
+from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import Framing, LineFraming
 from chefbotd.transport.held_bytes import HeldBytes
 from chefbotd.transport.outbox import Outbox
 from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
-from chefbotd.transport.unread import UnreadSockets, unread_bytes
+from chefbotd.transport.unread import UnreadSockets, kernel_bytes, unread_bytes
 
 
 class Connection(asyncio.Protocol):
@@ -47,11 +46,12 @@ class Connection(asyncio.Protocol):
         self._state = State.OPEN
         self._scheduled = False
         self._may_hold_stops = False  # the backlog, beyond what was searched
-        self._first_line_served = False  # and it was not of another protocol
         self._descriptor = -1
         self._paused = False
         self._held = HeldBytes(manager.arrivals, session.arrival)
-        self._drain_limit = DrainLimit()
+        self._search = StopSearch(
+            session, self._backlog, manager.dispatcher, self._serve_urgent_request, lambda: self.closing
+        )
         self._drain_timer: asyncio.TimerHandle | None = None
         self._finish: Callable[[], None] = self.close  # once everything was served
         self._outbox: Outbox
@@ -96,7 +96,7 @@ class Connection(asyncio.Protocol):
         self._take(data)
         self._clear_unread_mark()
         if self.closing:
-            self._drain_limit.count_bytes(len(data))
+            self._search.limit.count_bytes(len(data))
         self._serve_waiting()
         if self._framing.failure is not None and not self.closing:
             self.end(self._framing.failure, at_once=True)
@@ -169,10 +169,10 @@ class Connection(asyncio.Protocol):
         self.session.set_incomplete(False)
         if line.text:
             dispatcher = self._manager.dispatcher
-            self._note_own_stop(partial(dispatcher.serve, self, line.text, line.arrival))
+            self._note_own_stop(lambda: dispatcher.serve(self, line.text, line.arrival))
         elif not self.session.admit_error(self._manager.clock.now_s()):
             self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))
-        self._first_line_served = True
+        self._search.first_line_served = True
         return True
 
     def _note_own_stop(self, serve: Callable[[], None]) -> None:
@@ -180,45 +180,20 @@ class Connection(asyncio.Protocol):
         arrivals = self._manager.arrivals
         before = arrivals.stops
         serve()
-        if arrivals.stops == before:
-            return
-        self._backlog.record_own_stop(before, arrivals.stops)
-        self._held.record_own_stop(before, arrivals.stops)
+        if arrivals.stops != before:
+            self._backlog.record_own_stop(before, arrivals.stops)
+            self._held.record_own_stop(before, arrivals.stops)
 
     def _serve_urgent(self) -> bool:
-        """Serve the next urgent request in the backlog, before or, when draining, instead of others.
-
-        Whether there may be more. A client without a role has to send its token first.
-        """
-        if self.session.role is None and not self.closing:
-            return False
-        if self.closing and not self._first_line_served:
-            self._check_first_line()
-        line = self._backlog.find_urgent()
-        if line is not None:
-            self._serve_if_urgent(line)
-        if self.closing:
-            self._backlog.drop_searched()
-        if self._drain_limit.exceeded:
+        """Serve the next urgent request, before or, when draining, instead of others; whether there may be more."""
+        more = self._search.serve_next()
+        if self._search.limit.exceeded:
             self._backlog.clear()
             self._enter(Event.DRAIN_OVER)
-        return line is not None
+        return more
 
-    def _check_first_line(self) -> None:
-        """Do not drain what begins with another protocol, whatever the connection ends for."""
-        foreign = self._manager.dispatcher.is_foreign(self._backlog.first_line())
-        self._drain_limit.exceeded |= foreign or self._backlog.too_long
-        self._first_line_served = bool(self._backlog) and not self._backlog.unfinished
-
-    def _serve_if_urgent(self, line: bytearray) -> None:
-        dispatcher = self._manager.dispatcher
-        request = dispatcher.urgent_request(self.session, line)
-        if request is not None:
-            self._backlog.remove_found()
-        if self.closing and not self._drain_limit.admit_line(None if request is None else request.method):
-            return
-        if request is not None:
-            self._note_own_stop(partial(dispatcher.serve_request, self, request))
+    def _serve_urgent_request(self, request: Request) -> None:
+        self._note_own_stop(lambda: self._manager.dispatcher.serve_request(self, request))
 
     def _limit_reading(self) -> None:
         """Pause reading while the backlog is full, or may hold stops: more bytes would only come after them."""
@@ -262,7 +237,7 @@ class Connection(asyncio.Protocol):
         if self._drain_timer is not None:
             self._drain_timer.cancel()
         if self._state in READING:
-            self._take(self._read_kernel())
+            self._take(kernel_bytes(self._plain))
         self._unread.unregister(self._descriptor, self)
         self._manager.remove(self.session)
         self._enter(Event.LOST)
@@ -283,40 +258,26 @@ class Connection(asyncio.Protocol):
     def end(self, failure: Failure, *, at_once: bool = False) -> None:
         """Send this error, serve the stops that have arrived, or arrive while the connection is drained, and close."""
         if self.closing:  # a request that was served while draining is another reason to end
-            self._drain_limit.exceeded = True
+            self._search.limit.exceeded = True
             return
         self._manager.count_ended(self.session, failure)
         self.reply(jsonrpc.error(failure))
-        if self._is_untrusted(failure):
+        if self._search.is_untrusted(failure):
             self.close()
         else:
             self._drain(self.close, at_once)
-
-    def _is_untrusted(self, failure: Failure) -> bool:
-        """Whether a client that is ended for this may not stop the robot either: a web page, or one without a token."""
-        kind = failure.kind
-        foreign = kind in (ErrorKind.PARSE_ERROR, ErrorKind.NOT_UTF8)
-        endless = kind is ErrorKind.REQUEST_TOO_LARGE and not self._first_line_served
-        return foreign or endless or (kind is ErrorKind.WRONG_TOKEN and self.session.role is None)
 
     def _drain(self, finish: Callable[[], None], at_once: bool = False) -> None:
         self._outbox.shut()
         self._finish = finish
         self._enter(Event.END)
         if at_once:
-            self._take(self._read_kernel())
+            self._take(kernel_bytes(self._plain))
             self._read_no_more(Event.DRAIN_OVER)
         else:
             loop = asyncio.get_running_loop()
             self._drain_timer = loop.call_later(DRAIN_S, self._read_no_more, Event.DRAIN_OVER)
             self._schedule()
-
-    def _read_kernel(self) -> bytes:
-        """What the kernel holds, on Linux even after a reset; nothing through TLS."""
-        try:
-            return b"" if self._plain is None else self._plain.recv(DRAIN_BYTES)
-        except OSError:  # it holds nothing, or is closed
-            return b""
 
     def _enter(self, event: Event) -> None:
         self._state = NEXT[self._state, event]

@@ -2,10 +2,12 @@
 
 import fcntl
 import select
+import socket
 import termios
 from typing import Protocol
 
 from chefbotd.rpc.arrivals import Arrival
+from chefbotd.rpc.drain import DRAIN_BYTES
 
 
 class SocketReader(Protocol):
@@ -51,3 +53,11 @@ def unread_bytes(descriptor: int) -> int:
         return int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)), "little")
     except OSError:
         return 0
+
+
+def kernel_bytes(plain: socket.socket | None) -> bytes:
+    """What the kernel holds, on Linux even after a reset; nothing through TLS (None)."""
+    try:
+        return b"" if plain is None else plain.recv(DRAIN_BYTES)
+    except OSError:  # it holds nothing, or is closed
+        return b""

@@ -13,7 +13,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock
 from chefbotd.features.feature import methods_and_topics
 from chefbotd.rpc.access import Guard
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.server import RpcServer
 from chefbotd.transport.tcp.server import TcpServer
@@ -73,10 +73,8 @@ def new_server(
         leases,
         robot_name="testbot",
         session="s1",
-        sources=robot.sources,
-        default_source=robot.default_source,
+        sources=Sources(robot.sources, robot.default_source, robot.resume),
         command_timeout_s=robot.command_timeout_s,
-        resume=robot.resume,
         link_is_up=lambda: robot.link_is_up,
         keyring=guard.keyring if guard is not None else None,
     )

@@ -24,7 +24,7 @@ from chefbotd.features.tuning.methods import TuningMethods
 from chefbotd.motion.pid import PidParameters
 from chefbotd.navigation.section import NavigationSection
 from chefbotd.process.build import build
-from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, Method, methods_of
@@ -243,9 +243,7 @@ def table_of(robot: FakeRobot, fanout: Fanout, clock: Clock, leases: ControlLeas
         fanout,
         clock,
         leases,
-        sources=robot.sources,
-        default_source=robot.default_source,
-        resume=robot.resume,
+        Sources(robot.sources, robot.default_source, robot.resume),
     )
 
 

@@ -199,11 +199,8 @@ def wheels(
         f"{done.told.limit_line(allowed)}Turned at the end: {turned}",
     )
     if done.stuck:
-        names = ", ".join(done.stuck)
-        raise ProgramError(
-            Exit.NOT_DONE,
-            f"these wheels were told to turn, but hardly turned: {names}{done.told.limit_suffix}",
-        )
+        names = f"{', '.join(done.stuck)}{done.told.limit_suffix}"
+        raise ProgramError(Exit.NOT_DONE, f"these wheels were told to turn, but hardly turned: {names}")
 
 
 def _by_wheel(asked: Iterable[tuple[str, float]], wheels: Iterable[str]) -> dict[str, float]:

@@ -5,9 +5,10 @@ Users wait for the start, so each command imports what it needs when it is calle
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,6 +24,9 @@ from chefbotd.cli.programs.program import Program, completion, wants_json
 from chefbotd.cli.record.replay import replay
 from chefbotd.cli.service.commands import install_service, uninstall_service
 from chefbotd.process import signals
+
+if TYPE_CHECKING:
+    from chefbotd.settings import Settings
 
 EXITS = (
     Exit.OK,
@@ -85,40 +89,55 @@ def run(
     """Run the daemon until SIGINT or SIGTERM."""
     start.open_standard_streams()
     signals.hold_crashes()  # libraries start threads as they are imported
-    if simulated and device is not None:
-        raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
-    if sketch is not None and not simulated:
-        raise click.UsageError("--sketch needs --sim: a real board runs its own")
-    wanted = {
-        "sim.board.sketch": sketch,
-        "link.device": device,
-        "api.host": where and where.host,
-        "api.port": where and where.port,
-        "page.enabled": with_page or None,
-        "recording.enabled": with_recording or None,
-        "recording.auto_start": with_recording or None,
-        "foxglove.enabled": with_foxglove or None,
-        "log.level": log_level,
-    }
-    overrides = {key: value for key, value in wanted.items() if value is not None}
+    _check_simulated(simulated, device, sketch)
+    overrides = _given(
+        {
+            "sim.board.sketch": sketch,
+            "link.device": device,
+            "api.host": where and where.host,
+            "api.port": where and where.port,
+            "page.enabled": with_page or None,
+            "recording.enabled": with_recording or None,
+            "recording.auto_start": with_recording or None,
+            "foxglove.enabled": with_foxglove or None,
+            "log.level": log_level,
+        }
+    )
     with start.light_imports():
         settings = load_valid(path, overrides)
         if simulated:
             simulation_of(settings)
-        if settings.foxglove.enabled:
-            require("foxglove", "foxglove")
-        if settings.page.enabled:
-            require("page", "aiohttp", "websockets", "prometheus_client")
-        if settings.recording.auto_start:  # what keeps only the last minutes runs without
-            require("recording", "mcap", "zstandard", "lz4")
-        if settings.discovery.enabled:
-            require("discovery", "zeroconf", "ifaddr")
+        _require_extras(settings)
         from chefbotd.process import logs
         from chefbotd.process import run as process
         from chefbotd.settings import load
 
     logs.configure(settings.log.level)
     ctx.exit(process.run(settings, simulated=simulated, load=partial(load, path, overrides=overrides)))
+
+
+def _check_simulated(simulated: bool, device: str | None, sketch: str | None) -> None:
+    if simulated and device is not None:
+        raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
+    if sketch is not None and not simulated:
+        raise click.UsageError("--sketch needs --sim: a real board runs its own")
+
+
+def _given(wanted: Mapping[str, object]) -> dict[str, object]:
+    """What was named on the command line."""
+    return {key: value for key, value in wanted.items() if value is not None}
+
+
+def _require_extras(settings: "Settings") -> None:
+    """See that what the configuration wants is installed, before anything is begun."""
+    if settings.foxglove.enabled:
+        require("foxglove", "foxglove")
+    if settings.page.enabled:
+        require("page", "aiohttp", "websockets", "prometheus_client")
+    if settings.recording.auto_start:  # what keeps only the last minutes runs without
+        require("recording", "mcap", "zstandard", "lz4")
+    if settings.discovery.enabled:
+        require("discovery", "zeroconf", "ifaddr")
 
 
 @main.command()
@@ -143,8 +162,8 @@ def simulate(
     The board's path is the first line printed, the lidars' are the next. It obeys words on standard input, one a line:
     plug, unplug, truth, reset, quit.
     """
-    wanted = {"sim.board.sketch": sketch, "sim.board.cycle_s": None if cycle_hz is None else 1 / cycle_hz}
-    settings = load_valid(path, {key: value for key, value in wanted.items() if value is not None})
+    cycle_s = None if cycle_hz is None else 1 / cycle_hz
+    settings = load_valid(path, _given({"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s}))
     from chefbotd.sim.simulate import simulate as run_board
 
     simulation = simulation_of(settings)

@@ -11,7 +11,7 @@ import click
 from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.extras import require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.program import wants_json
 
@@ -54,8 +54,7 @@ def replay(
     """
     if where is not None and not serves:
         raise click.UsageError("--listen needs --serve")
-    with extra("recording", "mcap", "zstandard", "lz4"):
-        import mcap  # noqa: F401
+    require("recording", "mcap", "zstandard", "lz4")
     import structlog
 
     from chefbotd.replay.recorded import NotReplayable
@@ -64,22 +63,16 @@ def replay(
     quiet = structlog.make_filtering_bound_logger(logging.CRITICAL)  # what was logged then is known
     structlog.configure(wrapper_class=quiet)
     wanted = where or SERVED
-    wishes = Wishes(
-        other=None if other is None else load_valid(other),
-        rate=rate,
-        listen=(wanted.host, wanted.port) if serves else None,
-        any_version=any_version,
-    )
+    listen = (wanted.host, wanted.port) if serves else None
+    configured = None if other is None else load_valid(other)
     if serves:
         click.echo(f"Shown on {wanted}, and on the page where it is installed; Ctrl-C ends it.", err=True)
     try:
-        replayed = replay_files(files, wishes)
+        replayed = replay_files(files, Wishes(configured, rate, listen, any_version))
     except NotReplayable as problem:
         raise ProgramError(Exit.FAILED, str(problem)) from problem
-    if wants_json(ctx):
-        echo(json.dumps(_as_json(replayed)))
-    else:
-        echo("\n".join(plain(line) for line in _told(replayed, is_other=other is not None)))
+    told = _told(replayed, is_other=other is not None)
+    echo(json.dumps(_as_json(replayed)) if wants_json(ctx) else "\n".join(map(plain, told)))
     if other is None and not replayed.outcome.exact:
         ctx.exit(Exit.NOT_DONE)
 

@@ -94,6 +94,12 @@ class MotorWatch:
         )
         if fault is not None:
             yield fault
+        yield from self._watch_motion(now_s, setpoint_m_s, seen)
+
+    def _watch_motion(
+        self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead
+    ) -> Iterator[Fault]:
+        """Whether the robot is too fast, or moves although it was told to stand; unless it cannot be told."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
             self._unresponsive = unresponsive.told(

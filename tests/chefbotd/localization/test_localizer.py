@@ -8,11 +8,10 @@ import pytest
 
 from chefbotd.localization.localizer import (
     Report,
-    localization_map,
     localize,
     set_pose,
 )
-from chefbotd.localization.searching import LocalizationMap
+from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.states import Event, State
 from chefbotd.mapping.poses import Floats, compose
 from tests.budget import sample
@@ -36,7 +35,7 @@ SURE_M, SURE_DEG = 0.2, 5.0
 @pytest.fixture(scope="module")
 def flat() -> LocalizationMap:
     """The flat, as its plan has it."""
-    return localization_map(PARAMS, drawn(WALLS))
+    return localization_map(PARAMS.surfaces, drawn(WALLS))
 
 
 def placed(robot: Robot, pose: Floats) -> Robot:
@@ -229,7 +228,7 @@ def test_scans_and_odometry_may_be_apart_by_a_tenth_of_a_second(flat: Localizati
 def test_a_mirrored_map_is_never_believed() -> None:
     """The map's image is flipped. Rooms are rectangles, so some of it fits; it is not sure anywhere on the way."""
     lidar, way = Lidar(WALLS, 1), TRUTH[:160]
-    robot = Robot(localization_map(PARAMS, mirrored(drawn(WALLS))))
+    robot = Robot(localization_map(PARAMS.surfaces, mirrored(drawn(WALLS))))
     for _ in robot.drive(odometry(way, 1), lambda k: lidar.points(way[k])):
         pass
     assert State.LOCALIZED not in {report.state for report in robot.reports}
@@ -239,7 +238,7 @@ def test_a_mirrored_map_is_never_believed() -> None:
 def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
     """In one of two equal rooms it names both and is sure of neither; once through the door it is sure, and right."""
     walls = twin_rooms()
-    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS, drawn(walls)))
+    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
     start = np.array([6.6, 1.9, 2.0])
     turns = [compose(start, np.array([0.0, 0.0, 0.05 * k])) for k in range(40)]
     way = np.vstack(
@@ -260,7 +259,7 @@ def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
 def test_a_symmetric_corridor_is_two_places() -> None:
     """A corridor with a cupboard at each end, on opposite sides, is the same when turned round: it says both."""
     walls = np.vstack([box(0, 0, 8, 1.6), box(1.0, 0.0, 0.7, 0.3), box(6.3, 1.3, 0.7, 0.3)])
-    lidar, robot = Lidar(walls, 3), Robot(localization_map(PARAMS, drawn(walls)))
+    lidar, robot = Lidar(walls, 3), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
     pose = np.array([2.9, 0.7, 0.4])
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
     assert report.state is State.SEARCHING
@@ -274,7 +273,7 @@ def test_along_a_bare_corridor_the_covariance_is_long() -> None:
     walls = np.array([[-40.0, 0, 40, 0], [-40, 1.8, 40, 1.8]])
     lidar, robot = (
         Lidar(walls, 3),
-        placed(Robot(localization_map(PARAMS, drawn(walls))), np.array([-9.0, 0.8, 0.0])),
+        placed(Robot(localization_map(PARAMS.surfaces, drawn(walls))), np.array([-9.0, 0.8, 0.0])),
     )
     way = poses_along([(-9.0, 0.8), (0.0, 0.8)], 0.0)
     for _ in robot.drive(odometry(way, 3, turn_scale=1.0), lambda k: lidar.points(way[k])):
