@@ -20,10 +20,10 @@ TRACK_WIDTH_M = 0.3
 
 
 class Floor(asyncio.Protocol):
-    """The serial side; ``clients`` are those who subscribed."""
+    """The serial side; ``subscribers`` are the clients of each of its two topics."""
 
     def __init__(self) -> None:
-        self.clients: list[asyncio.Transport] = []
+        self.subscribers: dict[str, list[asyncio.Transport]] = {"odometry": [], "wheels": []}
         self.target_counts_s = (0.0, 0.0)
         self._rest = b""
         self._board_s, self._counts = 0.0, (0, 0)
@@ -53,14 +53,15 @@ class Floor(asyncio.Protocol):
         target = self.target_counts_s
         duty = tuple([round(GAIN_DUTY_S_PER_COUNT * (t - s)) for t, s in zip(target, speed, strict=True)])
         self._board.write(b"s %d %d\r" % duty)
-        if self.clients:
-            self._tell("odometry", {"x_m": (left + right) / 2 / COUNTS_PER_M, "linear_m_s": speed[0]})
-            self._tell("wheels", {"velocity": speed, "target": target, "duty": duty})
+        self._tell("odometry", {"x_m": (left + right) / 2 / COUNTS_PER_M, "linear_m_s": speed[0]})
+        self._tell("wheels", {"velocity": speed, "target": target, "duty": duty})
 
     def _tell(self, topic: str, data: dict[str, object]) -> None:
+        if not self.subscribers[topic]:
+            return
         event = {"jsonrpc": "2.0", "method": "event", "params": {"topic": topic, "data": data}}
         line = json.dumps(event).encode() + b"\n"
-        for client in self.clients:
+        for client in self.subscribers[topic]:
             client.write(line)
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
@@ -84,8 +85,9 @@ class Client(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Asyncio: it is gone."""
-        if self._transport in self._floor.clients:
-            self._floor.clients.remove(self._transport)
+        for clients in self._floor.subscribers.values():
+            if self._transport in clients:
+                clients.remove(self._transport)
 
     def data_received(self, data: bytes) -> None:
         """Asyncio: carry requests out in their order."""
@@ -102,7 +104,8 @@ class Client(asyncio.Protocol):
         elif method == "stop":
             self._floor.drive(0.0, 0.0)
         elif method == "subscribe":
-            self._floor.clients.append(self._transport)
+            for topic in params["topics"]:
+                self._floor.subscribers[topic].append(self._transport)
         elif method == "get_state":
             return {"link": {"state": "up"}}
         return {"ok": True}

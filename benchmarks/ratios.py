@@ -8,6 +8,7 @@ import statistics
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 from benchmarks import latency, start
 from benchmarks.board import board
@@ -15,6 +16,7 @@ from benchmarks.cpu import load
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.rig import CHEFBOTD, connect, daemon
 
+C = TypeVar("C")
 FLOOR = (sys.executable, "-m", "benchmarks.floor")
 ROUNDS = 5
 CPU_S = 6.0
@@ -58,15 +60,13 @@ def run(*, quick: bool = False) -> Outcome:
     return Outcome((*ratios, resident), remarks=remarks)
 
 
-def by_turns(
-    rounds: int, first: Callable[[], Cost], second: Callable[[], Cost]
-) -> tuple[list[Cost], list[Cost]]:
+def by_turns(rounds: int, first: Callable[[], C], second: Callable[[], C]) -> tuple[list[C], list[C]]:
     """Measure one after the other, so many times: what disturbs a round disturbs both."""
     pairs = [(first(), second()) for _ in range(rounds)]
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
-def median(costs: Sequence[Cost], field: str) -> float:
+def median(costs: Sequence[object], field: str) -> float:
     """The median of one figure over the rounds."""
     return statistics.median([float(getattr(cost, field)) for cost in costs])
 

@@ -3,6 +3,8 @@
 import json
 from typing import Any, cast
 
+import pytest
+
 from benchmarks.floor import Client, Floor
 from benchmarks.ratios import Cost, by_turns, median
 
@@ -28,18 +30,26 @@ def test_an_encoder_line_is_answered_by_one_proportional_step_for_each_wheel() -
     assert board.lines == [b"s 0 0\r", b"s 19 40\r", b"s 10 45\r"]
 
 
-def test_a_subscriber_is_told_odometry_and_wheels_at_each_encoder_line() -> None:
-    """Two JSON lines, the topics of the daemon's own benchmark."""
+@pytest.mark.parametrize("topics", [["odometry", "wheels"], ["odometry"], ["wheels"]])
+def test_a_subscriber_is_told_its_topics_at_each_encoder_line(topics: list[str]) -> None:
+    """A JSON line for each; nothing more after it has gone."""
     floor, board, client = Floor(), Written(), Written()
     floor.connection_made(cast(Any, board))
     caller = Client(floor)
     caller.connection_made(cast(Any, client))
-    caller.data_received(b'{"id":1,"method":"subscribe","params":{"topics":["odometry"]}}\n')
+    caller.data_received(
+        json.dumps({"id": 1, "method": "subscribe", "params": {"topics": topics}}).encode() + b"\n"
+    )
     floor.data_received(b"t\t1000000\t0.02\ne\t14854\t14854\n")
-    answer, odometry, wheels = map(json.loads, client.lines)
+    answer, *told = map(json.loads, client.lines)
     assert answer["id"] == 1
-    assert odometry["params"]["data"]["x_m"] == 1.0
-    assert wheels["params"]["topic"] == "wheels"
+    assert [event["params"]["topic"] for event in told] == topics
+    assert {event["params"]["data"].get("x_m") for event in told} == {
+        1.0 if t == "odometry" else None for t in topics
+    }
+    caller.connection_lost(None)
+    floor.data_received(b"t\t1100000\t0.1\ne\t14900\t14900\n")
+    assert len(client.lines) == 1 + len(topics)
 
 
 def test_a_ratio_is_taken_from_rounds_measured_by_turns() -> None:
