@@ -1,15 +1,29 @@
 """What the board says: each message as an event, at the time of the cycle that it belongs to."""
 
+from collections import deque
+from collections.abc import Callable, Mapping
+from itertools import accumulate
 from typing import Any
 
 import structlog
 
-from chefbotd.core.events import DutyEchoed, EdgesSeen, EncodersCounted, LineRefused, TextReceived
+from chefbotd.core.events import (
+    AnalogueCounted,
+    BatteryCounted,
+    DutyEchoed,
+    EdgeBurst,
+    EdgesSeen,
+    EncodersCounted,
+    InertialCounted,
+    LineRefused,
+    OrientationReported,
+    TextReceived,
+    UltrasonicEchoed,
+)
+from chefbotd.core.record import Record
 from chefbotd.link.board_clock import BoardClock, Verdict
 from chefbotd.link.cycle_clock import CycleClock
-from chefbotd.link.edges import EdgeBasket
 from chefbotd.link.health import show
-from chefbotd.link.readings import Reading, readings, refusal
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.send_window import SendWindow
 from chefbotd.logs import RateLimitedLog
@@ -17,6 +31,68 @@ from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.line_codec import RESET_DONE
+from firmware_protocol.messages import QuadratureEdges, QuadratureStill
+
+Reading = Callable[[Any, float], Record | None]
+"""The event that a frame stands for, from when its bytes were read; None where it stands for none."""
+
+
+def readings(clock: BoardClock) -> Mapping[type[Any], Reading]:
+    """How each frame of a sensor becomes its measurement: made as long before it was read as the clock's last line."""
+    return {
+        wire.UltrasonicDistance: lambda frame, s: UltrasonicEchoed(s - clock.late_s, s, frame.distance_cm),
+        wire.Orientation: lambda frame, s: OrientationReported(
+            s - clock.late_s, s, frame.x, frame.y, frame.z, frame.w
+        ),
+        wire.RawImu: lambda frame, s: InertialCounted(
+            s - clock.late_s, s, frame.acceleration, frame.angular_rate
+        ),
+        wire.BatteryLevel: lambda frame, s: BatteryCounted(s - clock.late_s, s, frame.adc),
+        wire.AnalogueLevel: lambda frame, s: AnalogueCounted(s - clock.late_s, s, frame.channel, frame.adc),
+        wire.Text: lambda frame, s: TextReceived(s, frame.text),
+    }
+
+
+def refusal(line: wire.Malformed, now_s: float) -> LineRefused:
+    """The event of a line that is no frame."""
+    return LineRefused(now_s, line.reason, line.line, line.detail)
+
+
+MOST_BURSTS = 256
+"""A board whose `t` lines are all damaged must not fill the memory: beyond this the oldest bursts are lost."""
+
+
+class EdgeBasket:
+    """Collects bursts in the order in which they came, and dates them by the board's clock."""
+
+    def __init__(self, clock: BoardClock) -> None:
+        self._clock = clock
+        self._bursts: deque[QuadratureEdges | QuadratureStill] = deque(maxlen=MOST_BURSTS)
+
+    def put(self, burst: QuadratureEdges | QuadratureStill) -> None:
+        """Keep a burst for the cycle's end."""
+        self._bursts.append(burst)
+
+    def forget(self) -> None:
+        """The board restarted: what it told before belongs to another run of its clock."""
+        self._bursts.clear()
+
+    def empty(self) -> tuple[EdgeBurst, ...]:
+        """Every burst collected since the last time, dated; none before the clock has been read."""
+        bursts = tuple(dated for burst in self._bursts if (dated := self._dated(burst)) is not None)
+        self._bursts.clear()
+        return bursts
+
+    def _dated(self, burst: QuadratureEdges | QuadratureStill) -> EdgeBurst | None:
+        if isinstance(burst, QuadratureStill):
+            return EdgeBurst(burst.wheel, burst.total, (), ())
+        last_s = self._clock.time_of_s(burst.micros)
+        if last_s is None:
+            return None
+        before_us = accumulate(reversed(burst.gaps_us), initial=0)
+        times_s = [last_s - us * 1e-6 for us in before_us]
+        return EdgeBurst(burst.wheel, burst.total, burst.states, tuple(reversed(times_s)))
+
 
 log = structlog.get_logger(component="link")
 

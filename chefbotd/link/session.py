@@ -21,8 +21,7 @@ from chefbotd.core.events.inputs import SetpointWithdrawn
 from chefbotd.entries import entries_of
 from chefbotd.link.board_reader import BoardReader
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
-from chefbotd.link.health import Condition
-from chefbotd.link.link_monitor import LinkMonitor
+from chefbotd.link.health import Condition, LinkMonitor
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.ring import LineRing
 from chefbotd.link.send_window import SendWindow

@@ -18,8 +18,8 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.reference import Asked
+from chefbotd.motion.same_side import loop_speeds, substituted
 from chefbotd.motion.setpoints import Setpoints, is_rest
-from chefbotd.motion.substitution import loop_speeds, substituted
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""

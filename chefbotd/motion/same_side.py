@@ -19,6 +19,7 @@ Wheels that are commanded to different speeds (``set_wheel_velocities``) are not
 import math
 from collections.abc import Iterable, Sequence
 from statistics import median
+from typing import TypeVar
 
 from pydantic import Field
 
@@ -160,3 +161,30 @@ class SameSideWheels:
 def _faded(lately: Sequence[float], kept: float, newly: Iterable[float]) -> tuple[float, ...]:
     """A record that has faded to the share ``kept``, plus new travel."""
     return tuple([kept * old + new for old, new in zip(lately, newly, strict=True)])
+
+
+T = TypeVar("T")
+
+Substitutes = Sequence[tuple[int, int]]
+"""Pairs of indices: a wheel that is not believed, and its substitute."""
+
+
+def substituted(substitutes: Substitutes, values: Sequence[T]) -> tuple[T, ...]:
+    """One value per wheel; a wheel that is not believed has its substitute's."""
+    replaced = list(values)
+    for wheel, substitute in substitutes:
+        replaced[wheel] = values[substitute]
+    return tuple(replaced)
+
+
+def loop_speeds(
+    substitutes: Substitutes, speeds_m_s: Sequence[float], setpoints_m_s: Sequence[float]
+) -> tuple[float, ...]:
+    """The rim speed in m/s that each wheel's controller uses."""
+    believed_m_s = list(speeds_m_s)
+    for wheel, substitute in substitutes:
+        setpoint_m_s = setpoints_m_s[substitute]
+        faster = max if setpoint_m_s >= 0 else min
+        slower = min if setpoint_m_s >= 0 else max
+        believed_m_s[substitute] = faster(believed_m_s[substitute], slower(speeds_m_s[wheel], setpoint_m_s))
+    return substituted(substitutes, believed_m_s)

@@ -10,11 +10,10 @@ from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
 from chefbotd.core.events.inputs import DaemonStarted, StateRecorded, TimerFired
 from chefbotd.recording.classes import encode
-from chefbotd.replay.comparison import Comparison, Difference, Told, described
+from chefbotd.replay.comparison import Comparison, Difference, SpeedError, Told, described
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.pipeline import Pipeline
 from chefbotd.replay.recorded import NOT_COMPARED, Group, NotReplayable
-from chefbotd.replay.speed_error import SpeedError
 
 MOST_EVENTS = 100_000
 """That follow one entry."""

@@ -6,7 +6,23 @@ from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
-from chefbotd.rpc.token_bucket import TokenBucket
+
+
+class TokenBucket:
+    """Holds up to ``size`` tokens and is full at first; ``per_s`` tokens are added each second."""
+
+    def __init__(self, per_s: float, size: float, now_s: float) -> None:
+        self._per_s, self._size = per_s, size
+        self._level, self._stamp_s = size, now_s
+
+    def take_token(self, now_s: float) -> bool:
+        """Take one token; False when there is none."""
+        self._level = min(self._size, self._level + (now_s - self._stamp_s) * self._per_s)
+        self._stamp_s = now_s
+        if self._level < 1.0:
+            return False
+        self._level -= 1.0
+        return True
 
 
 class Session:

@@ -11,8 +11,7 @@ from xml.etree import ElementTree
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import Side, WheelParameters
-from chefbotd.settings.body import BodyParameters
-from chefbotd.settings.model import Settings
+from chefbotd.settings.model import BodyParameters, Settings
 
 Element = ElementTree.Element
 SubElement = ElementTree.SubElement

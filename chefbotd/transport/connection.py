@@ -20,10 +20,9 @@ from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import Framing, LineFraming
-from chefbotd.transport.held_bytes import HeldBytes
 from chefbotd.transport.outbox import Outbox
 from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
-from chefbotd.transport.unread import UnreadSockets, kernel_bytes, unread_bytes
+from chefbotd.transport.unread import HeldBytes, UnreadSockets, kernel_bytes, unread_bytes
 
 
 class Connection(asyncio.Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.core.events.lidars import DepthCameraChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore

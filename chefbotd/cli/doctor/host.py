@@ -9,8 +9,7 @@ from pathlib import Path
 from chefbotd.core.record import Record
 from chefbotd.doctor.host import PortFound
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.port_list import holder, permission_problem
-from chefbotd.link.ports import ports_there
+from chefbotd.link.ports import holder, permission_problem, ports_there
 
 CPUS = Path("/sys/devices/system/cpu")
 RUNS_SYSTEMD = Path("/run/systemd/system")

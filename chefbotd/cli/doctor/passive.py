@@ -11,13 +11,12 @@ from chefbotd.cli.doctor.collecting import attitude, collected, of_topic, scan
 from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import Client, Event
 from chefbotd.client.state import State
-from chefbotd.doctor.battery import check_battery
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
 from chefbotd.doctor.host import check_baud
 from chefbotd.doctor.latency import check_latency
 from chefbotd.doctor.lidar import check_lidar
 from chefbotd.doctor.lines import LinesHeard, check_at_rest, check_clock, check_damaged, check_heard
-from chefbotd.doctor.sensors import Beams, check_beams, check_imu
+from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
 from chefbotd.link.line_survey import LineSurvey, line_bytes
 

@@ -19,7 +19,7 @@ from chefbotd.link.listener import (
     survey,
 )
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.port_list import SerialPort
+from chefbotd.link.ports import SerialPort
 from chefbotd.link.reconnect import Opener
 
 FIRST_S, NEXT_S = 2.5, 1.0

@@ -12,7 +12,7 @@ from chefbotd.cli.common.echo import echo
 
 if TYPE_CHECKING:
     from chefbotd.cli.doctor.ports import Behind
-    from chefbotd.link.port_list import SerialPort
+    from chefbotd.link.ports import SerialPort
 
 COLUMNS = ("port", "lasting name", "USB", "driver", "open it?", "held by")
 
@@ -31,7 +31,7 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> N
     from chefbotd.cli.doctor.ports import look_behind
     from chefbotd.clock import SystemClock
     from chefbotd.link.port import open_port
-    from chefbotd.link.port_list import serial_ports
+    from chefbotd.link.ports import serial_ports
 
     found = serial_ports(devices)
     if not context.as_json:

@@ -1,4 +1,4 @@
-"""What is heard of lidars, apart from their scans. Loads no numpy."""
+"""What is heard of lidars and depth cameras, apart from their scans. Loads no numpy."""
 
 from chefbotd.core.record import Record
 
@@ -16,4 +16,13 @@ class LidarChanged(Record, frozen=True):
     is_open: bool
     healthy: bool | None
     condition: str
+    reason: str
+
+
+class DepthCameraChanged(Record, frozen=True):
+    """A depth camera sends images, or none any more; ``reason`` is for people (empty: it does)."""
+
+    stamp_s: float
+    camera: str
+    healthy: bool
     reason: str

@@ -1,4 +1,4 @@
-"""What comes of mapping and localization: poses in the map, and the map itself as it grows. Loads no numpy."""
+"""Maps: which one is in use, where the robot is on it, and the one that is being made. Loads no numpy."""
 
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.record import Record
@@ -58,3 +58,43 @@ class MappingChanged(Record, frozen=True):
     unfinished: bool
     reason: str
     warning: str = ""
+
+
+class MapLoaded(Record, frozen=True):
+    """From now on this version of this map of the store in ``folder`` is the one in use."""
+
+    stamp_s: float
+    folder: str
+    name: str
+    version: int
+
+
+class MapUnloaded(Record, frozen=True):
+    """The map that was in use has been deleted; none is in use."""
+
+    stamp_s: float
+    name: str
+
+
+class Alternative(Record, frozen=True):
+    """A place where the robot may be, and how well the scan fits there (0 to 1)."""
+
+    map_from_base: Pose2D
+    fit: float
+
+
+class LocalizationChanged(Record, frozen=True):
+    """How localization stands: ``state`` is unknown, searching, localized, uncertain or lost; ``map`` is the one in use.
+
+    While it searches, ``alternatives`` are all places where the robot may be, and ``searched`` is the share of the
+    search that is done. ``jumps`` counts how often the published pose jumped: what was planned before is void then.
+    """
+
+    stamp_s: float
+    state: str
+    map: str | None
+    fit: float
+    alternatives: tuple[Alternative, ...]
+    searched: float
+    jumps: int
+    reason: str

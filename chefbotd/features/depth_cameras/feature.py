@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.core.events.lidars import DepthCameraChanged
 from chefbotd.features.depth_cameras.methods import DepthCameraData, DepthCamerasData
 from chefbotd.features.feature import Feature, Service
 from chefbotd.link.depth.camera import DepthCamera

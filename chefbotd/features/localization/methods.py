@@ -5,7 +5,7 @@ from typing import Protocol
 
 from pydantic import Field
 
-from chefbotd.core.events.localization import LocalizationChanged
+from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import Params, Result, TopicData

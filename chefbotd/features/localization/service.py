@@ -8,9 +8,14 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.events.localization import Alternative, LocalizationChanged
-from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
-from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.events.mapping import (
+    Alternative,
+    LocalizationChanged,
+    MapLoaded,
+    MappingChanged,
+    MapPoseUpdated,
+    MapUnloaded,
+)
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.entries import entries_of

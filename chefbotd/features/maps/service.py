@@ -12,8 +12,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.mapping import MapChanged
-from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.events.mapping import MapChanged, MapLoaded, MapUnloaded
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.entries import entries_of
 from chefbotd.features.maps import parts

@@ -14,7 +14,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged
-from chefbotd.core.events.localization import LocalizationChanged
+from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.events.navigation import PathChanged
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Twist2D

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from chefbotd.core.commands import Refused
-from chefbotd.core.events.maps import MapLoaded
+from chefbotd.core.events.mapping import MapLoaded
 from chefbotd.core.geometry import Pose2D
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.intake import Intake

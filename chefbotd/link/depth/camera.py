@@ -8,7 +8,7 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.core.events.lidars import DepthCameraChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.entries import entries_of

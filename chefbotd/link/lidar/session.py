@@ -15,9 +15,8 @@ from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.entries import Timer, entries_of
 from chefbotd.link.lidar.health import Condition, HealthWatch, Heard
 from chefbotd.link.lidar.ld19_reader import Ld19Reader
-from chefbotd.link.lidar.reader import LidarReader
 from chefbotd.link.lidar.rplidar_reader import RplidarReader
-from chefbotd.link.lidar.turn import RepeatFinder, Travel, Turn, scan_of
+from chefbotd.link.lidar.turn import LidarReader, RepeatFinder, Travel, Turn, scan_of
 from chefbotd.link.port import LinkParameters
 from chefbotd.sensing.lidar import LidarModel, LidarParameters
 from firmware_protocol.lidar import ld19, rplidar

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from chefbotd.doctor.battery import check_battery
 from chefbotd.doctor.finding import Verdict
 from chefbotd.doctor.latency import check_echo, check_latency, percentile
 from chefbotd.doctor.sensors import (
     Attitude,
     Beams,
+    check_battery,
     check_beam_ahead,
     check_beams,
     check_imu,

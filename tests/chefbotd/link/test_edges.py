@@ -8,7 +8,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.events import AnalogueCounted, EdgeBurst, EdgesSeen, EncodersCounted
 from chefbotd.link.board_clock import BoardClock
-from chefbotd.link.edges import MOST_BURSTS, EdgeBasket
+from chefbotd.link.board_reader import MOST_BURSTS, EdgeBasket
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialTransport
 from firmware_protocol.codec import KHAN, KHAN_EDGES, Variant

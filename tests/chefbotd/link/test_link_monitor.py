@@ -1,7 +1,6 @@
 """Listening to whatever comes in."""
 
-from chefbotd.link.health import Condition
-from chefbotd.link.link_monitor import LinkMonitor
+from chefbotd.link.health import Condition, LinkMonitor
 from firmware_protocol.codec import CLASSIC, from_board
 from firmware_protocol.decoder import Decoder
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.link import port_list
-from chefbotd.link.port_list import holder, permission_problem, serial_ports
+from chefbotd.link import ports
+from chefbotd.link.ports import holder, permission_problem, serial_ports
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A file that we may not open says which group may, or that its rule is to blame."""
     device = tmp_path / "board"
     device.touch()
-    monkeypatch.setattr(port_list.os, "access", lambda *_: False)
+    monkeypatch.setattr(ports.os, "access", lambda *_: False)
     assert "group" in permission_problem(str(device))
     assert not permission_problem(str(tmp_path / "none"))
 

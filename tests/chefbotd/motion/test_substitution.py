@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.motion.substitution import loop_speeds, substituted
+from chefbotd.motion.same_side import loop_speeds, substituted
 
 LED = ((2, 0),)
 """Rear left is driven like front left."""

@@ -13,8 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from chefbotd.core.events import OdometryUpdated, SafetyChanged
-from chefbotd.core.events.mapping import MapChanged, MapPoseUpdated
-from chefbotd.core.events.maps import MapLoaded
+from chefbotd.core.events.mapping import MapChanged, MapLoaded, MapPoseUpdated
 from chefbotd.core.events.navigation import PathChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.rpc.token_bucket import TokenBucket
+from chefbotd.rpc.session import TokenBucket
 from tests.budget import examples
 
 

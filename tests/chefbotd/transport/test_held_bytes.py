@@ -2,7 +2,7 @@
 
 from chefbotd.clock import ManualClock
 from chefbotd.rpc.arrivals import Arrival, Arrivals
-from chefbotd.transport.held_bytes import HeldBytes
+from chefbotd.transport.unread import HeldBytes
 
 LINE = b'{"method":"ping"}\n'
 

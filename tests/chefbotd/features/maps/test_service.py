@@ -17,8 +17,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
-from chefbotd.core.events.maps import MapLoaded, MapUnloaded
+from chefbotd.core.events.mapping import MapChanged, MapLoaded, MappingChanged, MapPoseUpdated, MapUnloaded
 from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.features.maps import importer, parts
 from chefbotd.features.maps.methods import SavePlaceParams

@@ -11,7 +11,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
-from chefbotd.core.events.localization import LocalizationChanged
+from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.core.events.worker import WorkerReported
 from chefbotd.core.geometry import Twist2D

@@ -13,7 +13,7 @@ from PIL import Image
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, SystemClock, run_virtual
-from chefbotd.core.events.depth_cameras import DepthCameraChanged
+from chefbotd.core.events.lidars import DepthCameraChanged
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.link.depth.camera import DepthCamera
 from chefbotd.link.depth.process import ChildProcess, DepthChild, spawn_program
