@@ -123,3 +123,17 @@ def _mean(values: Sequence[float], wheels: tuple[int, ...]) -> float:
 def without(wheels: tuple[int, ...], excluded: tuple[int, ...]) -> tuple[int, ...]:
     """The wheels that are not left out."""
     return tuple([i for i in wheels if i not in excluded])
+
+
+def places_x_m(is_left: Sequence[bool], wheelbase_m: float) -> tuple[float, ...]:
+    """How far ahead of the middle each wheel is; ``is_left`` tells each one's side.
+
+    A side's wheels are spread evenly over the wheelbase, the first to the front; an only one is in the middle.
+    """
+    places, before = [], {True: 0, False: 0}
+    for left in is_left:
+        gaps = is_left.count(left) - 1
+        behind = before[left] / gaps if gaps else 0.5
+        places.append(wheelbase_m / 2 - wheelbase_m * behind)
+        before[left] += 1
+    return tuple(places)

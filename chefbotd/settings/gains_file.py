@@ -18,6 +18,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.settings.errors import SettingsError
 from chefbotd.settings.loader import load
 from chefbotd.settings.toml_edit import Editor
+from chefbotd.storage import sync_folder
 
 Gains = Mapping[str, PidParameters]
 
@@ -125,7 +126,7 @@ def _replace(path: Path, text: str) -> None:
         except BaseException:
             temporary.unlink()
             raise
-    _sync_folder(path.parent)
+    sync_folder(path.parent)  # without this a power cut might bring the old file back
 
 
 def _temporary(path: Path) -> IO[bytes]:
@@ -155,12 +156,3 @@ def _fill(fresh: IO[bytes], text: str, like: os.stat_result) -> None:
     os.fchown(fresh.fileno(), like.st_uid, like.st_gid)
     os.fchmod(fresh.fileno(), stat.S_IMODE(like.st_mode))
     os.fsync(fresh.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    """Without this a power cut might bring the old file back."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -5,12 +5,11 @@ x forward, y left. A wheel's joint has the wheel's name and turns about the y ax
 """
 
 import math
-from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.motion.kinematics import Side, WheelParameters
+from chefbotd.motion.kinematics import Side, WheelParameters, places_x_m
 from chefbotd.settings.model import BodyParameters, Settings
 
 Element = ElementTree.Element
@@ -83,8 +82,8 @@ def urdf_of(settings: Settings) -> str:
     base = SubElement(robot, "link", name="base_link")
     if body is not None:
         _add_body(base, body, axle_height_m)
-    places_x_m = wheel_places_x_m(chassis.wheels, settings.sim.body.wheelbase_m)
-    for wheel, x_m in zip(chassis.wheels, places_x_m, strict=True):
+    sides = [wheel.side is Side.LEFT for wheel in chassis.wheels]
+    for wheel, x_m in zip(chassis.wheels, places_x_m(sides, settings.sim.body.wheelbase_m), strict=True):
         y_m = chassis.track_width_m / 2 if wheel.side is Side.LEFT else -chassis.track_width_m / 2
         _add_wheel(robot, wheel, (x_m, y_m, wheel.radius_m - axle_height_m), body)
     for mount in mounts(settings):
@@ -96,19 +95,6 @@ def urdf_of(settings: Settings) -> str:
         SubElement(robot, "link", name=link)
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
-
-
-def wheel_places_x_m(wheels: Sequence[WheelParameters], wheelbase_m: float) -> list[float]:
-    """How far ahead of the middle each wheel is.
-
-    A side's wheels are spread evenly over the wheelbase, the first to the front; an only one is in the middle.
-    """
-    places = []
-    for index, wheel in enumerate(wheels):
-        gaps = sum(other.side is wheel.side for other in wheels) - 1
-        before = sum(other.side is wheel.side for other in wheels[:index])
-        places.append(wheelbase_m * (0.5 - (before / gaps if gaps else 0.5)))
-    return places
 
 
 Vector = tuple[float, float, float]

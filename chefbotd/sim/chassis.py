@@ -33,19 +33,6 @@ class Chassis:
         """How many wheels there are on the side of this one, itself included."""
         return sum(other.is_left == wheel.is_left for other in self.wheels)
 
-    def places_x_m(self, wheelbase_m: float) -> tuple[float, ...]:
-        """How far ahead of the middle each wheel is: a side's are spread over the wheelbase, the first to the front.
-
-        A side's only wheel is in the middle.
-        """
-        places, before = [], {True: 0, False: 0}
-        for wheel in self.wheels:
-            gaps = self.on_side_of(wheel) - 1
-            behind = before[wheel.is_left] / gaps if gaps else 0.5
-            places.append(wheelbase_m / 2 - wheelbase_m * behind)
-            before[wheel.is_left] += 1
-        return tuple(places)
-
 
 PUBLISHED = Chassis((Wheel(True, 0.045), Wheel(False, 0.045)), track_width_m=0.3, counts_per_turn=4200.0)
 """ChefBot's."""

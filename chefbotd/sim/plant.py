@@ -22,6 +22,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
+from chefbotd.motion.kinematics import places_x_m
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2, BodyParameters, MotorParameters
@@ -35,7 +36,8 @@ class Scrub:
     """
 
     def __init__(self, chassis: Chassis, wheelbase_m: float, radii_m: Sequence[float], grip_n: float) -> None:
-        reaches_m = Counter(abs(place_m) for place_m in chassis.places_x_m(wheelbase_m))
+        sides = [wheel.is_left for wheel in chassis.wheels]
+        reaches_m = Counter(map(abs, places_x_m(sides, wheelbase_m)))
         self._radii_m = tuple(radii_m)
         self._sideways_n = [
             (reach_m, grip_n * 2 * reach_m / chassis.track_width_m * wheels / reaches_m.total())

@@ -68,9 +68,12 @@ def _named(host: Host, rule: Step) -> Iterator[Step]:
 def _user(host: Host) -> Step:
     if host.has_user(texts.USER) and host.is_in_group(texts.USER, texts.SERIAL_GROUP):
         return Step(f"user {texts.USER}, in the group {texts.SERIAL_GROUP}: unchanged")
-    root = () if host.is_running else (f"--root={host.root}",)
     told = f"create the system user {texts.USER}, in the group {texts.SERIAL_GROUP}"
-    return command(host, told, "systemd-sysusers", *root, str(host.path(SYSUSERS)))
+    return command(host, told, "systemd-sysusers", *_root_option(host), str(host.path(SYSUSERS)))
+
+
+def _root_option(host: Host) -> tuple[str, ...]:
+    return () if host.is_running else (f"--root={host.root}",)
 
 
 def _configuration(host: Host, wanted: Wanted) -> Iterator[Step]:
@@ -120,17 +123,12 @@ def _told(host: Host, unit: Step) -> Iterator[Step]:
 
 
 def _started(host: Host, unit: Step) -> Iterator[Step]:
-    enabled = host.path(WANTED_BY).is_symlink()
-    if not host.is_running:
-        if enabled:
-            yield Step(f"{SERVICE} starts at boot: unchanged")
-        else:
-            yield command(host, "start it at boot", "systemctl", f"--root={host.root}", "enable", SERVICE)
-        return
-    if enabled:
+    if host.path(WANTED_BY).is_symlink():
         yield Step(f"{SERVICE} starts at boot: unchanged")
     else:
-        yield command(host, "start it at boot", "systemctl", "enable", SERVICE)
+        yield command(host, "start it at boot", "systemctl", *_root_option(host), "enable", SERVICE)
+    if not host.is_running:
+        return
     if not host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "start it now", "systemctl", "start", SERVICE)
     elif unit.act is not None:
@@ -149,8 +147,9 @@ def _stopped(host: Host) -> Iterator[Step]:
     if host.is_running and host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "stop it, which stops the motors", "systemctl", "stop", SERVICE)
     if enabled:
-        root = () if host.is_running else (f"--root={host.root}",)
-        yield command(host, "no longer start it at boot", "systemctl", *root, "disable", SERVICE)
+        yield command(
+            host, "no longer start it at boot", "systemctl", *_root_option(host), "disable", SERVICE
+        )
 
 
 def _removed(host: Host) -> Iterator[Step]:

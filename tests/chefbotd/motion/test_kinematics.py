@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from chefbotd.core.geometry import Twist2D
-from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters
+from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side, WheelParameters, places_x_m
 from tests.budget import examples
 from tests.fakes.wheels import wheel_speeds_rad_s
 
@@ -127,3 +127,19 @@ def test_a_skidding_robot_is_as_wide_as_it_turns() -> None:
     turn = Twist2D(0.0, 1.0)
     assert skidding.rim_speeds_m_s(turn) == pytest.approx((-0.15, 0.15, -0.15, 0.15))
     assert skidding.twist(wheel_speeds_rad_s(skidding, turn)).angular_rad_s == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("order", "places_m"),
+    [
+        ("LR", (0.0, 0.0)),
+        ("LRLR", (0.3, 0.3, -0.3, -0.3)),
+        ("LLRR", (0.3, -0.3, 0.3, -0.3)),
+        ("LRRLLR", (0.3, 0.3, 0.0, 0.0, -0.3, -0.3)),
+        ("LRL", (0.3, 0.0, -0.3)),
+        ("LRLRL", (0.3, 0.3, 0.0, -0.3, -0.3)),
+    ],
+)
+def test_a_sides_wheels_are_spread_over_the_wheelbase(order: str, places_m: tuple[float, ...]) -> None:
+    """The first listed of a side is in front, the last behind, an only one in the middle."""
+    assert places_x_m([side == "L" for side in order], 0.6) == pytest.approx(places_m)

@@ -5,12 +5,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from chefbotd.motion.kinematics import Side, WheelParameters
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.description import Description
 from chefbotd.settings.description_check import differences
-from chefbotd.settings.urdf import urdf_of, wheel_places_x_m
-from chefbotd.sim.chassis import Chassis, Wheel
+from chefbotd.settings.urdf import urdf_of
 from tests.chefbotd.settings.urdf_files import served, written
 
 
@@ -57,18 +55,6 @@ def test_the_description_that_is_made_follows_the_configuration(tmp_path: Path) 
     assert made.place("rear_right_wheel") == pytest.approx((-0.125, -0.15, 0.03))
     assert made.place("infrared_joint") == pytest.approx((0.11, -0.07, 0.2))
     assert made.mount("infrared_joint").heading_rad == pytest.approx(0.7)
-
-
-def test_wheels_are_described_where_they_are_simulated() -> None:
-    """Three wheels on one side and two on the other, in mixed order: as the simulator spreads them over 0.5 m."""
-    sides = "LRLRL"
-    wheels = [
-        WheelParameters(name=str(index), side=Side.LEFT if side == "L" else Side.RIGHT, radius_m=0.03)
-        for index, side in enumerate(sides)
-    ]
-    simulated = Chassis(tuple(Wheel(side == "L", 0.03) for side in sides), 0.2, 900.0)
-    assert wheel_places_x_m(wheels, 0.5) == [0.25, 0.25, 0.0, -0.25, -0.25]
-    assert tuple(wheel_places_x_m(wheels, 0.5)) == simulated.places_x_m(0.5)
 
 
 def test_what_is_not_known_is_not_described() -> None:

@@ -18,21 +18,6 @@ def scrubbing(order: str, wheelbase_m: float, moving: Twist2D) -> list[float]:
     return Scrub(wheels, wheelbase_m, [0.05] * len(order), 10.0).torque_n_m(moving)
 
 
-@pytest.mark.parametrize(
-    ("order", "places_m"),
-    [
-        ("LR", (0.0, 0.0)),
-        ("LRLR", (0.3, 0.3, -0.3, -0.3)),
-        ("LLRR", (0.3, -0.3, 0.3, -0.3)),
-        ("LRRLLR", (0.3, 0.3, 0.0, 0.0, -0.3, -0.3)),
-        ("LRL", (0.3, 0.0, -0.3)),
-    ],
-)
-def test_a_sides_wheels_are_spread_over_the_wheelbase(order: str, places_m: tuple[float, ...]) -> None:
-    """The first listed of a side is in front, the last behind, an only one in the middle."""
-    assert chassis(order).places_x_m(0.6) == pytest.approx(places_m)
-
-
 @pytest.mark.parametrize("order", ["", "L", "RR"])
 def test_a_side_without_a_wheel_is_refused(order: str) -> None:
     """A robot without a wheel on each side cannot be steered by them."""
