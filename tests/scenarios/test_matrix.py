@@ -49,10 +49,10 @@ NOT_INJECTED = {
     "A depth camera is gone": "its tests have a camera",
     "The disk with recordings": "its tests have a disk of their own",
     "`chefbotctl doctor`, which drives": "its tests start the doctor",
-    "Whoever saves a map is killed": "its test kills a program that saves",
+    "The program is killed, or the power fails": "its test kills a program that saves",
     "The worker cannot work here": "its test has another worker",
     "The daemon dies while it has a worker": "its test starts a program of its own",
-    "A wish of navigation": "its test is the driver",
+    "A command of navigation": "its test is the driver",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

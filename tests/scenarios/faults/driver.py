@@ -134,22 +134,16 @@ async def gains(fault_run: FaultRun) -> AsyncIterator[None]:
 
 
 FAULTS = (
+    Fault("The driver falls silent", "driver falls silent", silence, rests(DEAD_MAN_S + RAMP_S + SLACK_S)),
     Fault(
-        "The driver says nothing more", "driver falls silent", silence, rests(DEAD_MAN_S + RAMP_S + SLACK_S)
-    ),
-    Fault(
-        "The driver says nothing more",
+        "The driver falls silent",
         "driver falls silent, dead-man 0.1 s",
         silence,
         rests(0.1 + RAMP_S + SLACK_S),
         overrides={"safety.command_timeout_s": 0.1},
     ),
-    Fault(
-        "The driver says nothing more", "driver only pings", heartbeat, rests(DEAD_MAN_S + RAMP_S + SLACK_S)
-    ),
-    Fault(
-        "The highest source says nothing more", "driver falls silent, lower source", silence_above, DRIVES_ON
-    ),
+    Fault("The driver falls silent", "driver only pings", heartbeat, rests(DEAD_MAN_S + RAMP_S + SLACK_S)),
+    Fault("The highest source falls silent", "driver falls silent, lower source", silence_above, DRIVES_ON),
     Fault("The driver's connection ends", "driver's connection ends", departure, rests(RAMP_S + SLACK_S)),
     Fault(
         "The same, and a lower source is live",

@@ -234,7 +234,7 @@ WAY_FAULTS = (
         logged=("goal ended",),
     ),
     WayFault(
-        "Whoever waits for a goal",
+        "The client that waits for a goal",
         "waiting for the goal given up",
         driver_leaves,
         end="cancelled",

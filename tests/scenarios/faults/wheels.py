@@ -264,14 +264,14 @@ FAULTS = (
         latched("overspeed", 0.9),
     ),
     Fault(
-        "Moves though told to stand",
+        "Moves although told to stand",
         "board reads nothing, stop",
         deaf,
         Expected("disarmed", "board_unresponsive"),
         on_wire=True,
     ),
     Fault(
-        "Moves though told to stand",
+        "Moves although told to stand",
         "board reads nothing, estop",
         estopped_and_deaf,
         Expected("estopped", "board_unresponsive", logged=("the robot moves although it must stand",)),
@@ -279,7 +279,7 @@ FAULTS = (
     ),
     Fault("Pushed by hand while it stands", "pushed by hand", pushed, rests(AT_ONCE_S), on_wire=True),
     Fault(
-        "Board carries out other than it was told",
+        "Board carries out other commands",
         "echo of pieces of commands",
         partial(rewired, b"s", pieces_of_commands),
         latched("echo_mismatch", 0.5),

@@ -118,7 +118,7 @@ async def does_not_read(fault_run: FaultRun) -> AsyncIterator[None]:
 
 KILLED = "The worker is killed"
 HUNG = "The worker hangs"
-NONSENSE = "The worker sends what is no message"
+NONSENSE = "The worker sends garbage"
 ENDED = drives_on("the worker has ended")
 
 
@@ -136,7 +136,7 @@ FAULTS = (
     _fault(KILLED, "worker killed again and again", killed_again_and_again),
     _fault(HUNG, "worker hung", hung, lasts_s=5.0),
     _fault(HUNG, "worker busy for ever", busy_for_ever),
-    _fault("The worker takes more memory", "worker too large", too_large),
+    _fault("The worker uses more memory", "worker too large", too_large),
     *(
         _fault(NONSENSE, f"worker sends {what}", lambda run, data=data: nonsense(data, run))
         for what, data in (
