@@ -48,7 +48,10 @@ class Port(Protocol):
 
 
 class BoardWriter:
-    """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
+    """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors.
+
+    ``queries`` counts how often ``has_drained`` was asked, ``had_drained`` is what the answer was then.
+    """
 
     UNRECORDED = frozenset({"_lines", "_port"})
 
@@ -56,18 +59,8 @@ class BoardWriter:
         self._bus, self._clock, self._lines, self._stop = bus, entries_of(clock), lines, stop
         self._port: Port | None = None
         self._port_lock = threading.Lock()
-        self.lines_out = self._queries = 0
-        self._drained = False  # as it was last recorded
-
-    @property
-    def queries(self) -> int:
-        """How often ``has_drained`` was asked."""
-        return self._queries
-
-    @property
-    def had_drained(self) -> bool:
-        """What the answer was then."""
-        return self._drained
+        self.lines_out = 0
+        self.queries, self.had_drained = 0, False
 
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""
@@ -82,11 +75,11 @@ class BoardWriter:
     def has_drained(self) -> bool:
         """Whether there is a port to speak to, and nothing is unsent there."""
         drained = self._port is not None and not self._port.get_write_buffer_size()
-        self._queries += 1
-        if drained is not self._drained:
-            self._drained = drained
+        self.queries += 1
+        if drained is not self.had_drained:
+            self.had_drained = drained
             if self._clock.recording:
-                self._clock.publish(DrainAnswered(self._clock.now_s(), self._queries, drained))
+                self._clock.publish(DrainAnswered(self._clock.now_s(), self.queries, drained))
         return drained
 
     def unread_bytes(self) -> int:

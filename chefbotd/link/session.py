@@ -63,19 +63,19 @@ class BoardSession(asyncio.Protocol):
         self._line = lru_cache(maxsize=LINES_CACHED)(self._encode_duty)
         size_of = lru_cache(maxsize=LINES_CACHED)(lambda duty: len(self._line(duty)))
         self.lines = LineRing()
-        self._writer = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
-        self._restarts = Restarts(bus, clock, self._writer, self._encoder.encode(wire.ResetBoard()))
+        self.writer = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
+        self.restarts = Restarts(bus, clock, self.writer, self._encoder.encode(wire.ResetBoard()))
         self._window = SendWindow(board_buffer_bytes, variant.wheels, size_of)
-        self._setpoints = SetpointWriter(
+        self.setpoints = SetpointWriter(
             self._write_duty,
-            self._writer.has_drained,
+            self.writer.has_drained,
             clock.now_s,
             interval_s=1.0 / setpoints_per_s,
             window=self._window,
             call_later=partial(clock.call_later, name="board setpoint"),
             on_withdrawn=self._record_withdrawn,
         )
-        self._reader = BoardReader(variant, self._window, self._restarts)
+        self._reader = BoardReader(variant, self._window, self.restarts)
         self._decoder, self._events = self._reader.decoder, self._reader.events
         self.board_clock = self._reader.board_clock
         self._closed = asyncio.Event()
@@ -88,29 +88,29 @@ class BoardSession(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A port was opened: forget half lines and put a stop on the wire."""
-        self._writer.begin(cast(Port, transport))
+        self.writer.begin(cast(Port, transport))
         self.is_open = True
         self._reader.begin()
         self.opens += 1
         now_s = self._clock.now_s()
         self.monitor.begin(now_s)
-        self._writer.stop_first(now_s)
+        self.writer.stop_first(now_s)
         self._wrote(self._still, now_s, FIRST_STOPS)
         self._bus.publish(LinkOpened(now_s, self._device))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The port is gone; what waited to be written is forgotten."""
-        self._writer.end()
+        self.writer.end()
         self.is_open = False
-        self._setpoints.forget()
+        self.setpoints.forget()
         self._window.forget()
-        self._restarts.link_lost()
+        self.restarts.link_lost()
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
         self._closed.set()
 
     def resume_writing(self) -> None:
         """The transport has drained: the newest setpoint may go."""
-        self._setpoints.resume()
+        self.setpoints.resume()
 
     def data_received(self, data: bytes) -> None:
         """Stamp, decode and publish."""
@@ -129,7 +129,7 @@ class BoardSession(asyncio.Protocol):
                     bus.publish(event)
         finally:
             self._bus.deliver()
-        self._setpoints.heard()
+        self.setpoints.heard()
 
     @property
     def is_proven(self) -> bool:
@@ -168,13 +168,13 @@ class BoardSession(asyncio.Protocol):
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
-            self._setpoints.offer(self._still if self._restarts.holds_motion else duty)
+            self.setpoints.offer(self._still if self.restarts.holds_motion else duty)
 
     def duty_ceiling(self, now_s: float) -> tuple[int, ...] | None:
         """How hard each wheel may be pushed while the board takes nothing that is faster; None: no such limit."""
         if not self.is_open:
             return None
-        return self._still if self._restarts.holds_motion else self._setpoints.ceiling(now_s)
+        return self._still if self.restarts.holds_motion else self.setpoints.ceiling(now_s)
 
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
@@ -186,11 +186,11 @@ class BoardSession(asyncio.Protocol):
         A duty that still waits is withdrawn, or it would follow when the loop goes on.
         """
         self.withdraw_setpoint()
-        return self._writer.stop_from_thread()
+        return self.writer.stop_from_thread()
 
     def withdraw_setpoint(self) -> None:
         """Drop the duty that waits; may be called from any thread."""
-        self._setpoints.withdraw()
+        self.setpoints.withdraw()
 
     def _record_withdrawn(self) -> None:
         if self._clock.recording:
@@ -203,19 +203,19 @@ class BoardSession(asyncio.Protocol):
         """
         if self.is_open:
             self.stop_motors()
-            self._restarts.begin()
+            self.restarts.begin()
 
     def close(self) -> None:
         """Stop the motors and give the port up: nothing that waits, or is said later, comes after this stop."""
-        self._setpoints.forget()
-        self._writer.stop_last()
+        self.setpoints.forget()
+        self.writer.stop_last()
 
     def _write_duty(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
         if first:  # only what slows
-            self._writer.write_first(self._line(duty), now_s)
+            self.writer.write_first(self._line(duty), now_s)
             self._wrote(duty, now_s, FIRST_STOPS)
         else:
-            self._writer.write(self._line(duty), now_s)
+            self.writer.write(self._line(duty), now_s)
             self._wrote(duty, now_s, 1)
 
     def _encode_duty(self, duty: tuple[int, ...]) -> bytes:
@@ -235,27 +235,7 @@ class BoardSession(asyncio.Protocol):
 
     def unread_bytes(self) -> int:
         """How many bytes have come in and wait to be read; none without a port."""
-        return self._writer.unread_bytes()
-
-    @property
-    def board_restarts(self) -> int:
-        """How often the board restarted."""
-        return self._restarts.count
-
-    @property
-    def had_drained(self) -> bool:
-        """Whether the port had sent everything when it was asked last."""
-        return self._writer.had_drained
-
-    @property
-    def drain_queries(self) -> int:
-        """How often the port was asked whether it has sent everything."""
-        return self._writer.queries
-
-    @property
-    def lines_out(self) -> int:
-        """Lines written so far."""
-        return self._writer.lines_out
+        return self.writer.unread_bytes()
 
     @property
     def frames(self) -> dict[str, int]:
@@ -266,8 +246,3 @@ class BoardSession(asyncio.Protocol):
     def refused(self) -> dict[str, int]:
         """Malformed lines so far, by reason."""
         return {str(reason): n for reason, n in self._decoder.malformed.items()}
-
-    @property
-    def setpoints_replaced(self) -> int:
-        """Motor commands that a newer one overtook before they were written."""
-        return self._setpoints.replaced

@@ -16,7 +16,7 @@ from chefbotd.core.compiled import kernel
 from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.local_map import BLOCK_M, CELL_M, COARSE_M, SURFEL_M, LocalMap, gather, smear
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.poses import Floats, transform
+from chefbotd.mapping.poses import Floats, row_of, transform
 from chefbotd.mapping.surfaces import Singles
 
 Flags: TypeAlias = NDArray[np.bool_]
@@ -83,20 +83,15 @@ def surface_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> SurfaceMap
         raise ValueError("a map for localization needs walls beside free space, but this one has none")
     rows, columns = np.nonzero(free)
     centers = np.stack([columns + 0.5, rows + 0.5], axis=1) * grid.resolution_m
-    free_cells = transform(_origin(grid), centers).astype(np.float32)
+    free_cells = transform(row_of(grid.map_from_grid), centers).astype(np.float32)
     grids = _empty(surfaces.points, free_cells)
     _fill(grids, surfaces.points, surfaces.facing, free_cells, grid.resolution_m)
     return SurfaceMap(grids, surfaces, free_cells)
 
 
-def _origin(grid: OccupancyGrid) -> Floats:
-    pose = grid.map_from_grid
-    return np.array([pose.x_m, pose.y_m, pose.heading_rad])
-
-
 def _placed(grid: OccupancyGrid, points: Floats, facing: Floats) -> Surfaces:
     """The surfaces in ``map``, with the grid's turn."""
-    origin = _origin(grid)
+    origin = row_of(grid.map_from_grid)
     turn = np.array([0.0, 0.0, origin[2]])
     return Surfaces(transform(origin, points).astype(np.float32), transform(turn, facing).astype(np.float32))
 

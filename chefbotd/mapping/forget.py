@@ -12,7 +12,7 @@ import numpy as np
 
 from chefbotd.mapping.graph import Edges, Indices
 from chefbotd.mapping.poses import Floats, between, compose, inverse
-from chefbotd.mapping.state import Nodes, SlamState, Submap
+from chefbotd.mapping.state import SlamState, Submap
 
 PLACE_M = 1.0
 QUARTER_RAD = math.pi / 2
@@ -128,25 +128,15 @@ def _surest(edges: Edges) -> Edges:
 
 def _renumbered(state: SlamState, edges: Edges, gone: Indices) -> SlamState:
     """The state without these nodes; those after them move up."""
-    count, nodes = len(state.nodes), state.nodes
-    stays = np.ones(count, np.bool_)
+    stays = np.ones(len(state.nodes), np.bool_)
     stays[gone] = False
     row = np.cumsum(stays) - 1
-    fewer = Nodes(
-        nodes.number[stays],
-        nodes.stamp_s[stays],
-        nodes.local[stays],
-        nodes.map[stays],
-        nodes.path_m[stays],
-        nodes.part[stays],
-        tuple(nodes.scans[k] for k in np.flatnonzero(stays)),
-    )
     moved = Edges(
         row[edges.first], row[edges.second], edges.pose, edges.information, edges.spread, edges.loop
     )
     return replace(
         state,
-        nodes=fewer,
+        nodes=state.nodes.only(np.flatnonzero(stays)),
         edges=moved,
         submaps=tuple(Submap(int(row[s.first]), int(row[s.last])) for s in state.submaps),
         active=tuple(a._replace(first=int(row[a.first])) for a in state.active),

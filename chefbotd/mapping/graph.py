@@ -51,25 +51,16 @@ class Edges:
 
     def joined(self, other: "Edges") -> "Edges":
         """These and the other ones."""
-        return Edges(
-            np.concatenate([self.first, other.first]),
-            np.concatenate([self.second, other.second]),
-            np.concatenate([self.pose, other.pose]),
-            np.concatenate([self.information, other.information]),
-            np.concatenate([self.spread, other.spread]),
-            np.concatenate([self.loop, other.loop]),
-        )
+        pairs = zip(self._columns, other._columns, strict=True)
+        return Edges(*[np.concatenate(pair) for pair in pairs])
 
     def only(self, which: Flags | Indices) -> "Edges":
         """Some of them."""
-        return Edges(
-            self.first[which],
-            self.second[which],
-            self.pose[which],
-            self.information[which],
-            self.spread[which],
-            self.loop[which],
-        )
+        return Edges(*[column[which] for column in self._columns])
+
+    @property
+    def _columns(self) -> tuple[NDArray[Any], ...]:
+        return self.first, self.second, self.pose, self.information, self.spread, self.loop
 
 
 NO_EDGES = Edges(

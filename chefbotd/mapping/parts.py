@@ -7,7 +7,7 @@ import numpy as np
 
 from chefbotd.mapping.local_map import empty
 from chefbotd.mapping.poses import Floats, compose
-from chefbotd.mapping.state import Active, Nodes, SlamMode, SlamState, Submap
+from chefbotd.mapping.state import Active, SlamMode, SlamState, Submap
 
 
 def apart(state: SlamState) -> SlamState:
@@ -35,17 +35,7 @@ def _without_part(state: SlamState, part: int) -> SlamState:
     count = int(np.searchsorted(state.nodes.part, part))
     kept = state.edges.only((state.edges.first < count) & (state.edges.second < count))
     submaps = tuple(s for s in state.submaps if s.last < count)
-    nodes = state.nodes
-    fewer = Nodes(
-        nodes.number[:count],
-        nodes.stamp_s[:count],
-        nodes.local[:count],
-        nodes.map[:count],
-        nodes.path_m[:count],
-        nodes.part[:count],
-        nodes.scans[:count],
-    )
-    return replace(state, nodes=fewer, edges=kept, submaps=submaps)
+    return replace(state, nodes=state.nodes.only(np.arange(count)), edges=kept, submaps=submaps)
 
 
 def joined(state: SlamState, correction: Floats) -> SlamState:

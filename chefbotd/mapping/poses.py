@@ -6,7 +6,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.geometry import Pose2D
+
 Floats: TypeAlias = NDArray[np.float64]
+
+
+def row_of(pose: Pose2D) -> Floats:
+    """A pose as an array (x, y, heading)."""
+    return np.array([pose.x_m, pose.y_m, pose.heading_rad])
 
 
 def wrap(angle_rad: Floats) -> Floats:

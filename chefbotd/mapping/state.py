@@ -53,6 +53,12 @@ class Nodes:
     def __len__(self) -> int:
         return len(self.scans)
 
+    def only(self, which: Indices) -> "Nodes":
+        """Some of them."""
+        scans = tuple([self.scans[row] for row in which])
+        number, stamp_s, part = self.number[which], self.stamp_s[which], self.part[which]
+        return Nodes(number, stamp_s, self.local[which], self.map[which], self.path_m[which], part, scans)
+
 
 NO_NODES = Nodes(
     np.zeros(0, np.int64),

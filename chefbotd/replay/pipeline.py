@@ -98,8 +98,8 @@ class Pipeline:
         self._entries.timers.clear()
         restore = Restore(self._entries, daemon.state.restorable, keeps_parameters=keeps_parameters)
         restore.put(state.parts, daemon.state.parts)
-        if BOARD_LINK in self._ports and daemon.session.drain_queries:
-            self._ports[BOARD_LINK].set_drained(daemon.session.had_drained)
+        if BOARD_LINK in self._ports and daemon.session.writer.queries:
+            self._ports[BOARD_LINK].set_drained(daemon.session.writer.had_drained)
         for session in daemon.leases.sessions():
             self._callers[session.number] = ReplayedCaller(session)
         if daemon.worker is not None:
@@ -146,7 +146,7 @@ class Pipeline:
     def _open(self, link: str) -> None:
         session = self._session(link)
         session.expect_connection()
-        self._ports[link] = ReplayedPort(lambda: self._daemon.session.drain_queries)
+        self._ports[link] = ReplayedPort(lambda: self._daemon.session.writer.queries)
         session.connection_made(self._ports[link])
 
     def _lose(self, entry: inputs.PortLost) -> None:

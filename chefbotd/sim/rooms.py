@@ -1,6 +1,5 @@
 """Sources of walls: a furnished room, a building of `worlds`, or a map in the format of map_server."""
 
-import math
 from collections.abc import Collection
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy.typing as npt
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.map_server import parse_description, parse_image
 from chefbotd.mapping.occupancy_grid import OCCUPIED
+from chefbotd.mapping.poses import row_of, transform
 from chefbotd.sim import scene
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.scene import Scene
@@ -96,7 +96,4 @@ def _edge_runs(padded: npt.NDArray[np.bool_]) -> Vector:
 
 def _placed(walls: Vector, origin: Pose2D) -> Vector:
     """The walls turned by the origin's heading and moved to it."""
-    cos, sin = math.cos(origin.heading_rad), math.sin(origin.heading_rad)
-    turned = walls.reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]])
-    moved: Vector = turned + np.array([origin.x_m, origin.y_m])
-    return moved.reshape(-1, 4)
+    return transform(row_of(origin), walls.reshape(-1, 2)).reshape(-1, 4)

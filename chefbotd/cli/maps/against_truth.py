@@ -6,7 +6,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.poses import Floats, transform
+from chefbotd.mapping.poses import Floats, row_of, transform
 
 LIKELY_OCCUPIED = 65
 
@@ -30,7 +30,7 @@ def wall_errors(grid: OccupancyGrid, world_from_map: Pose2D, edges: Floats) -> W
     if not rows.size:
         raise ValueError("no cell of the map is occupied")
     centers = np.stack([columns + 0.5, rows + 0.5], axis=1) * grid.resolution_m
-    placed = transform(_array(world_from_map.compose(grid.map_from_grid)), centers)
+    placed = transform(row_of(world_from_map.compose(grid.map_from_grid)), centers)
     off_m = np.concatenate(
         [_to_walls_m(part, edges) for part in np.array_split(placed, len(placed) // 500 + 1)]
     )
@@ -44,7 +44,3 @@ def _to_walls_m(points: Floats, edges: Floats) -> Floats:
     off = here - share[..., None] * along
     nearest: Floats = np.hypot(off[..., 0], off[..., 1]).min(axis=1)
     return nearest
-
-
-def _array(pose: Pose2D) -> Floats:
-    return np.array([pose.x_m, pose.y_m, pose.heading_rad])

@@ -46,14 +46,14 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     metrics.counter("bytes_in", "Bytes from the board.", lambda: session.monitor.bytes_in)
     metrics.counters("frames", "Accepted lines from the board.", "message", lambda: session.frames)
     metrics.counters("refused", "Malformed lines from the board.", "reason", lambda: session.refused)
-    metrics.counter("lines_out", "Lines to the board.", lambda: session.lines_out)
+    metrics.counter("lines_out", "Lines to the board.", lambda: session.writer.lines_out)
     metrics.counter(
         "setpoints_replaced",
         "Duties that newer ones replaced before they were sent.",
-        lambda: session.setpoints_replaced,
+        lambda: session.setpoints.replaced,
     )
     metrics.counter("link_opens", "Connections of the serial port.", lambda: session.opens)
-    metrics.counter("board_restarts", "Restarts of the board.", lambda: session.board_restarts)
+    metrics.counter("board_restarts", "Restarts of the board.", lambda: session.restarts.count)
     metrics.optional_gauge(
         "board_clock_skew_ppm", "The board's clock against the host's.", lambda: clock.relation.skew_ppm
     )

@@ -16,6 +16,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import Motion, Pose2D
+from chefbotd.mapping.poses import row_of, transform
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base
 from chefbotd.safety import scan_guard
@@ -144,7 +145,7 @@ class ScanWatch:
         trail_from_base = _pose_at(trail, event.stamp_s)
         after_s = event.scan.after_s
         turn_s = float(np.ptp(after_s)) if len(after_s) else 0.0
-        points_m = _moved(trail_from_base, in_base)
+        points_m = transform(row_of(trail_from_base), in_base)
         if event.lidar in self._near_m:
             points_m = self._with_near(event.lidar, points_m, trail_from_base.compose(event.base_from_lidar))
         self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s))
@@ -166,7 +167,9 @@ class ScanWatch:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
         newest = seen[-1]
         recent = [each.points_m for each in seen if newest.stamp_s - each.stamp_s <= 2 * newest.turn_s]
-        points_m = _moved(self._pose.inverse(), np.concatenate(recent) if recent else newest.points_m)
+        points_m = transform(
+            row_of(self._pose.inverse()), np.concatenate(recent) if recent else newest.points_m
+        )
         return View(name, points_m, newest.stamp_s, newest.arrival_s, newest.turn_s)
 
 
@@ -176,10 +179,3 @@ def _pose_at(trail: Floats, stamp_s: float) -> Pose2D:
         float(np.interp(stamp_s, trail[:, 0], column)) for column in (trail[:, 1], trail[:, 2], heading)
     )
     return Pose2D(x_m, y_m, heading_rad)
-
-
-def _moved(pose: Pose2D, points_m: Floats) -> Floats:
-    """Points of the pose's frame in the frame that it is given in."""
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    moved: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + (pose.x_m, pose.y_m)
-    return moved

@@ -142,7 +142,7 @@ def test_pulled_while_it_does_not_read_it_comes_back(cable: Cable):
     async def story(session: BoardSession) -> None:
         await until(lambda: session.is_open)
         number = 0
-        while not session.setpoints_replaced:
+        while not session.setpoints.replaced:
             number += 1
             session.send_duty((number % 1000, 1))
             await asyncio.sleep(0 if number % 100 else 0.005)

@@ -89,7 +89,7 @@ def test_a_restart_is_noticed_by_the_banner():
         )
         kinds = [type(event) for event in bench.heard()]
         assert kinds == [events.TextReceived, events.BoardRestarted, events.TextReceived, events.TextReceived]
-        assert bench.session.board_restarts == 1
+        assert bench.session.restarts.count == 1
 
     on_bench(scenario)
 
@@ -173,7 +173,7 @@ def test_a_board_that_does_not_read_gets_the_newest_command_only():
         bench.device.transport.drain()
         await asyncio.sleep(0.1)
         assert bytes(bench.device.written) == OPENING + b"s 1 1\rs 10 10\r"
-        assert bench.session.setpoints_replaced == 8
+        assert bench.session.setpoints.replaced == 8
 
     on_bench(scenario)
 
@@ -258,7 +258,7 @@ def test_a_board_that_went_on_counting_while_unplugged_is_not_restarted():
         bench.board.say(wire.BoardTime(3_000_000, 0.02), wire.EncoderCounts((9, 9)))
         first, second = (e for e in bench.heard() if isinstance(e, events.EncodersCounted))
         assert second.board_s - first.board_s == pytest.approx(2.0)
-        assert bench.session.board_restarts == 0
+        assert bench.session.restarts.count == 0
         assert bench.session.opens == 2
 
     on_bench(scenario)
@@ -352,10 +352,10 @@ def test_nothing_is_said_to_a_lost_port():
     """Closing writes the last stops to a port that is there, and none where it was pulled before."""
 
     async def scenario(bench: Bench) -> None:
-        before = bench.session.lines_out
+        before = bench.session.writer.lines_out
         bench.session.connection_lost(OSError("unplugged"))
         bench.session.close()
-        assert bench.session.lines_out == before
+        assert bench.session.writer.lines_out == before
 
     on_bench(scenario)
 

@@ -97,12 +97,12 @@ async def reset_without_banner(fault_run: FaultRun) -> AsyncIterator[None]:
 @asynccontextmanager
 async def power_cycle(fault_run: FaultRun) -> AsyncIterator[None]:
     """The cable is pulled, and meanwhile the board loses its power and has it again."""
-    before = fault_run.robot.daemon.session.board_restarts
+    before = fault_run.robot.daemon.session.restarts.count
     fault_run.robot.board.receive(b"r\r")
     async with unplugged(fault_run):
         yield
         fault_run.check(
-            fault_run.robot.daemon.session.board_restarts == before + 1, "the restart was not noticed"
+            fault_run.robot.daemon.session.restarts.count == before + 1, "the restart was not noticed"
         )
 
 
