@@ -27,12 +27,12 @@ class BoardRunner:
     @property
     def duty(self) -> tuple[int, ...]:
         """The motor command in force."""
-        return self._launchpad.duty
+        return self._launchpad.sketch.duty
 
     @property
     def received_dropped(self) -> int:
         """Bytes from the host that found the board's receive buffer full."""
-        return self._launchpad.received_dropped
+        return self._launchpad.uart.received_dropped
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, arriving now."""
@@ -49,7 +49,7 @@ class BoardRunner:
     @property
     def crowd(self) -> Crowd:
         """People and things around the robot; things can be put there and taken away."""
-        return self._launchpad.crowd
+        return self._launchpad.robot.crowd
 
     async def run(self) -> None:
         """Send until cancelled."""

@@ -19,7 +19,7 @@ TRUTH_PERIOD_S = 0.02
 class EmbeddedBoard:
     """A board and its robot's lidars, plugged in while the context lasts; ``run`` lets them live.
 
-    ``device`` is the board's path, ``lidar_devices`` has each lidar's by its name.
+    ``device`` is the board's path, ``pty`` its cable, ``lidar_devices`` has each lidar's path by its name.
     """
 
     def __init__(self, simulation: Simulation, clock: Clock) -> None:
@@ -27,17 +27,14 @@ class EmbeddedBoard:
         self._truth_file: TruthWriter | None = None
         self.device = Path(self._folder.name) / "board"
         self._clock = clock
-        self._pty = PtyBoard(self._receive, self.device)
-        send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
+        self.pty = PtyBoard(lambda data: self._runner.receive(data), self.device)
+        send = board_sender(simulation, self.pty.send, lambda: self.pty.host)
         self._runner = BoardRunner(build_launchpad(simulation), send, clock)
         self._lidars = PluggedLidars(simulation, self._runner, clock, self.device)
         self.lidar_devices = self._lidars.devices
 
-    def _receive(self, data: bytes) -> None:
-        self._runner.receive(data)
-
     def __enter__(self) -> Self:
-        self._pty.plug()
+        self.pty.plug()
         self._lidars.plug()
         return self
 
@@ -48,18 +45,10 @@ class EmbeddedBoard:
         traceback: TracebackType | None,
     ) -> None:
         self._lidars.unplug()
-        self._pty.unplug()
+        self.pty.unplug()
         if self._truth_file is not None:
             self._truth_file.close()
         self._folder.cleanup()
-
-    def unplug_board(self) -> None:
-        """Pull the board's cable."""
-        self._pty.unplug()
-
-    def plug_board(self) -> None:
-        """Put it back."""
-        self._pty.plug()
 
     def share_truth(self) -> Path:
         """Write the truth into a file for other processes from now on; its path (``truth_file.TruthReader``)."""

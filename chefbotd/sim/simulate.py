@@ -76,7 +76,7 @@ class Session:
         as_json: bool,
         say: Say,
     ) -> None:
-        self._pty = PtyBoard(self._from_host, link_path)
+        self._pty = PtyBoard(lambda data: self._runner.receive(data), link_path)
         send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
         self._runner = BoardRunner(build_launchpad(simulation, seed), send, SystemClock())
         self._lidars = PluggedLidars(simulation, self._runner, SystemClock(), link_path, seed)
@@ -138,9 +138,6 @@ class Session:
     def quit(self) -> None:
         """End the run."""
         self._done.set()
-
-    def _from_host(self, data: bytes) -> None:
-        self._runner.receive(data)
 
     def _say(self, answer: dict[str, str | bool], plain: str | None = None) -> None:
         """Say an answer; as plain text the value called ``plain``, or its one key when there is none."""

@@ -71,7 +71,7 @@ class Sketch:
     def __init__(self, wiring: Wiring, parameters: BoardParameters, uart: Uart, seed: int) -> None:
         self._parameters, self._wiring, self._robot = parameters, wiring, wiring.robot
         self._encoder = from_board(wiring.variant)
-        self._commands = CommandReader(wiring.variant.wheels)
+        self.commands = CommandReader(wiring.variant.wheels)
         self._uart, self._chance = uart, np.random.default_rng(seed)
         chassis = wiring.chassis
         self._motor_signs = [wheel.motor_sign for wheel in chassis.wheels]
@@ -101,11 +101,6 @@ class Sketch:
         }
         self._cycle = [reporters[kind] for kind in parameters.lines]
 
-    @property
-    def commands_ignored(self) -> int:
-        """Lines from the host that were no command."""
-        return self._commands.ignored
-
     def run(self) -> Iterator[float]:
         """Never ends; yields when to go on."""
         while True:
@@ -119,7 +114,7 @@ class Sketch:
         self._robot.release()
         yield from self._wait(self._parameters.boot_s)
         self._uart.read()
-        self._commands.reset()
+        self.commands.reset()
         self._asked = (0,) * len(self.duty)
         self._drive(self._asked)
         self._counts_at_boot = self._counted()
@@ -145,7 +140,7 @@ class Sketch:
     def _told_to_reset(self) -> Generator[float, None, bool]:
         """Read all that waits; what follows a reset is lost with it."""
         while data := self._uart.read():
-            for command in self._commands.feed(data):
+            for command in self.commands.feed(data):
                 if isinstance(command, SetDuty):
                     self._asked = command.duty
                     continue

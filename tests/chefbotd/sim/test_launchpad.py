@@ -144,7 +144,7 @@ def test_commands_drive_and_are_echoed() -> None:
     left, right = fields(sent, b"e")[-1]
     assert left > 100
     assert right < -50
-    assert launchpad.duty == (300, -200)
+    assert launchpad.sketch.duty == (300, -200)
 
 
 @pytest.mark.slow
@@ -173,18 +173,18 @@ def test_malformed_and_overlong_commands_are_ignored() -> None:
     launchpad = board()
     launchpad.receive(b"x 1\r" + b"s" * 70 + b"\r", 1.0)
     launchpad.advance(1.1)
-    assert launchpad.duty == (0, 0)
-    assert launchpad.commands_ignored == 3
+    assert launchpad.sketch.duty == (0, 0)
+    assert launchpad.sketch.commands.ignored == 3
     launchpad.receive(b"\ns 7 8\r\n", 1.1)
     launchpad.advance(1.2)
-    assert launchpad.duty == (7, 8)
+    assert launchpad.sketch.duty == (7, 8)
 
 
 def test_a_flood_of_commands_overflows_the_receive_buffer() -> None:
     """What arrives while the sketch stands still is lost beyond the buffer, and counted."""
     launchpad = board(ultrasonic={"lost_echo_share": 1}, board={"receive_buffer_bytes": 100})
     launchpad.receive(b"s 1 1\r" * 30, 0.5)
-    assert launchpad.received_dropped == 80
+    assert launchpad.uart.received_dropped == 80
 
 
 def test_reset_starts_over() -> None:
@@ -210,10 +210,10 @@ def test_commands_during_the_boot_are_lost() -> None:
     launchpad = board(board={"boot_s": 0.5})
     launchpad.receive(b"s 100 100\rs 9", 0.2)
     launchpad.advance(1.0)
-    assert launchpad.duty == (0, 0)
+    assert launchpad.sketch.duty == (0, 0)
     launchpad.receive(b"s 5 5\r", 1.0)
     launchpad.advance(1.1)
-    assert launchpad.duty == (5, 5)
+    assert launchpad.sketch.duty == (5, 5)
 
 
 def test_micros_wrap_at_32_bits() -> None:

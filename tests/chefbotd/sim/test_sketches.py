@@ -91,9 +91,9 @@ def test_a_command_is_in_force_after_the_echo(sketch: str):
     launchpad = board(sketch, ultrasonic={"lost_echo_share": 1})
     launchpad.receive(b"s 50 -30\r", 0.9)
     launchpad.advance(2.15)
-    assert launchpad.duty == (0, 0)
+    assert launchpad.sketch.duty == (0, 0)
     launchpad.advance(2.4)
-    assert launchpad.duty == (50, -30)
+    assert launchpad.sketch.duty == (50, -30)
 
 
 @pytest.mark.parametrize("sketch", ["tiva", "tiva_bare", "tiva_second"])
@@ -108,7 +108,7 @@ def test_a_stop_that_comes_with_a_reset_is_in_force_only_after_it(sketch: str):
     assert launchpad.truth(3.9, 0.0).twist.linear_m_s > 0.02
     counts = [int(line.split(b"\t")[1]) for _, line in launchpad.advance(6.0) if line[:1] == b"e"]
     assert abs(counts[0]) < 400
-    assert launchpad.duty == (0, 0)
+    assert launchpad.sketch.duty == (0, 0)
 
 
 def test_the_duemilanove_says_that_it_resets_and_does_not():
@@ -122,7 +122,7 @@ def test_the_duemilanove_says_that_it_resets_and_does_not():
     assert BANNER not in sent
     counted = next(int(line.split(b"\t")[1]) for line in sent if line[:1] == b"e")
     assert counted >= int(before.split(b"\t")[1])
-    assert launchpad.duty == (20, 30)
+    assert launchpad.sketch.duty == (20, 30)
 
 
 def test_what_an_overflown_ring_leaves_is_obeyed():
@@ -130,11 +130,11 @@ def test_what_an_overflown_ring_leaves_is_obeyed():
     launchpad = board("duemilanove", ultrasonic={"lost_echo_share": 1})
     launchpad.advance(1.0)
     launchpad.receive(b"s 66 41\r" * 9, 1.0)  # 8 bytes each: the eighth lacks its CR
-    assert launchpad.received_dropped == 9
+    assert launchpad.uart.received_dropped == 9
     launchpad.advance(2.4)
     launchpad.receive(b"37\r", 2.5)
     launchpad.advance(4.6)
-    assert launchpad.duty == (66, 4137)
+    assert launchpad.sketch.duty == (66, 4137)
 
 
 def test_what_is_in_force_is_echoed_however_large():
