@@ -13,6 +13,8 @@ NEED_NAVIGATION = (
     "chefbotd/navigation",
     "chefbotd/worker/skills",
     "scenarios/test_navigation.py",
+    "scenarios/test_navigation_maps.py",
+    "scenarios/test_navigation_sensing.py",
 )
 """Tests of what needs the extra ``navigation``; its compiled functions take half a minute where no cache has them."""
 

@@ -3,6 +3,8 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping
+from functools import partial, wraps
+from inspect import Signature, signature
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -97,3 +99,18 @@ def in_flat(
             assert not drive.truth.in_contact
 
     run_virtual(run())
+
+
+def drives_in_flat(**options: Any) -> Callable[[Callable[..., Awaitable[None]]], Callable[..., None]]:
+    """Make ``async def test_something(drive, ...)`` a test; the options are those of ``in_flat``."""
+
+    def mark(scenario: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+        def test(tmp_path: Path, **parameters: Any) -> None:
+            in_flat(tmp_path, partial(scenario, **parameters), **options)
+
+        test = wraps(scenario)(test)
+        first, *rest = signature(scenario).parameters.values()
+        test.__signature__ = Signature([first.replace(name="tmp_path", annotation=Path), *rest])  # type: ignore[attr-defined]
+        return test
+
+    return mark
