@@ -34,7 +34,7 @@ def rows() -> list[list[str]]:
 def names_in(path: Path) -> set[str]:
     """The names of its tests."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    return {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))}
 
 
 def test_every_fault_has_a_test_that_there_is() -> None:
@@ -56,7 +56,7 @@ def fast_names_in(path: Path) -> set[str]:
     file_marks = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Assign)]
     if any(mark.startswith("pytestmark = ") and "mark.slow" in mark for mark in file_marks):
         return set()
-    tests = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    tests = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
     return {
         test.name
         for test in tests
