@@ -13,9 +13,7 @@ from chefbotd.link.reconnect import Opener
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
-    from chefbotd.recording.intake import Intake
-    from chefbotd.recording.recorder import Recorder
-    from chefbotd.recording.writer import Writer
+    from chefbotd.recording.writer import MakeRecorder, Writer
     from chefbotd.worker.spawn import Spawn
 
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
@@ -23,7 +21,7 @@ FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 DepthSpawn: TypeAlias = Callable[[Any], Awaitable[Any]]
 """``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
 
-StartWriter: TypeAlias = Callable[["Intake", "Callable[[], Recorder]", int], "Writer"]
+StartWriter: TypeAlias = Callable[["MakeRecorder", int], "Writer"]
 """Starts what writes recordings: ``recording.writer.WriterThread``, or something else in tests."""
 
 

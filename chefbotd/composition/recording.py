@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from functools import partial
 
 from chefbotd.composition.context import Context
 from chefbotd.composition.robot import robot_description
@@ -11,12 +12,12 @@ from chefbotd.snapshot.state import DaemonState
 
 
 def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
-    """``state`` gives what the daemon remembers. The libraries that write files are loaded in the thread that writes."""
+    """``state`` gives what the daemon remembers. All that records is loaded once the board has been told to stop."""
     settings = context.settings
     if context.start_writer is None or not settings.recording.enabled:
         return []
     from chefbotd.features.recording.feature import recording
-    from chefbotd.features.recording.making import Made, intake_of, recorder_maker
+    from chefbotd.features.recording.making import Made, recorder_maker
     from chefbotd.features.recording.service import RecordingService
     from chefbotd.recording.parameters import folder_of
 
@@ -29,10 +30,9 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
         lambda: robot_description(settings),
         first_scanner(settings),
     )
-    intake = intake_of(parameters, made, context.clock.now_s())
-    make = recorder_maker(parameters, folder, made, intake)
-    writer = context.start_writer(intake, make, round(parameters.queue_mb * 1e6))
-    service = RecordingService(context.bus, context.clock, parameters, folder, writer, state)
+    make = recorder_maker(parameters, folder, made, context.clock.now_s())
+    start_writer = partial(context.start_writer, make, round(parameters.queue_mb * 1e6))
+    service = RecordingService(context.bus, context.clock, parameters, folder, start_writer, state)
     return [recording(service)]
 
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
@@ -22,11 +22,13 @@ from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.folder import MEGABYTE, RecordingFolder, file_name
 from chefbotd.recording.intake import Piece
 from chefbotd.recording.maps import MapDrawer, ReadMap
-from chefbotd.recording.mcap_file import RecordingFile
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
 from chefbotd.recording.status import FAULT, RING, About, Status, Stored
 from chefbotd.storage import explain
+
+if TYPE_CHECKING:
+    from chefbotd.recording.mcap_file import RecordingFile
 
 LOOK_AT_DISK_S = 1.0
 MAP_AGAIN_NS = 30_000_000_000
@@ -93,7 +95,7 @@ class Recorder:
     def _pack(self, raw: RawChunk) -> Chunk:
         return raw.pack(self._parameters.compression, self._compress)
 
-    def _write(self, file: RecordingFile, chunk: Chunk, now_s: float) -> None:
+    def _write(self, file: "RecordingFile", chunk: Chunk, now_s: float) -> None:
         file.add_chunk(chunk)
         if now_s - self._synced_s >= self._parameters.sync_s:
             file.sync()
@@ -210,7 +212,7 @@ class Recorder:
 
     # inside
 
-    def _open_part(self, now_s: float) -> RecordingFile:
+    def _open_part(self, now_s: float) -> "RecordingFile":
         self._part += 1
         name = self.status.name or "recording"
         path = self._folder.new_path(name if self._part == 1 else f"{name}_part{self._part}")
@@ -221,7 +223,7 @@ class Recorder:
         self._folder.remove_old(self._current)
         return file
 
-    def _tell_again(self, file: RecordingFile, now_s: float) -> None:
+    def _tell_again(self, file: "RecordingFile", now_s: float) -> None:
         """Write what still holds at the beginning of a file."""
         again, log_ns = ChunkBuilder(), self._offset_ns + int(now_s * 1e9)
         for channel, payload in self._holds:
@@ -230,7 +232,11 @@ class Recorder:
         if (raw := again.cut()) is not None:
             file.add_chunk(self._pack(raw))
 
-    def _create(self, path: Path, reason: str) -> RecordingFile:
+    def _create(self, path: Path, reason: str) -> "RecordingFile":
+        from chefbotd.recording.mcap_file import (
+            RecordingFile,  # its library takes 3 MB: the ring does without
+        )
+
         file = RecordingFile(self._disk, path, self._channels)
         try:
             file.begin()
@@ -247,7 +253,7 @@ class Recorder:
             raise
         return file
 
-    def _close(self, file: RecordingFile) -> None:
+    def _close(self, file: "RecordingFile") -> None:
         file.finish()
         self._bytes_before += file.size
         self._messages_before += file.messages
@@ -267,7 +273,7 @@ class Recorder:
             except OSError:
                 return
 
-    def _give_up(self, file: RecordingFile) -> None:
+    def _give_up(self, file: "RecordingFile") -> None:
         """Nothing of it is left, as far as the disk lets it be removed."""
         with contextlib.suppress(OSError):
             file.abandon()

@@ -8,16 +8,16 @@ import queue
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 
 import structlog
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.recording.errors import RecordingError
-from chefbotd.recording.intake import Intake
 from chefbotd.recording.status import Status
 
 if TYPE_CHECKING:
+    from chefbotd.recording.intake import Intake
     from chefbotd.recording.recorder import Recorder
 
 T = TypeVar("T")
@@ -28,11 +28,19 @@ NO_ROOM = "the disk was too slow, or did not answer"
 MOST_ASKED = 64
 """Clients that ask again and again while the disk hangs fill no memory."""
 
+MakeRecorder: TypeAlias = Callable[[], tuple["Intake", "Recorder"]]
+"""Makes what encodes events, and what records them. Their modules are loaded then."""
+
 
 class Writer(Protocol):
-    """Where events are left. ``status`` is how the recorder stood a moment ago."""
+    """Where events are left, once it is ``ready``. ``status`` is how the recorder stood a moment ago."""
 
     dropped: int
+
+    @property
+    def ready(self) -> "Future[None]":
+        """Done when the recorder is made; has its error where it cannot be."""
+        ...
 
     @property
     def done(self) -> int:
@@ -63,14 +71,28 @@ class Writer(Protocol):
 
 
 class _Queue:
-    """What both writers have in common: the intake, and gaps. ``_put`` takes work for the recorder."""
+    """What both writers have in common: intake, recorder, and gaps. ``_put`` takes work for the recorder."""
 
-    def __init__(self, intake: Intake, most_bytes: int) -> None:
-        self._intake, self._most_bytes = intake, most_bytes
+    _intake: "Intake"
+    recorder: "Recorder"
+
+    def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
+        self._make, self._most_bytes = make, most_bytes
+        self.ready: Future[None] = Future()
         self._given = self._given_bytes = self._taken = self._taken_bytes = 0
         self._gap, self._marked = 0, False
         self._asked = self._carried_out = 0
         self.dropped = 0
+
+    def make(self) -> None:
+        """Make the recorder."""
+        self._intake, self.recorder = self._make()
+        self.ready.set_result(None)
+
+    @property
+    def status(self) -> Status:
+        """How the recorder stood a moment ago."""
+        return self.recorder.status
 
     @property
     def done(self) -> int:
@@ -145,50 +167,38 @@ class _Queue:
 class InlineWriter(_Queue):
     """Records in the call that leaves the events: for a virtual clock, which waits for no thread."""
 
-    def __init__(self, intake: Intake, make: "Callable[[], Recorder]", most_bytes: int) -> None:
-        super().__init__(intake, most_bytes)
-        self.recorder = make()
-
-    @property
-    def status(self) -> Status:
-        """How the recorder stands."""
-        return self.recorder.status
+    def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
+        super().__init__(make, most_bytes)
+        self.make()
 
     def _put(self, work: "Callable[[Recorder], object]") -> None:
         work(self.recorder)
 
 
 class WriterThread(_Queue):
-    """Records in a thread, which ``make`` is called in too. ``most_bytes`` may wait for it."""
+    """Records in a thread, which makes the recorder too. ``most_bytes`` may wait for it."""
 
-    def __init__(self, intake: Intake, make: "Callable[[], Recorder]", most_bytes: int) -> None:
-        super().__init__(intake, most_bytes)
-        self._make = make
+    def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
+        super().__init__(make, most_bytes)
         self._work: queue.SimpleQueue[Callable[[Recorder], object]] = queue.SimpleQueue()
-        self._recorder: Recorder | None = None
         threading.Thread(target=self._run, name="recording", daemon=True).start()
-
-    @property
-    def status(self) -> Status:
-        """How the recorder stood a moment ago."""
-        return Status() if self._recorder is None else self._recorder.status
 
     def _put(self, work: "Callable[[Recorder], object]") -> None:
         self._work.put(work)
 
     def _run(self) -> None:
-        work = self._work.get()  # the daemon's start does not wait for the recorder's libraries
         try:
-            recorder = self._recorder = self._make()
+            self.make()
         except Exception as error:
             log.error("the recorder cannot start", error=repr(error), exc_info=error)
+            self.ready.set_exception(error)
             return
         while True:
+            work = self._work.get()
             try:
-                work(recorder)
+                work(self.recorder)
             except Exception as error:
                 log.error("the recorder has failed", error=repr(error), exc_info=error)
-            work = self._work.get()
 
 
 def _carry_out(work: "Callable[[Recorder], T]", recorder: "Recorder", future: "Future[T]") -> None:

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.entries import Entries
-from chefbotd.snapshot.capture import Capture
-from chefbotd.snapshot.restorable import Restorable
+
+if TYPE_CHECKING:
+    from chefbotd.snapshot.restorable import Restorable
 
 
 class DaemonState:
@@ -26,8 +28,10 @@ class DaemonState:
         self._waiting, self._harmless = waiting, harmless
 
     @cached_property
-    def restorable(self) -> Restorable:
+    def restorable(self) -> "Restorable":
         """What a state may name; it takes some milliseconds once."""
+        from chefbotd.snapshot.restorable import Restorable
+
         return Restorable(self.parts.values())
 
     @property
@@ -37,6 +41,8 @@ class DaemonState:
 
     def record(self) -> StateRecorded:
         """The state now, between two entries."""
+        from chefbotd.snapshot.capture import Capture  # not at the start: see ``features.recording.making``
+
         capture = Capture(self.restorable)
         parts = capture.capture_parts(self.parts)
         is_open = tuple(name for name, session in self._entries.links.items() if session.is_open)

@@ -1,5 +1,6 @@
-"""Makes the recorder, in the thread that writes: its libraries are loaded there."""
+"""Makes what records, in the thread that writes: all that it needs is loaded there."""
 
+import gc
 import time
 import zlib
 from collections.abc import Callable
@@ -11,13 +12,13 @@ from msgspec import Struct
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.mapping import MapLoaded
 from chefbotd.core.geometry import Pose2D
-from chefbotd.recording.channels import Channels
-from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters
 
 if TYPE_CHECKING:
+    from chefbotd.recording.intake import Intake
     from chefbotd.recording.maps import Cells
     from chefbotd.recording.recorder import Recorder
+    from chefbotd.recording.writer import MakeRecorder
 
 
 class Made(Struct, frozen=True):
@@ -30,29 +31,30 @@ class Made(Struct, frozen=True):
     first_scanner: str | None
 
 
-def intake_of(parameters: RecordingParameters, made: Made, started_s: float) -> Intake:
-    """Where events are encoded; ``started_s`` is the daemon's time now."""
-    offset_ns = time.time_ns() - round(started_s * 1e9)
-    return Intake(Channels(), offset_ns, made.first_scanner, parameters.chunk_s, started_s)
-
-
 def recorder_maker(
-    parameters: RecordingParameters, folder: Path, made: Made, intake: Intake
-) -> "Callable[[], Recorder]":
-    """What makes the recorder of what this intake encodes."""
+    parameters: RecordingParameters, folder: Path, made: Made, started_s: float
+) -> "MakeRecorder":
+    """What makes intake and recorder; ``started_s`` is the daemon's time now."""
+    offset_ns = time.time_ns() - round(started_s * 1e9)
 
-    def make() -> "Recorder":
+    def make() -> "tuple[Intake, Recorder]":
+        import chefbotd.snapshot.capture  # noqa: F401 - for the first state: control does not wait for it
         from chefbotd.recording.about import about_robot
+        from chefbotd.recording.channels import Channels
+        from chefbotd.recording.intake import Intake
         from chefbotd.recording.recorder import Recorder
 
-        return Recorder(
+        gc.freeze()  # as after the start: no collection looks at all these classes
+        intake = Intake(Channels(), offset_ns, made.first_scanner, parameters.chunk_s, started_s)
+        recorder = Recorder(
             parameters,
             folder,
             intake.channels,
-            intake.offset_ns,
+            offset_ns,
             about=lambda: about_robot(made.robot, made.session, made.configuration, made.urdf()),
             read_map=read_map,
         )
+        return intake, recorder
 
     return make
 

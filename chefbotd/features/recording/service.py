@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,7 +12,7 @@ from msgspec.structs import asdict
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import BEAT_S, Clock, next_beat
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events import LinkNotOpened, LinkOpened, SafetyChanged
 from chefbotd.core.events.recording import RecordingChanged
 from chefbotd.entries import entries_of
 from chefbotd.features.recording.methods import (
@@ -25,11 +26,11 @@ from chefbotd.features.recording.methods import (
 from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.status import AUTOMATIC, Status
-from chefbotd.recording.writer import Writer
 from chefbotd.snapshot.state import DaemonState
 
 if TYPE_CHECKING:
     from chefbotd.recording.recorder import Recorder
+    from chefbotd.recording.writer import Writer
 
 T = TypeVar("T")
 
@@ -39,6 +40,9 @@ AT_ONCE = 128
 """So many events are encoded without a pause: what comes in meanwhile waits for as long as a control step takes."""
 
 INBOX_EVENTS = 8192
+BOARD_WITHIN_S = 2.0
+"""The ring is loaded then at the latest, also where a port does not say whether it can be opened."""
+
 COLLECT_BEATS, TELL_BEATS = 2, 20
 HANGS_AFTER_S = 3.0
 """The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
@@ -56,7 +60,11 @@ REPEATED_ELSEWHERE = frozenset({"LineSeen"})
 
 
 class RecordingService:
-    """Records everything that is on the bus. ``dropped`` counts the events that found no room."""
+    """Records everything that is on the bus. ``dropped`` counts the events that found no room.
+
+    What records is loaded where it is asked for and, for the ring, once the board has been told to stop; until then
+    events wait on the bus.
+    """
 
     def __init__(
         self,
@@ -64,12 +72,14 @@ class RecordingService:
         clock: Clock,
         parameters: RecordingParameters,
         folder: Path,
-        writer: Writer,
+        start_writer: "Callable[[], Writer]",
         state: Callable[[], DaemonState],
     ) -> None:
         self._bus, self._clock, self._parameters, self._state = bus, clock, parameters, state
         self._state_s, self._state_lacks = float("-inf"), False
-        self._folder, self._writer = folder, writer
+        self._folder, self._start_writer = folder, start_writer
+        self._starting: Writer | None = None
+        self._writer: Writer | None = None  # once it is ready
         self._entries = entries_of(clock)
         self._inbox: Inbox[Any] | None = None
         self._listening = asyncio.Event()
@@ -85,23 +95,26 @@ class RecordingService:
     @property
     def status(self) -> Status:
         """How the recorder stands."""
-        return self._writer.status
+        return Status() if self._writer is None else self._writer.status
 
     @property
     def dropped(self) -> int:
         """Events that found no room."""
-        return self._writer.dropped
+        return 0 if self._writer is None else self._writer.dropped
 
     @property
     def waiting(self) -> int:
         """Events on their way to the disk."""
-        return self._writer.waiting + (0 if self._inbox is None else len(self._inbox))
+        left = 0 if self._writer is None else self._writer.waiting
+        return left + (0 if self._inbox is None else len(self._inbox))
 
     async def run(self) -> None:
         """Record until cancelled."""
         try:
             if self._parameters.auto_start:
                 await self._begin_by_itself()
+            elif self._keeps_ring:
+                await self._load_ring()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._collect())
                 group.create_task(self._tell())
@@ -118,7 +131,35 @@ class RecordingService:
         except RecordingError as problem:
             log.warning("automatic recording cannot start", error=str(problem))
 
+    async def _load_ring(self) -> None:
+        """Not before the board has been told to stop, or cannot be: the daemon's start does not wait for it."""
+        if self._writer is None:
+            board = self._bus.subscribe(LinkOpened, LinkNotOpened)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(board.get(), BOARD_WITHIN_S)
+            board.close()
+        try:
+            await self._ready_writer()
+        except RecordingError as problem:
+            log.warning("nothing is recorded", error=str(problem))
+            self._listen_no_more()
+
+    async def _ready_writer(self) -> "Writer":
+        """The writer, as soon as what it needs is loaded."""
+        if self._writer is None:
+            self._starting = self._starting or self._start_writer()
+            try:
+                await asyncio.shield(asyncio.wrap_future(self._starting.ready))
+            except Exception as error:
+                raise RecordingError(
+                    RefusalKind.STORAGE_FAILED, f"the recorder cannot start: {error!r}"
+                ) from error
+            self._writer = self._starting
+        return self._writer
+
     async def _end(self) -> None:
+        if self._writer is None:
+            return
         try:
             await self._ask(lambda recorder, now_s: recorder.close(now_s), LAST_WORDS_S)
         except RecordingError as problem:
@@ -149,7 +190,7 @@ class RecordingService:
 
     def _listen_no_more(self) -> None:
         """Without a ring nothing is taken, and nothing paid, while nothing is recorded."""
-        if self._inbox is not None and not self._keeps_ring:
+        if self._inbox is not None and (self._writer is None or not self._keeps_ring):
             self._end_inputs()
             self._inbox.close()
             self._inbox = None
@@ -165,15 +206,15 @@ class RecordingService:
 
     def _hand_over(self, most: int = INBOX_EVENTS) -> bool:
         """Leave so many events with the writer; whether some remain."""
-        inbox = self._inbox
-        if inbox is None:
+        inbox, writer = self._inbox, self._writer
+        if inbox is None or writer is None:
             return False
         lost = sum(inbox.dropped.values()) if inbox.dropped else 0
         if lost > self._lost:
-            self._writer.note_dropped(lost - self._lost)
+            writer.note_dropped(lost - self._lost)
             self._lost = lost
         if events := inbox.take_some(most):
-            self._writer.put_events(events, self._clock.now_s())
+            writer.put_events(events, self._clock.now_s())
         return len(inbox) > 0
 
     async def _tell(self) -> None:
@@ -193,6 +234,8 @@ class RecordingService:
 
     def _look_at_thread(self) -> None:
         """Whether the thread goes on, or waits for the disk: a chunk that has only just been left there says nothing."""
+        if self._writer is None:
+            return
         done, self._done = self._done, self._writer.done
         waits = done == self._done and self._writer.waiting > 0
         self._waited_s = self._waited_s + TELL_BEATS * BEAT_S if waits else 0.0
@@ -202,7 +245,7 @@ class RecordingService:
         self._entries.observe(self._bus, self._changed())
 
     def _changed(self) -> RecordingChanged:
-        told = asdict(self._writer.status)
+        told = asdict(self.status)
         if self._stuck:
             told["reason"] = DISK_HANGS
         return RecordingChanged(
@@ -279,12 +322,14 @@ class RecordingService:
         first: bool = False,
     ) -> T:
         """Have the recorder do something, after all that has happened so far, or ``first``."""
-        if not first:
-            self._hand_over()
-        now_s = self._clock.now_s()
-        asked: Any = self._writer.ask(lambda recorder: work(recorder, now_s), now_s, first=first)
         try:
-            answer: T = await asyncio.wait_for(asyncio.wrap_future(asked), patience_s)
+            async with asyncio.timeout(patience_s):
+                writer = await self._ready_writer()
+                if not first:
+                    self._hand_over()
+                now_s = self._clock.now_s()
+                asked: Any = writer.ask(lambda recorder: work(recorder, now_s), now_s, first=first)
+                answer: T = await asyncio.wrap_future(asked)
         except TimeoutError:
             raise RecordingError(
                 RefusalKind.STORAGE_FAILED,

@@ -171,8 +171,9 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, where: str) -> Non
 
 def in_thread(folder: Path, disk: FailingDisk, most_bytes: int) -> WriterThread:
     """A recorder in its thread."""
-    intake, made = parts(folder, disk, kind=Recorder, chunk_s=0.05)
-    return WriterThread(intake, lambda: made, most_bytes)
+    writer = WriterThread(lambda: parts(folder, disk, kind=Recorder, chunk_s=0.05), most_bytes)
+    writer.ready.result(5.0)
+    return writer
 
 
 def settle(writer: WriterThread) -> None:

@@ -11,7 +11,7 @@ from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.recording.intake import Intake
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.writer import InlineWriter, WriterThread
+from chefbotd.recording.writer import InlineWriter, MakeRecorder, WriterThread
 from chefbotd.testing.daemon import simulated_robot
 from tests.chefbotd.features.recording.test_recording import drive, settings
 from tests.chefbotd.recording.disks import FailingDisk
@@ -25,13 +25,15 @@ def test_a_robot_whose_disk_hangs_drives_on(tmp_path: Path) -> None:
     disk = FailingDisk()
     disk.goes_on.clear()
 
-    def hanging(intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> WriterThread:
-        def with_this_disk() -> Recorder:
-            made = make()
+    def hanging(make: MakeRecorder, most_bytes: int) -> WriterThread:
+        def with_this_disk() -> tuple[Intake, Recorder]:
+            intake, made = make()
             made._disk = disk
-            return made
+            return intake, made
 
-        return WriterThread(intake, with_this_disk, 200_000)
+        writer = WriterThread(with_this_disk, 200_000)
+        writer.ready.result(20.0)  # no time passes on the virtual clock meanwhile
+        return writer
 
     async def main() -> None:
         async with simulated_robot(settings(tmp_path), start_writer=hanging) as robot:
@@ -59,8 +61,8 @@ def test_a_robot_whose_disk_hangs_drives_on(tmp_path: Path) -> None:
 class HeldUpWriter(InlineWriter):
     """On a busy computer: it comes to what was left there only each 2.5 s, and then to all of it."""
 
-    def __init__(self, intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> None:
-        super().__init__(intake, make, most_bytes)
+    def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
+        super().__init__(make, most_bytes)
         self._left: list[Callable[[Recorder], object]] = []
         asyncio.get_running_loop().call_later(2.5, self._come)
 

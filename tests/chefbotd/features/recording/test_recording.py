@@ -2,7 +2,6 @@
 
 import asyncio
 import errno
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters, folder_of
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.writer import InlineWriter
+from chefbotd.recording.writer import InlineWriter, MakeRecorder
 from chefbotd.settings import Settings, SettingsError, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
@@ -281,13 +280,13 @@ def test_a_disk_that_is_full_is_told_once_in_the_log(tmp_path: Path) -> None:
     """Whoever looks for the evening's recording finds there why it ended; the robot goes on."""
     disk = FailingDisk()
 
-    def on_this_disk(intake: Intake, make: Callable[[], Recorder], most_bytes: int) -> InlineWriter:
-        def made() -> Recorder:
-            recorder = make()
+    def on_this_disk(make: MakeRecorder, most_bytes: int) -> InlineWriter:
+        def made() -> tuple[Intake, Recorder]:
+            intake, recorder = make()
             recorder._disk = disk
-            return recorder
+            return intake, recorder
 
-        return write_inline(intake, made, most_bytes)
+        return write_inline(made, most_bytes)
 
     async def main() -> None:
         made = settings(tmp_path, auto_start=True)
