@@ -8,12 +8,11 @@ codec lets nothing but ``NUMERIC`` come near them, and ``explain`` names what el
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, TypeAlias
 
 from firmware_protocol.levels import is_packed, pack, unpack
 from firmware_protocol.messages import Reason
+from firmware_protocol.record import Record
 
 NUMERIC = b"0123456789.-"
 UNIT_NORM = (0.9, 1.1)  # rounding to two decimals moves the norm of four components by 0.01 at most
@@ -30,8 +29,7 @@ def is_unit(components: Iterable[float]) -> bool:
     return UNIT_NORM[0] <= math.hypot(*components) <= UNIT_NORM[1]
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+class Number(Record):
     """The values that a field can take, and with how many decimals it is written; none: a whole number."""
 
     low: float
@@ -73,8 +71,7 @@ ADC_12_BIT = Number(0, 4095, decimals=2)
 UINT16 = Number(0, 2**16 - 1)
 
 
-@dataclass(frozen=True, slots=True)
-class PackedLevels:
+class PackedLevels(Record):
     """One to ``most`` levels from 0 to 3 in one text (see ``firmware_protocol.levels``), read as a tuple."""
 
     most: int
@@ -103,8 +100,7 @@ class PackedLevels:
         return f"1 to {self.most} levels from 0 to 3, packed"
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Record):
     """A message's field: one number (or text of packed levels), or with ``times`` a tuple of so many."""
 
     name: str
@@ -127,8 +123,7 @@ class Field:
             raise ValueError(f"{self.name}: {error}") from None
 
 
-@dataclass(frozen=True)
-class LineKind:
+class LineKind(Record):
     """A row of a codec's table: the line's first field, the message it means, and the numbers between.
 
     ``unit`` asks for a norm near 1 of numbers in the range of ``COMPONENT``; ``end`` is the line's end where
@@ -141,12 +136,12 @@ class LineKind:
     unit: bool = False
     end: bytes | None = None
 
-    @cached_property
+    @property
     def numbers(self) -> tuple[Number | PackedLevels, ...]:
         """Every number of the line, in order."""
         return tuple(number for field in self.fields for number in field.numbers)
 
-    @cached_property
+    @property
     def plain(self) -> tuple[Number, ...]:
         """Those of them that are numbers indeed: all, unless some are packed levels, which may look like anything."""
         return tuple(number for number in self.numbers if isinstance(number, Number))
@@ -156,7 +151,7 @@ class LineKind:
         """Whether some are not."""
         return len(self.plain) < len(self.numbers)
 
-    @cached_property
+    @property
     def slots(self) -> tuple[int | slice, ...]:
         """Where each field's value lies in the tuple of the line's numbers."""
         slots: list[int | slice] = []

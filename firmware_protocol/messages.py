@@ -4,42 +4,38 @@ Numbers are exactly what the wire carries: counts, centimetres, ADC readings. No
 radians; ``docs/protocol.md`` says what each field means on the robot.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
+from firmware_protocol.record import Record
 
-@dataclass(frozen=True, slots=True)
-class BoardTime:
+
+class BoardTime(Record):
     """``t``: a cycle starts; ``micros`` is uint32 µs since boot, ``cycle_s`` the seconds since the last."""
 
     micros: int
     cycle_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class EncoderCounts:
+class EncoderCounts(Record):
     """``e``: accumulated int32 counts per wheel, forward positive, in the order of the variant's wheels."""
 
     counts: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class UltrasonicDistance:
+class UltrasonicDistance(Record):
     """``u``: whole centimetres, rounded down; 0 means that no echo came back."""
 
     distance_cm: int
 
 
-@dataclass(frozen=True, slots=True)
-class DutyEcho:
+class DutyEcho(Record):
     """``s`` from the board: the motor command now in force, per wheel, in PWM counts."""
 
     duty: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Orientation:
+class Orientation(Record):
     """``i`` with four fields: the IMU's quaternion as sent, only roughly of unit length."""
 
     x: float
@@ -48,31 +44,27 @@ class Orientation:
     w: float
 
 
-@dataclass(frozen=True, slots=True)
-class RawImu:
+class RawImu(Record):
     """``i`` with six fields: MPU-6050 int16 counts, acceleration then angular rate, each x y z."""
 
     acceleration: tuple[int, int, int]
     angular_rate: tuple[int, int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryLevel:
+class BatteryLevel(Record):
     """``b``: the raw 12-bit ADC reading, 0 to 4095, as the wire's float."""
 
     adc: float
 
 
-@dataclass(frozen=True, slots=True)
-class AnalogueLevel:
+class AnalogueLevel(Record):
     """``a``, an extension: the raw 12-bit ADC reading of one analogue input, 0 to 4095."""
 
     channel: int
     adc: float
 
 
-@dataclass(frozen=True, slots=True)
-class QuadratureEdges:
+class QuadratureEdges(Record):
     """``q``, an extension: a burst of edges of one wheel's encoder, in the order in which they came.
 
     ``total`` is how many edges this wheel has had since boot (uint16, wraps), up to the last of these and also those
@@ -92,42 +84,36 @@ class QuadratureEdges:
             raise ValueError(f"{len(self.states)} edges have no {len(self.gaps_us)} gaps between them")
 
 
-@dataclass(frozen=True, slots=True)
-class QuadratureStill:
+class QuadratureStill(Record):
     """``q`` with two fields: this wheel's encoder had no edge since the cycle before; ``total`` as there."""
 
     wheel: int
     total: int
 
 
-@dataclass(frozen=True, slots=True)
-class Banner:
+class Banner(Record):
     """One line of the board's boot banner: the board has just started, so its counters did too."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ResetDone:
+class ResetDone(Record):
     """The board's answer to ``r``: it will pull its reset pin in about a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(Record):
     """Any other printable line (DMP examples, debug output): to be logged, never an error."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class SetDuty:
+class SetDuty(Record):
     """``s`` to the board: signed PWM duty per wheel; zero brakes. It stays in force until the next one."""
 
     duty: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ResetBoard:
+class ResetBoard(Record):
     """``r``: reset the board; counters restart and the banner is sent again."""
 
 
@@ -143,8 +129,7 @@ class Reason(StrEnum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True, slots=True)
-class Malformed:
+class Malformed(Record):
     """A line that is not a message: the reason, the bytes as read (bounded), and what was expected."""
 
     reason: Reason
