@@ -13,13 +13,12 @@ from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, St
 from chefbotd.composition.maps import map_features
 from chefbotd.composition.network import discovery, page_server
 from chefbotd.composition.recording import foxglove, recording
-from chefbotd.composition.robot import board_session, drive_service, robot_features
+from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.entries import entries_of
 from chefbotd.features.board.feature import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
-from chefbotd.features.simulation.feature import SIMULATION
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener, PortLink
@@ -116,8 +115,7 @@ class Daemon:
         on_maps, self.worker = map_features(context, self.driving, self.leases)
         cameras = depth_cameras(context)
         own = robot_features(context, self.driving, self.limit_preview, self.leases, self.metrics)
-        simulation = [SIMULATION] if context.simulated else []
-        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *simulation]
+        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *simulation(context)]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)

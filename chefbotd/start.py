@@ -27,7 +27,9 @@ def _run(program: str) -> None:
     """Import a program and run it; an interruption until then ends without a traceback."""
     open_standard_streams()
     try:
-        import_module(program).main()
+        with no_collections():
+            main = import_module(program).main
+        main()
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted.\n")
         sys.exit(INTERRUPTED)
@@ -53,18 +55,29 @@ def _null(descriptor: int, mode: str) -> TextIO:
 
 
 @contextmanager
+def no_collections() -> Iterator[None]:
+    """Import without the garbage collector: it looks at every module and class again and again, and finds no garbage.
+
+    Afterwards it passes over them: a look at all of them takes as long as several control steps.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@contextmanager
 def light_imports() -> Iterator[None]:
     """Load what is imported meanwhile fast and small; pydantic and structlog must not have been imported before.
 
     - pydantic looks for plugins in every installed package, and loads what reads their metadata, parsers of mail and
       tables among it; chefbotd uses none.
     - structlog imports rich wherever it is installed, to lay out tracebacks; it does without where that import fails.
-    - The garbage collector looks at every module and class again and again, and finds no garbage. Afterwards it passes
-      over them: a look at all of them takes as long as several control steps.
     """
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    gc.disable()
-    try:
+    with no_collections():
         if "structlog" not in sys.modules:
             _import_beside("structlog", "rich", None)
         if "pydantic" not in sys.modules and "importlib.metadata" not in sys.modules:
@@ -72,9 +85,6 @@ def light_imports() -> Iterator[None]:
             no_plugins.entry_points = tuple  # type: ignore[attr-defined]
             _import_beside("pydantic.plugin._loader", "importlib.metadata", no_plugins)
         yield
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def _import_beside(module: str, other: str, instead: ModuleType | None) -> None:

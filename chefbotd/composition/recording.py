@@ -27,7 +27,7 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
         settings.robot.name,
         context.session,
         lambda: settings.model_dump_json(by_alias=True),
-        lambda: robot_description(settings),
+        lambda: robot_description(settings)(),
         first_scanner(settings),
     )
     make = recorder_maker(parameters, folder, made, context.clock.now_s())

@@ -1,5 +1,8 @@
 """What every robot has: the session with its board, the control loop, and the features that are always there."""
 
+from collections.abc import Callable
+from functools import cache, partial
+
 import structlog
 
 from chefbotd.composition.context import Context
@@ -27,7 +30,6 @@ from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
-from chefbotd.settings.urdf import urdf_of
 from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
@@ -109,13 +111,29 @@ def robot_features(
     ]
 
 
-def robot_description(settings: Settings) -> str | None:
-    """The robot's URDF; one of its own that cannot be read keeps nobody from driving."""
+def simulation(context: Context) -> list[Feature]:
+    """What only a simulated robot has."""
+    if not context.simulated:
+        return []
+    from chefbotd.features.simulation.feature import SIMULATION
+
+    return [SIMULATION]
+
+
+def robot_description(settings: Settings) -> Callable[[], str | None]:
+    """Gives the robot's URDF; one of its own that cannot be read keeps nobody from driving."""
     path = settings.robot.description
     if path is None:
-        return urdf_of(settings)
+        return cache(partial(_made_description, settings))
     try:
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         log.warning("the robot's description cannot be read", path=str(path), error=str(error))
-        return None
+        return lambda: None
+    return lambda: text
+
+
+def _made_description(settings: Settings) -> str:
+    from chefbotd.settings.urdf import urdf_of  # what writes XML is not loaded before somebody asks
+
+    return urdf_of(settings)

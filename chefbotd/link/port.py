@@ -14,8 +14,6 @@ import structlog
 from pydantic import Field, field_validator
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.link.owner import owner_of
-from chefbotd.link.ports import advice
 
 log = structlog.get_logger(component="link")
 
@@ -241,6 +239,11 @@ def _open(parameters: LinkParameters) -> Any:
     except (ValueError, termios.error) as error:  # the latter when the cable is pulled meanwhile
         raise OSError(f"{device}: {error}") from error
     except OSError as error:
+        from chefbotd.link.owner import (
+            owner_of,  # what looks through all ports and processes: only where one fails
+        )
+        from chefbotd.link.ports import advice
+
         in_use = error.errno in IN_USE
         told = f"in use by {owner_of(device)}" if in_use else advice(device, error)
         raise OSError(f"{device}: {told}") from error

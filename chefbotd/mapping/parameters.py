@@ -78,9 +78,9 @@ class LoopParameters(Parameters):
 class SlamParameters(Parameters):
     """All of it."""
 
-    matching: MatchingParameters = MatchingParameters()
-    submaps: SubmapParameters = SubmapParameters()
-    loops: LoopParameters = LoopParameters()
+    matching: MatchingParameters = section()
+    submaps: SubmapParameters = section()
+    loops: LoopParameters = section()
 
 
 class MappingParameters(Parameters):

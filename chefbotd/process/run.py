@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.util import find_spec
+from typing import TYPE_CHECKING, Optional
 
 import structlog
 import uvloop
@@ -15,7 +16,6 @@ from chefbotd.clock import SystemClock
 from chefbotd.composition.context import StartWriter
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
-from chefbotd.process.service import Load, Service, service_of
 from chefbotd.process.stop_guard import stop_guard
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
@@ -23,14 +23,17 @@ from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.transport.listening import CannotListen
 
+if TYPE_CHECKING:
+    from chefbotd.process.service import Load, Service
+
 log = structlog.get_logger(component="app")
 
-AsService = Callable[[Daemon], Service | None]
+AsService = Callable[[Daemon], Optional["Service"]]
 LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
 """What each compression of recordings needs."""
 
 
-def run(settings: Settings, *, simulated: bool, load: Load | None = None) -> int:
+def run(settings: Settings, *, simulated: bool, load: "Load | None" = None) -> int:
     """Run the daemon until a signal ends it; returns the exit code. ``load`` reads the configuration again, on SIGHUP.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
@@ -62,14 +65,14 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 class _Hangup:
     """What SIGHUP does once the daemon is built; before that there is nothing to reload."""
 
-    service: Service | None = None
+    service: "Service | None" = None
 
     def __call__(self) -> None:
         if self.service is not None:
             self.service.want_reload()
 
 
-async def _until_signalled(settings: Settings, load: Load | None, *, simulated: bool) -> None:
+async def _until_signalled(settings: Settings, load: "Load | None", *, simulated: bool) -> None:
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
     received: list[str] = []
@@ -81,8 +84,11 @@ async def _until_signalled(settings: Settings, load: Load | None, *, simulated: 
     hangup = _Hangup()
     signals.handle(end, hangup if load is not None and systemd.is_listening() else None)
 
-    def as_service(daemon: Daemon) -> Service | None:
-        hangup.service = service_of(daemon, settings, load)
+    def as_service(daemon: Daemon) -> "Service | None":
+        if systemd.is_listening():
+            from chefbotd.process.service import service_of
+
+            hangup.service = service_of(daemon, settings, load)
         return hangup.service
 
     try:

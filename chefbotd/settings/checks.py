@@ -11,7 +11,7 @@ from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
-from chefbotd.settings.urdf import joint_names
+from chefbotd.settings.mounts import joint_names
 from firmware_protocol.codec import VARIANTS
 from firmware_protocol.messages import (
     AnalogueLevel,

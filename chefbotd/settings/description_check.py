@@ -13,7 +13,7 @@ from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
 from chefbotd.settings.description import Description
 from chefbotd.settings.model import Settings
-from chefbotd.settings.urdf import Mount, mounts
+from chefbotd.settings.mounts import Mount, mounts
 
 ALLOWED_M = 0.0005
 """Descriptions are written by hand, in millimetres."""

@@ -17,12 +17,9 @@ from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
 from chefbotd.cli.common.extras import require
-from chefbotd.cli.programs.init import init, urdf
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, completion, wants_json
-from chefbotd.cli.record.replay import replay
-from chefbotd.cli.service.commands import install_service, uninstall_service
 from chefbotd.process import signals
 
 if TYPE_CHECKING:
@@ -197,8 +194,10 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
         echo("\n".join(_assignments("", values)))
 
 
-for command in (init, urdf, replay, install_service, uninstall_service, completion):
-    main.add_command(command)
+main.add_late("chefbotd.cli.programs.init", "init", "urdf")
+main.add_late("chefbotd.cli.record.replay", "replay")
+main.add_late("chefbotd.cli.service.commands", "install-service", "uninstall-service")
+main.add_command(completion)
 
 
 def _assignments(key: str, value: object) -> Iterator[str]:

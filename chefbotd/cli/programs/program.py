@@ -4,10 +4,10 @@ import io
 import json
 import sys
 from copy import copy
+from importlib import import_module
 from typing import Any, Protocol, Self, runtime_checkable
 
 import click
-from click.shell_completion import get_completion_class
 
 from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.common.exits import Exit, ProgramError
@@ -50,6 +50,21 @@ class Program(click.Group):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.params.append(_json_option())
+        self._late: dict[str, str] = {}
+
+    def add_late(self, module: str, *names: str) -> None:
+        """Add commands by their names; their module is imported when one of them is called, or all are shown."""
+        self._late |= dict.fromkeys(names, module)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of this name; None where there is none."""
+        if module := self._late.pop(cmd_name, None):
+            self.add_command(getattr(import_module(module), cmd_name.replace("-", "_")))
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Every name."""
+        return sorted({*super().list_commands(ctx), *self._late})
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """Add a command, or a group with all its commands."""
@@ -103,6 +118,8 @@ def completion(ctx: click.Context, shell: str) -> None:
     """
     root = ctx.find_root()
     program = root.command.name or ""
+    from click.shell_completion import get_completion_class  # no other command needs it
+
     completer = get_completion_class(shell)
     if completer is None:
         raise ProgramError(Exit.FAILED, f"this version of click cannot complete {shell}")

@@ -1,5 +1,7 @@
 """The robot's description: its links and joints."""
 
+from collections.abc import Callable
+
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import NoParams, Result
 from chefbotd.rpc.roles import Role
@@ -12,12 +14,12 @@ class RobotDescription(Result):
 
 
 class DescriptionMethods:
-    """``urdf`` is the document, None where the robot has none."""
+    """``urdf`` gives the document, None where the robot has none."""
 
-    def __init__(self, urdf: str | None) -> None:
+    def __init__(self, urdf: Callable[[], str | None]) -> None:
         self._urdf = urdf
 
     @method(role=Role.OBSERVE)
     def get_description(self, caller: Caller, params: NoParams) -> RobotDescription:
         """The robot's own description: its links and joints."""
-        return RobotDescription(urdf=self._urdf)
+        return RobotDescription(urdf=self._urdf())
