@@ -22,6 +22,7 @@ from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
 SWEEP_BEATS = 4
+DESCRIBED_AFTER_S = 1.0
 FEATURES = ("snapshots", "rate_limits", "policies", "drop_notices", "roles", "control_leases")
 
 
@@ -139,7 +140,11 @@ class RpcServer:
             self.connections.sweep()
 
     async def _prepare_description(self) -> None:
-        """Build the schemas for ``describe``, one a beat: all at once would take as long as several control steps."""
+        """Build the schemas for ``describe``, one a beat: all at once would take as long as several control steps.
+
+        Not before ``DESCRIBED_AFTER_S``: the start has the processor until the board has been told to stop.
+        """
+        await asyncio.sleep(DESCRIBED_AFTER_S)
         for _ in prepare(self._methods, self._fanout.topics):
             await next_beat(self._clock)
 

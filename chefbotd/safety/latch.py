@@ -5,9 +5,9 @@ its predecessor was killed or crashed, perhaps with the robot in motion.
 """
 
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Protocol
 
-from pydantic import Field
+import msgspec
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.safety.faults import FaultKind
@@ -49,18 +49,18 @@ class GateStore(Protocol):
         ...
 
 
-class Latch(Parameters):
+class Latch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The gate's mode, and why it is so."""
 
     mode: Mode
     fault: FaultKind | None
-    reason: str = Field(max_length=MAX_REASON_CHARACTERS)
+    reason: Annotated[str, msgspec.Meta(max_length=MAX_REASON_CHARACTERS)]
 
 
 def write(state: GateState) -> bytes:
     """The state as JSON in UTF-8, whatever characters the reason has. A long reason is cut."""
     reason = state.reason[:MAX_REASON_CHARACTERS].encode(errors="replace").decode()
-    return Latch(mode=state.mode, fault=state.fault, reason=reason).model_dump_json().encode()
+    return msgspec.json.encode(Latch(state.mode, state.fault, reason))
 
 
 def read(left: bytes) -> GateState:
@@ -69,7 +69,10 @@ def read(left: bytes) -> GateState:
     Raises:
         ValueError: these are not bytes that ``write`` has made.
     """
-    latch = Latch.model_validate_json(left)
+    try:
+        latch = msgspec.json.decode(left, type=Latch)
+    except msgspec.DecodeError as error:
+        raise ValueError(f"not what a daemon wrote: {error}") from error
     if latch.mode is Mode.ARMED:
         return UNCLEAN_SHUTDOWN
     return GateState(latch.mode, latch.reason, fault=latch.fault)

@@ -6,7 +6,7 @@ from pydantic import Field, field_validator
 
 from chefbotd.core.parameters import Parameters
 
-LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
+LABEL = r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
 """A label of a host's name: RFC 1123, section 2.1."""
 
 
@@ -21,7 +21,7 @@ class DiscoveryParameters(Parameters):
     @field_validator("name")
     @classmethod
     def _is_a_label(cls, name: str | None) -> str | None:
-        if name is not None and not LABEL.fullmatch(name):
+        if name is not None and not re.fullmatch(LABEL, name):
             raise ValueError(
                 f"expected letters, digits and hyphens, at most 63, such as kitchen-bot, got {name!r}"
             )

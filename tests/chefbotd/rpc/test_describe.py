@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from chefbotd.clock import BEAT_S, run_virtual
 from chefbotd.rpc import describe
+from chefbotd.rpc.server import DESCRIBED_AFTER_S
 from tests.fakes.api import line_client, new_server, serving
 from tests.fakes.robot import topics_of
 
@@ -42,6 +43,7 @@ def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel
 
     async def scenario() -> None:
         async with serving(simulated=True) as served, line_client(served) as client:
+            await asyncio.sleep(DESCRIBED_AFTER_S)
             at_once = [len(built)]
             parts = (
                 2 * len(served.server.methods) + len(topics_of(simulated=True)) + len(describe.NOTIFICATIONS)

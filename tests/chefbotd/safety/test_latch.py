@@ -59,7 +59,7 @@ def test_no_reason_keeps_a_latch_from_being_remembered(reason: str):
 )
 def test_what_no_daemon_wrote_is_refused(left: bytes):
     """Empty, cut short, another encoding, unknown names, missing keys: a ValueError, never a state."""
-    with pytest.raises(ValueError, match="validation error"):
+    with pytest.raises(ValueError, match="not what a daemon wrote"):
         read(left)
 
 
