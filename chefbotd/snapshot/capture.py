@@ -61,10 +61,10 @@ class Capture:
         return self._object(value, kind, way)
 
     def _object(self, value: Any, kind: Any, way: str) -> Any:
-        if is_ours(kind):
-            return self._own(value, kind, way)
         if isinstance(value, type) and value in self._restorable:
             return {TAG: "class", "of": name_of(value)}
+        if is_ours(kind):
+            return self._own(value, kind, way)
         if kind in (set, frozenset):
             return self._items(kind.__name__, sorted(value, key=repr), way)
         if kind is asyncio.Event:

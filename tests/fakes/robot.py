@@ -200,7 +200,7 @@ class FakeRobot:
             *methods_of(OdometryMethods(self)),
             *methods_of(TuningMethods(self)),
             *methods_of(StatisticsMethods(self)),
-            *methods_of(DescriptionMethods(self.description)),
+            *methods_of(DescriptionMethods(lambda: self.description)),
             *methods_of(BoardMethods(self)),
             *methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
         ]
