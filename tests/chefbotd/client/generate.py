@@ -287,11 +287,11 @@ def _in_order(rows: list[str], before: Iterable[str]) -> list[str]:
 def _method_row(method: Method, cells: list[str]) -> str:
     takes, gives = method.params.model_fields, method.result.model_fields
     old = dict(enumerate(cells))
-    params = _kept(old.get(0, ""), list(takes)[:4]) or ", ".join(
+    params = _kept(old.get(0, ""), list(takes)[:4], takes) or ", ".join(
         f"`{name}`" + ("" if field.is_required() else f" = {json.dumps(field.default)}")
         for name, field in takes.items()
     )
-    result = _kept(old.get(1, ""), gives) or ", ".join(f"`{name}`" for name in gives)
+    result = _kept(old.get(1, ""), gives, gives) or ", ".join(f"`{name}`" for name in gives)
     role = "none" if method.role is None else str(method.role)
     does = old.get(3, "") or " ".join((inspect.getdoc(method.handle) or "").split())
     return " | ".join([f"| `{method.name}`", params, result, role, does]).replace("|  |", "| |") + " |"
@@ -307,9 +307,15 @@ def _topic_row(topic: Topic, cells: list[str]) -> str:
     return f"| `{topic.name}` | {' '.join(row.split())} |"
 
 
-def _kept(cell: str, names: Iterable[str]) -> str:
-    """The cell, where it names all of these or says that they are as another's."""
-    return cell if cell.startswith("as ") or all(f"`{name}`" in cell for name in names) else ""
+def _kept(cell: str, needed: Iterable[str], known: Iterable[str] | None = None) -> str:
+    """The cell, where it names all that is needed and nothing unknown, or says that it is as another's."""
+    named = re.findall(r"(?<!= )`(\w+)`", re.sub(r"\(.*?\)", "", cell))
+    stale = known is not None and not set(named) <= set(known)
+    return (
+        cell
+        if cell.startswith("as ") or not (stale or set(needed) - set(re.findall(r"`(\w+)`", cell)))
+        else ""
+    )
 
 
 if __name__ == "__main__":

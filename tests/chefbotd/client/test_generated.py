@@ -50,15 +50,15 @@ def test_a_written_method_asks_for_what_it_is_named_after(name: str) -> None:
 
 
 def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
-    """A row whose cells name everything stays; what a cell lacks, and a row that is not there, is written."""
-    text = PAGE
-    methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "ping")}
-    told = page(text, methods, {"battery": TOPICS["battery"]})
+    """A cell that names everything stays; one that lacks something or names too much, and a new row, is written."""
+    methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
+    told = page(PAGE, methods, {"battery": TOPICS["battery"]})
     assert "| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |" in told
     assert (
         "| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | `state`, `map`, `reason` | drive | as it was |"
         in told
     )
+    assert "| `arm` | `latch` = null | `ok` | drive | allows motion |" in told
     assert "| `ping` | | `pong`, `stamp_s` | observe | Answer at once, with the daemon's time. |" in told
     assert "| `battery` | The battery. `voltage_v`, `percentage`, `status` |" in told
     assert '{"jsonrpc":"2.0","id":8,"method":"ping"}' in told
@@ -72,6 +72,7 @@ PAGE = """
 | method | parameters | result | role | what it does |
 |---|---|---|---|---|
 | `delete_place` | its `name` and `map` | `ok` | drive | forgets it |
+| `arm` | `latch` = `newest`, `force` | `ok` | drive | allows motion |
 | `fly` | | `ok` | drive | is gone |
 | `set_pose` | `x_m`, `y_m` | `state` | observe | as it was |
 
@@ -79,6 +80,7 @@ By example:
 
     {"jsonrpc":"2.0","id":7,"method":"set_pose","params":{"x_m":2.1,"y_m":-0.4}}
     {"jsonrpc":"2.0","id":3,"method":"fly"}
+    {"jsonrpc":"2.0","id":4,"method":"arm"}
     {"jsonrpc":"2.0","id":2,"method":"delete_place","params":{"name":"table 3"}}
 
 ## Topics
