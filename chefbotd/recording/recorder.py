@@ -5,6 +5,7 @@ raise a ``RecordingError``, and ``status`` says how things stand.
 """
 
 import contextlib
+import errno
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -24,13 +25,17 @@ from chefbotd.recording.intake import Piece
 from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.ring import Ring
-from chefbotd.recording.status import FAULT, RING, About, Status, Stored
+from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, Status, Stored
 from chefbotd.storage import explain
 
 if TYPE_CHECKING:
     from chefbotd.recording.mcap_file import RecordingFile
 
 LOOK_AT_DISK_S = 1.0
+FULL = (errno.ENOSPC, errno.EDQUOT)
+GO_ON_EVERY_S = 10.0
+"""How often a new automatic recording is tried where the last one has ended because the disk was full."""
+
 MAP_AGAIN_NS = 30_000_000_000
 """So that any piece of the ring has the map."""
 
@@ -64,6 +69,7 @@ class Recorder:
         self._looked_s = self._synced_s = 0.0
         self._file: RecordingFile | None = None
         self._began_s = self._file_began_s = 0.0
+        self._is_automatic = self._waits_for_room = False
         self._part = self._bytes_before = self._messages_before = 0
         self.status = Status()
 
@@ -71,6 +77,10 @@ class Recorder:
 
     def record(self, piece: Piece, now_s: float) -> None:
         """Record a piece."""
+        if self._waits_for_room and now_s - self._looked_s >= GO_ON_EVERY_S:
+            self._looked_s = now_s
+            with contextlib.suppress(RecordingError):
+                self.start(AUTOMATIC, now_s)
         self._add(piece.raw, now_s)
         self._holds = piece.holds
         drawn = ChunkBuilder()
@@ -104,7 +114,7 @@ class Recorder:
             self._looked_s = now_s
             if problem := self._look_at_disk():
                 self._close(file)
-                self.status = replace(self.status, state="failed", reason=problem)
+                self._end_for(problem, full=True)
                 return
         age_s, most_s = now_s - self._file_began_s, self._parameters.rotate_minutes * 60
         if file.size >= self._parameters.rotate_mb * MEGABYTE or age_s >= most_s:
@@ -135,6 +145,7 @@ class Recorder:
                 "save_ring ('chefbotctl record --ring') copies the last minutes of it",
             )
         name = file_name(name) if name is not None else "recording"
+        self._is_automatic = self._waits_for_room = name == AUTOMATIC
         self._require_room()
         began = f"{name}_{self._time_text()}"
         self._began_s, self._part, self._bytes_before, self._messages_before = now_s, 0, 0, 0
@@ -149,6 +160,7 @@ class Recorder:
         except OSError as error:
             self._fail(error)
             raise self._folder.refusal(f"cannot write in {self._folder.path}", error) from error
+        self._waits_for_room = False
         return self.status
 
     def stop(self, now_s: float) -> Status:
@@ -157,6 +169,7 @@ class Recorder:
         Raises:
             RecordingError: nothing is being recorded, or the disk did not take the end of the file.
         """
+        self._waits_for_room = False
         if self._file is None:
             raise RecordingError(RefusalKind.NOT_RECORDING, f"nothing is being recorded{self._why()}")
         try:
@@ -266,12 +279,18 @@ class Recorder:
         """The disk does not take it: what is whole stays, and recording ends."""
         file, self._file = self._file, None
         name = "the recording" if file is None else file.path.name
-        self.status = replace(self.status, state="failed", reason=f"{name} has ended: {explain(error)}")
+        self._end_for(f"{name} has ended: {explain(error)}", full=error.errno in FULL)
         if file is not None:
             try:
                 file.abandon()
             except OSError:
                 return
+
+    def _end_for(self, problem: str, *, full: bool) -> None:
+        """Recording has ended; an automatic one goes on when a full disk has room again."""
+        self._waits_for_room = full and self._is_automatic
+        reason = f"{problem}; a new file begins when it has room" if self._waits_for_room else problem
+        self.status = replace(self.status, state="failed", reason=reason)
 
     def _give_up(self, file: "RecordingFile") -> None:
         """Nothing of it is left, as far as the disk lets it be removed."""

@@ -225,6 +225,9 @@ class RecordingService:
             problem = DISK_HANGS if self._stuck else self.status.reason
             if problem and problem != last:
                 log.warning("recording has a problem", reason=problem, state=str(self.status.state))
+            elif last and not problem and self.status.state == "recording":
+                log.info("recording goes on", file=self.status.file)
+                self._record_state()
             last = problem
             if self.dropped > told:
                 log.warning("events are missing from the recording", events=self.dropped - told)

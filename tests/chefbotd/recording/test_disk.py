@@ -83,6 +83,35 @@ def test_a_disk_that_fails_ends_the_recording_with_whole_chunks(
     assert made.save_ring("late", START_S + 6.0).ring_s > 3.5
 
 
+@pytest.mark.parametrize(
+    ("name", "error", "stopped", "goes_on"),
+    [
+        (AUTOMATIC, errno.ENOSPC, False, True),
+        (AUTOMATIC, errno.ENOSPC, True, False),
+        (AUTOMATIC, errno.EIO, False, False),
+        ("evening", errno.ENOSPC, False, False),
+    ],
+)
+def test_an_automatic_recording_goes_on_when_a_full_disk_has_room_again(
+    tmp_path: Path, name: str, error: int, stopped: bool, goes_on: bool
+) -> None:
+    """It is tried every ten seconds. Not one that somebody asked for or has stopped, nor on a disk that is broken."""
+    disk = FailingDisk()
+    made = recorder(tmp_path, disk, chunk_s=0.5)
+    made.start(name, START_S)
+    states = []
+    for k in range(300):
+        disk.error = error if 20 <= k < 150 else None
+        made.record(cycle(START_S + k / 10), START_S + k / 10)
+        if k == 100 and stopped:
+            with pytest.raises(RecordingError, match="nothing is being recorded"):
+                made.stop(START_S + k / 10)
+        states.append(made.status.state)
+    assert (states[19], states[149], states[160]) == ("recording", "failed", "failed")
+    assert states[-1] == ("recording" if goes_on else "failed")
+    assert len(list(tmp_path.glob("*.mcap"))) == 1 + goes_on
+
+
 def test_a_minimum_of_the_disk_stays_free(tmp_path: Path) -> None:
     """Recording ends in order before less is free, and none begins then; the message has both numbers."""
     disk = FailingDisk()

@@ -10,6 +10,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.composition.context import StartWriter
 from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters, folder_of
 from chefbotd.recording.reader import RecordingReader
@@ -276,21 +277,67 @@ def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
         load(path)
 
 
-def test_a_disk_that_is_full_is_told_once_in_the_log(tmp_path: Path) -> None:
-    """Whoever looks for the evening's recording finds there why it ended; the robot goes on."""
-    disk = FailingDisk()
+def on_disk(disk: FailingDisk) -> StartWriter:
+    """Records on this disk."""
 
-    def on_this_disk(make: MakeRecorder, most_bytes: int) -> InlineWriter:
+    def start(make: MakeRecorder, most_bytes: int) -> InlineWriter:
         def made() -> tuple[Intake, Recorder]:
             intake, recorder = make()
-            recorder._disk = disk
+            recorder._disk = recorder._folder._disk = disk
             return intake, recorder
 
         return write_inline(made, most_bytes)
 
+    return start
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("suddenly", "told"), [(True, "the disk is full"), (False, "1 MB of the disk are free")]
+)
+def test_an_automatic_recording_goes_on_when_a_full_disk_has_room_again(
+    tmp_path: Path, suddenly: bool, told: str
+) -> None:
+    """Full in the middle of a write, or below ``min_free_mb``: a new file has what comes after, and can be replayed.
+
+    Both ends are in the log, once each. What was recorded before can be read.
+    """
+    disk = FailingDisk()
+    disk.free = 900_000_000
+
+    async def main() -> None:
+        parameters = RecordingParameters(folder=tmp_path, auto_start=True)
+        made = load().model_copy(update={"recording": parameters})
+        async with simulated_robot(made, start_writer=on_disk(disk)) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 3.0)
+            disk.error, disk.free = (errno.ENOSPC, disk.free) if suddenly else (None, 1_000_000)
+            await drive(robot, 13.0)
+            status = (await robot.client.call("get_state"))["topics"]["recording"]["data"]
+            assert (status["state"], len(files(tmp_path))) == ("failed", 1)
+            assert status["reason"].endswith("a new file begins when it has room")
+            disk.error, disk.free = None, 600_000_000
+            await drive(robot, 13.0)
+            status = (await robot.client.call("get_state"))["topics"]["recording"]["data"]
+            assert (status["state"], status["reason"]) == ("recording", "")
+
+    with capture_logs() as log:
+        run_virtual(main())
+    first, second = sorted(files(tmp_path), key=lambda path: path.stat().st_mtime)
+    before, after = list(RecordingReader(first).events()), read(second)
+    assert after[0].stamp_s - before[-1].stamp_s > 13.0
+    assert "StateRecorded" in names(after)
+    assert [line["reason"].count(told) for line in log if line["event"] == "recording has a problem"] == [1]
+    assert [line["file"] for line in log if line["event"] == "recording goes on"] == [str(second)]
+
+
+def test_a_disk_that_is_full_is_told_once_in_the_log(tmp_path: Path) -> None:
+    """Whoever looks for the evening's recording finds there why it ended; the robot goes on."""
+    disk = FailingDisk()
+
     async def main() -> None:
         made = settings(tmp_path, auto_start=True)
-        async with simulated_robot(made, start_writer=on_this_disk) as robot:
+        async with simulated_robot(made, start_writer=on_disk(disk)) as robot:
             await robot.client.wait_until_armed()
             disk.error = errno.ENOSPC
             await drive(robot, 4.0)
