@@ -23,7 +23,8 @@ SKIPPED = "import pytest\n@pytest.mark.skip\ndef test_it(): pass\n"
             ("def test_it(): pass\n", [], 0),
             (SKIPPED, [], 5),
             ("def test_it(): pass\n", ["-m", "slow"], 5),
-        ]
+        ],
+        fast=0,
     ),
 )
 def test_a_run_that_carried_out_no_test_fails(
@@ -72,6 +73,7 @@ def test_fast(): pass
 """
 
 
+@pytest.mark.slow
 def test_the_rest_is_what_the_fast_tier_leaves(tmp_path: Path) -> None:
     """The rest has the slow ones, and those of Hypothesis once more, with all their examples."""
     (tmp_path / "test_it.py").write_text(TWO_TIERS, encoding="utf-8")

@@ -66,12 +66,14 @@ def used() -> set[str]:
     return {canonicalize_name(name) for module in modules for name in packages.get(module, (module,))}
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared() -> None:
     """Nothing works only because another package happens to bring it along."""
     assert {FACES.get(name, name) for name in used()} <= FOR_USERS
     assert "numpy" in used()
 
 
+@pytest.mark.slow
 def test_what_is_declared_is_imported() -> None:
     """Users install nothing that no line of code asks for."""
     assert {IMPORTED_BY_ANOTHER.get(name, name) for name in FOR_USERS} <= used()
