@@ -1,4 +1,4 @@
-"""Time: what the running daemon reads, and a virtual one on which minutes pass in milliseconds."""
+"""The clock of the running daemon, and a virtual one on which minutes pass in milliseconds."""
 
 import asyncio
 import selectors

@@ -1,4 +1,4 @@
-"""Entries from outside: each is handled at one time, and told to whoever records.
+"""Entries from outside: each is handled at one time, and passed to the recorder.
 
 Bytes that arrive, a timer that fires, a request, a task that goes on: whatever follows from one of them in the same call
 stack sees the time of its beginning. So what the robot does is a function of its entries and their times, and can be

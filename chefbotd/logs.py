@@ -1,4 +1,4 @@
-"""Logs of what a fault repeats a thousand times a second: the first at once, the rest as a count."""
+"""Logs for messages that a fault repeats: the first at once, the rest as a count."""
 
 import asyncio
 from typing import Any

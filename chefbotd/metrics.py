@@ -1,4 +1,4 @@
-"""What the daemon counts: a registry to which each part adds its own figures.
+"""The registry of the daemon's figures. Each part adds its own.
 
 A part keeps its counters as plain attributes and registers a function that reads them. Counting then costs nothing but
 the addition, and whoever collects the figures (the topic ``stats``, a metrics page) knows no part by name.

@@ -1,4 +1,4 @@
-"""Where what lasts is kept on the robot's computer, and in words what its disk refuses."""
+"""The folders for lasting data on the robot's computer, and the texts for errors of its disk."""
 
 import errno
 import os

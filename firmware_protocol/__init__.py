@@ -1,1 +1,1 @@
-"""The LaunchPad's serial wire, both ends of it: standard library only, no clock, no I/O."""
+"""The serial protocol of the LaunchPad, both ends: standard library only, no clock, no I/O."""

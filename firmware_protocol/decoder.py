@@ -1,4 +1,4 @@
-"""Bytes -> lines and what they mean: sans-IO, with a bounded buffer."""
+"""Decodes received bytes into lines and messages, without I/O and with a bounded buffer."""
 
 from collections import Counter, defaultdict
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""The levels of an encoder's two lines as text, three edges to a character.
+"""Encodes the levels of an encoder's two lines as text, three edges per character.
 
 A character is a number in bijective base 4, each level being a digit from 1 to 4: one level is 1 to 4, two are 5 to 20,
 three are 21 to 84. So they never read alike, and the text needs no count. Added to ``OFFSET`` all of it is printable.

@@ -1,4 +1,4 @@
-"""What can go wrong between a program and the robot: one family, each with a class of its own."""
+"""The errors of the client library: one base class, and a subclass for each kind."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,1 +1,1 @@
-"""The daemon's parts, built from the configuration. Optional ones are loaded only where they are configured."""
+"""Builds the daemon's parts from the configuration. Optional parts are loaded only if they are configured."""

@@ -1,4 +1,4 @@
-"""Stored maps, and what makes and uses them in the worker: mapping, localization, navigation."""
+"""Builds the map store, and the features that use it in the worker: mapping, localization, navigation."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The robot's page, and how it is found on the local network."""
+"""Builds the robot's page and its discovery on the local network."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Lidars and depth cameras, and the obstacle guard over their scans: what needs numpy."""
+"""Builds lidars, depth cameras, and the obstacle guard over their scans: everything that needs numpy."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING

@@ -1,1 +1,1 @@
-"""The robot's vocabulary: values that every other package speaks in."""
+"""The shared types of all other packages."""

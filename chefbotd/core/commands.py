@@ -1,4 +1,4 @@
-"""What a command is answered with: what is allowed of it, or why it is not carried out."""
+"""The results of a command: what the limits allow of it, or why it is refused."""
 
 from collections.abc import Mapping
 from enum import StrEnum

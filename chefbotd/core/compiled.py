@@ -1,4 +1,4 @@
-"""Numba's compiler behind one typed decorator: import this only in what runs in the worker process.
+"""Numba's compiler behind one typed decorator. Import this only in code that runs in the worker process.
 
 Kernels take and fill arrays. They are compiled at the first call and kept in a cache on disk, beside their source or,
 where that may not be written, in the folder that ``NUMBA_CACHE_DIR`` names.

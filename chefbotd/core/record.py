@@ -1,4 +1,4 @@
-"""The base of what is made at the rate of the encoders: events, and the states that one step hands to the next."""
+"""The base class of values that are made at the rate of the encoders: events, and states between two steps."""
 
 from msgspec import Struct
 from msgspec.structs import replace

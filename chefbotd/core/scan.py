@@ -1,4 +1,4 @@
-"""A lidar's turn, or a depth image made flat, as a value. A daemon that has neither sensor does not load this."""
+"""A scan as a value, from a lidar's turn or a depth image. Only a daemon with such a sensor loads this."""
 
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -1,1 +1,1 @@
-"""What the doctor concludes: measurements in, findings out. No I/O, no clock; ``cli/doctor`` gathers and asks."""
+"""The conclusions of the doctor: measurements in, findings out, without I/O and clock."""

@@ -1,4 +1,4 @@
-"""A finding: what was looked at, how it is, what was measured, and what to do about it."""
+"""A finding: the check, its verdict, the measurement, and what to do."""
 
 from collections.abc import Iterable
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""The computer, the port and the service: what stands between the power switch and the first line."""
+"""Checks of the computer, the port and the service."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""How long a request and a motor command take."""
+"""Checks of how long a request and a motor command take."""
 
 from collections.abc import Sequence
 

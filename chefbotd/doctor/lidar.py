@@ -1,4 +1,4 @@
-"""A lidar's link, and whether it looks where its mount says, by what moved in its scans.
+"""Checks of a lidar's link, and of its mount, by what moved in its scans.
 
 Three things tell: something that was placed ahead of the robot; a drive forward, in which the walls ahead come nearer;
 and a turn to the left, in which the room turns to the right.

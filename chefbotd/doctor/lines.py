@@ -1,4 +1,4 @@
-"""What the board's lines say: whether they come, how many are damaged, and whether its clock keeps time."""
+"""Checks of the board's lines: whether they arrive, how many are damaged, and the drift of its clock."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Which sketch a board seems to run: by its lines, its rate, its banner, and how many wheels it has.
+"""Recognizes the sketch of a board by its lines, its rate, its banner, and its number of wheels.
 
 The rows are those of ``chefbotd.sim_parameters.sketches``: what was seen of the published ones.
 """

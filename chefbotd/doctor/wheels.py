@@ -1,4 +1,4 @@
-"""Encoders, motors and the duty's scale, by what the wheels did when the robot was pushed or a motor was driven."""
+"""Checks of encoders, motors and the duty's scale, by the motion of the wheels during a push or a motor test."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

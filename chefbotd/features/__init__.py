@@ -1,1 +1,1 @@
-"""One room per capability: its service, its methods with their models, its topics and its metrics."""
+"""One folder per capability: its service, its methods with their models, its topics and its metrics."""

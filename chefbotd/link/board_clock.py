@@ -1,4 +1,4 @@
-"""The board's clock: unwrapped, guarded against damaged lines, and related to the host's.
+"""The board's clock: unwrapped, protected against damaged lines, and related to the host's clock.
 
 Speeds are differences of the board's own time, so USB and scheduling jitter never reach them. The relation to host time
 is a straight line (offset and skew) fitted by exponentially weighted least squares, with late readings left out.

@@ -1,4 +1,4 @@
-"""When each encoder line of a board without a clock was printed: it prints them evenly, and they come in reads.
+"""Estimates when a board without a clock printed each encoder line: evenly, though several arrive in one read.
 
 Several lines of one read share the host's stamp, but they are cycles apart. So each line follows the one before it by
 the mean cycle, and the host's stamps only pull this slowly into place. What comes out depends on the lines' stamps

@@ -1,4 +1,4 @@
-"""Between a port and its session: whatever the port does is an entry from outside."""
+"""Between a port and its session: makes every action of the port an entry from outside."""
 
 import asyncio
 from typing import Protocol

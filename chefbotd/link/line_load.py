@@ -1,4 +1,4 @@
-"""How much a board that sends its encoders' edges has to say: whether its line carries it is known before it drives."""
+"""Computes whether a serial line can carry the encoder edges of a board at full speed."""
 
 import math
 from collections.abc import Iterator, Sequence

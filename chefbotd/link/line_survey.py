@@ -1,4 +1,4 @@
-"""What a board's port says, summed up for people: which kinds of line, how often, how many damaged, whose wire."""
+"""Summarizes a board's port for people: the kinds of line, their rates, damaged lines, and the protocol variant."""
 
 import math
 from collections import Counter, deque

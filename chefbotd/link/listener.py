@@ -1,4 +1,4 @@
-"""Listening at a port: nothing is written, unless a lidar's own question is asked for."""
+"""Listens at a port. It writes nothing, except a lidar's question if asked to."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Who has a device: read from /proc, so that a second daemon can name the first.
+"""Finds the programs that use a device, from /proc.
 
 The kernel lists every lock with its process for everybody to read; which files another user's process has open is only
 for root. So a daemon is found by its lock, and any other program where we may look.

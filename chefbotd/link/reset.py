@@ -1,4 +1,4 @@
-"""A restart of the board on request: stop, see that the robot stands, ask, and wait until the board is back.
+"""Restarts the board on request: stops, waits until the robot stands, asks, and waits until the board is back.
 
 The sketches put a command into force only when they have read all that waits, and wait a second before they restart. A
 reset that follows its stop too closely leaves the motors on for that second. What the wheels still roll in it is counted

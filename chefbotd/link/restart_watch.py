@@ -1,4 +1,4 @@
-"""Restarts without a banner or a clock: told by `Reset Done`, or by counters that are near zero again.
+"""Detects restarts without a banner or a clock, by `Reset Done` or by counters near zero.
 
 Of the published sketches one has no clock and no banner, and one says `Reset Done` and goes on as if nothing were.
 """

@@ -1,4 +1,4 @@
-"""The board's restarts: those that are asked for, from the stop until it is back, and those that it shows itself."""
+"""The board's restarts: the requested ones, from the stop until the board is back, and the unexpected ones."""
 
 import structlog
 

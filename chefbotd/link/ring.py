@@ -1,4 +1,4 @@
-"""The last lines each way, kept at next to no cost and written to the log when something went wrong."""
+"""Keeps the last lines in both directions at low cost, and writes them to the log after a fault."""
 
 import asyncio
 from collections import deque

@@ -1,4 +1,4 @@
-"""Which motor commands may follow those already written: what the board's buffer holds, and what its echo shows.
+"""Decides which motor commands may follow unread ones, by the board's buffer and its echo.
 
 A board that does not read loses what its receive buffer cannot hold, and the published sketch obeys the pieces that are
 left. So what it may not have read is counted in bytes. It has read what was written before its last whole cycle, and

@@ -1,4 +1,4 @@
-"""One motor command waiting at most: a newer one replaces it, a stale one is never delivered.
+"""Holds at most one waiting motor command. A newer one replaces it, and a stale one is never sent.
 
 The firmware has no watchdog, so a queue of velocities behind a slow reader would be driven long after it was meant.
 """

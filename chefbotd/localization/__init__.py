@@ -1,1 +1,1 @@
-"""Where the robot is on a map: pure steps."""
+"""Finds the robot's pose on a map, in pure steps."""

@@ -1,4 +1,4 @@
-"""How well a scan agrees with a map, beam by beam: the one number that says whether a pose may be believed.
+"""Computes the fit of a scan to a map, beam by beam: the number that decides whether a pose is accepted.
 
 A beam agrees if it ends at a surface that faces it. It contradicts if it ends where the map is free, or if it went
 through a wall of the map. What ends too early may be a person or a chair, so it weighs less; nobody goes through

@@ -1,4 +1,4 @@
-"""All poses of a map at which a scan fits nearly as well as at the best one: branch and bound, a bounded bit at a time.
+"""Finds all poses of a map at which a scan fits nearly as well as at the best one, by branch and bound in parts.
 
 The score of a pose is the mean likelihood of the scan's points there, on cells of 10 cm. Blocks of 16 by 16 cells are
 bounded from above at each heading; only those that may hold a pose nearly as good as the best are divided (Hess et

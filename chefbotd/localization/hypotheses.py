@@ -1,4 +1,4 @@
-"""Places where the robot might be, followed together until all but one are refuted: what makes a search's answer sure.
+"""Follows all possible places of the robot until only one is left.
 
 A place is refuted when its scans do not fit, or fit clearly worse than at another place. Places that fit nearly as
 well all stay: a chair that was moved costs the right room more than its look-alike.

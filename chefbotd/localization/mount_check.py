@@ -1,4 +1,4 @@
-"""Whether the lidar sits on the robot as configured: by scans the robot has to go the way that its wheels say.
+"""Checks the mount of the lidar: scans and wheels must agree about the direction of travel.
 
 A lidar that is turned in its mount is found in the map all the same, with the robot's heading turned by as much. While
 the robot stands, nothing contradicts that. When it drives, its way by the scans points elsewhere than by the wheels.

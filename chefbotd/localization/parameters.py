@@ -1,4 +1,4 @@
-"""All that localization is told."""
+"""All parameters of localization together."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""A map's likelihoods in levels, each of which bounds the one below: what makes a search of the whole map quick."""
+"""A map's likelihoods in levels, each an upper bound of the one below, which makes a global search fast."""
 
 import math
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""The pose as it is kept from one run to the next: text in, values out. Needs no numpy."""
+"""The pose that is kept from one run to the next, as text and as values. Needs no numpy."""
 
 import math
 from typing import Literal, Self

@@ -1,4 +1,4 @@
-"""The correction ``map_from_odom`` as others are told: it follows the estimate at a bounded rate, or says that it jumps.
+"""The published ``map_from_odom``: it follows the estimate at a bounded rate, or reports a jump.
 
 What is bounded is how fast the robot's own pose is corrected, not where the frame's origin goes: far from the origin
 of ``odom``, a hundredth of a radian moves the robot by centimetres.

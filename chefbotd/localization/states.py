@@ -1,4 +1,4 @@
-"""Whether the robot knows where it is: the states of localization as a table, and what changes them."""
+"""The states of localization as a table, with the events that change them."""
 
 from collections.abc import Mapping
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""Where the robot is now, from where it was: odometry, then the scan matched against the map, each with its covariance.
+"""Tracks the pose: odometry, then the scan matched against the map, each with its covariance.
 
 The match starts where the odometry leads. If the scan fits there as usual, it is only polished (Gauss-Newton); if not, a
 window is searched: three sigmas of the prediction, and then a metre around. What a scan says of the pose is weighed

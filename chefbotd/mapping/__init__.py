@@ -1,1 +1,1 @@
-"""Maps: made of scans and odometry, kept, and read again. Pure: values in, values out, a seed for what is random."""
+"""Makes maps from scans and odometry, saves and reads them: pure functions."""

@@ -1,4 +1,4 @@
-"""The best pose of a scan in a window, whatever the first guess: coarse to fine, nothing in the window missed.
+"""Finds the best pose of a scan in a window, from coarse to fine, without missing any.
 
 The score of a pose is the mean likelihood of the scan's points there, less a penalty for its distance from the
 guess. A coarse cell bounds the score of all poses within it from above, so whole blocks of poses are excluded at

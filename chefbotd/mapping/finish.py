@@ -1,4 +1,4 @@
-"""What ends a map: every kept scan is matched against the submaps about it, and the graph is solved again."""
+"""Finishes a map: matches every kept scan against the submaps around it, and solves the graph again."""
 
 from collections.abc import Generator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The occupancy grid of a map that grows: only what is new is traced, as long as nothing has moved."""
+"""The occupancy grid of a growing map. Only new scans are traced, as long as no pose has changed."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias

@@ -1,4 +1,4 @@
-"""A map of a few metres' travel to match scans against: likelihoods for the search, small surfaces for the rest.
+"""A submap of a few metres' travel to match scans against: likelihoods for the search, surfaces for the refinement.
 
 Four grids share an origin. ``likelihood`` (5 cm) says how likely a beam ends in a cell, smeared by what the
 laser and the pose leave open; ``coarse`` (20 cm) bounds it from above for every shift within its cell (Olson,

@@ -1,4 +1,4 @@
-"""Recognising a place: a scan is searched in the submaps it may lie in, and the match is verified before it counts.
+"""Recognizes places: searches a scan in older submaps, and verifies the match before it counts.
 
 What keeps wrong loops out, in this order: the search reaches three sigmas of the drift and no further; the scan
 must fit the submap's surfaces where both know something; no second place in the window may fit nearly as well;

@@ -1,4 +1,4 @@
-"""Map files as ROS's map_server has them: an image, and a YAML file that says what its pixels mean.
+"""Reads and writes map files in the format of ROS's map_server: an image and a YAML file.
 
 Source: the documentation of map_server (https://wiki.ros.org/map_server) and what Nav2's map_io computes. Both read what
 is written here, and what either writes is read. Where they differ (a scale's middle, colours with transparency), this

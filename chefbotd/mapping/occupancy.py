@@ -1,4 +1,4 @@
-"""From scans at the graph's poses to an occupancy grid: in each cell, how many of the beams that reached it ended there.
+"""Makes an occupancy grid from scans at the graph's poses: per cell, the share of beams that ended there.
 
 A beam clears what it passes. So somebody who walked through leaves no smear: where one beam ended at a leg, many
 went on to the wall before and after.

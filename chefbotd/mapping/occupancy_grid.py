@@ -1,4 +1,4 @@
-"""An occupancy grid: for each cell of a map how likely it is occupied, in percent."""
+"""An occupancy grid: how likely each cell of a map is occupied, in percent."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""From a cell's width to millimetres: Gauss-Newton on the distances of a scan's points to a local map's surfaces.
+"""Refines a pose to millimetres: Gauss-Newton on the distances of a scan's points to a submap's surfaces.
 
 On a surface that has a direction only the distance across it counts (point to line: Censi, "An ICP variant using
 a point-to-line metric", ICRA 2008), so that a bare corridor does not pretend to know how far along it the robot

@@ -1,4 +1,4 @@
-"""A state as a dictionary of arrays, to be written to a file and gone on with: the same steps follow, bit for bit."""
+"""Saves SLAM's state as a dictionary of arrays, from which the same steps follow, bit for bit."""
 
 from collections.abc import Mapping
 from typing import Any, TypeAlias

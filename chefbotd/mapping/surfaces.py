@@ -1,4 +1,4 @@
-"""Which way the surface faces at each point of a scan, by a line through its neighbours on the same surface."""
+"""Finds the direction of the surface at each point of a scan, by a line through its neighbours."""
 
 import itertools
 import math

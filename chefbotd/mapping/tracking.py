@@ -1,4 +1,4 @@
-"""Where the robot moved since the last scan: odometry, searched around and polished against the growing submap."""
+"""Estimates the motion since the last scan: odometry, search and refinement against the growing submap."""
 
 import math
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""A grid and SLAM's state as the files of a version, and back. Not for the daemon's own process: it loads numpy."""
+"""Converts a grid and SLAM's state to the files of a version, and back. Not for the daemon: it loads numpy."""
 
 import zlib
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The operations on files of which saving is made; tests make each of them fail."""
+"""The file operations of saving a map. Tests make each of them fail."""
 
 import fcntl
 import hashlib

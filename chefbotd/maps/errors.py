@@ -1,4 +1,4 @@
-"""What can go wrong with a stored map, as one exception whose text is ready to be shown."""
+"""The error for a stored map; its text is ready to be shown."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

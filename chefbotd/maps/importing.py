@@ -1,4 +1,4 @@
-"""The program that reads somebody's map files into the store: `python -m chefbotd.maps.importing ORDER`.
+"""The program that reads map files into the store: `python -m chefbotd.maps.importing ORDER`.
 
 It is a process of its own, because an image may be large, or made to take all memory, and the daemon needs no numpy
 otherwise. ORDER is an ``Order`` as JSON. Each line of the output is JSON: how far it is, and at last the version that

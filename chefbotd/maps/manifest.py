@@ -1,4 +1,4 @@
-"""What a saved version of a map says of itself: its files with their checksums, when it was saved, and its extent.
+"""The manifest of a saved version of a map: its files with checksums, the time of saving, and its extent.
 
 The manifest is written last. So a version is whole if its manifest is there and every file is as it says.
 """

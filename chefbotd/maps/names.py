@@ -1,4 +1,4 @@
-"""Names of maps and of places: which are allowed, and the one form in which each is kept.
+"""Names of maps and places: which are allowed, and their normal form.
 
 A map's name is a file's name, so it has no separators, does not begin with a dot or a hyphen, and is kept in Unicode's
 form NFC: a name typed on a Mac finds the map that was named on Linux. Upper and lower case are different.

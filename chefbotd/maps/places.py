@@ -1,4 +1,4 @@
-"""Named places of a map, as the file beside its versions has them: read, changed, written."""
+"""The named places of a map in their file: read, changed, written."""
 
 import json
 from collections.abc import Mapping

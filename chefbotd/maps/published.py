@@ -1,4 +1,4 @@
-"""NAME.yaml and NAME.pgm, for everybody: copies of a map's latest version that ROS's tools and editors read.
+"""NAME.yaml and NAME.pgm: copies of a map's latest version for ROS's tools and editors.
 
 Two files cannot be replaced in one step. So the YAML names the image of the version first, then the image beside it
 is replaced, then the YAML names that: whoever reads, even after a power cut, finds two that belong together.

@@ -1,4 +1,4 @@
-"""The folder of maps: each has a folder of its own with its versions, and two files beside that for everybody.
+"""The folder of maps: for each map a folder with its versions, and two published files.
 
     flat.yaml flat.pgm              the latest version, for ROS's tools and for editors
     flat.map/v000007/               a version: map.yaml, map.pgm, cells.zlib, manifest.json; slam.npz to go on with

@@ -1,4 +1,4 @@
-"""The versions of one map: each a folder that appears, whole, by one rename; the newest that is whole counts."""
+"""The versions of one map: each folder appears whole by one rename, and the newest whole one counts."""
 
 import re
 import secrets

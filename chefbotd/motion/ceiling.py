@@ -1,4 +1,4 @@
-"""What a step of the wheels' controller may do while the board takes no faster commands.
+"""Limits a step of the wheels' controller while the board takes no faster commands.
 
 Commands are being held back, so the controller must not go on from them: the setpoints stand still, and no integral
 grows. Slowing down goes on as always.

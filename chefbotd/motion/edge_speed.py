@@ -1,4 +1,4 @@
-"""How fast a wheel turns, from the times of its encoder's edges.
+"""Computes how fast a wheel turns from the times of its encoder's edges.
 
 The M/T method (Ohmae et al., "A microprocessor-controlled high-accuracy wide-range speed regulator for motor drives",
 IEEE Trans. Ind. Electron. IE-29, 1982): whole counts divided by the time between the edges that bound them. At low

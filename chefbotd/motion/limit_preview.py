@@ -1,4 +1,4 @@
-"""What the configured limits leave of a command: the target that the robot approaches.
+"""Computes what the limits leave of a command: the target that the robot approaches.
 
 The answer depends on the command alone. Ramps, obstacles, other sources and weak motors may hold it back as well: the
 topics tell of these.

@@ -1,4 +1,4 @@
-"""One axis on the way from its present speed to a target speed.
+"""Moves one axis from its present speed to a target speed.
 
 Works for metres and radians alike: a speed is in u/s, an acceleration in u/s², a jerk in u/s³. Without a jerk limit
 the speed is a ramp. With one it is the time-optimal S-curve of Kroeger and Wahl ("Online Trajectory Generation", IEEE

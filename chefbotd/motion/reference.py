@@ -1,4 +1,4 @@
-"""The setpoint as the encoders should show it by now, if the wheels followed it.
+"""The setpoint that the encoders should show now, if the wheels follow it.
 
 A measured speed is a mean over a window of readings, and the line and the board add to its age. Compared with the
 present setpoint, it shows a false error on every ramp, and a controller that acts on it overshoots. So the feedback

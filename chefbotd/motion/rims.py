@@ -1,4 +1,4 @@
-"""Wheels that are each asked for a speed of their own.
+"""The limits for wheels that each have their own target speed.
 
 Together their speeds make a twist, whose speed, acceleration and jerk are limited like any other; a stop brakes the
 robot as hard as any other. What is left is how the wheels of a side differ from their mean, which moves nothing. On

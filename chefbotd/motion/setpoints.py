@@ -1,4 +1,4 @@
-"""From the commanded motion to the speed of each wheel's rim now: limits, kinematics and ramps.
+"""Computes the present speed of each wheel's rim from the commanded motion: limits, kinematics and ramps.
 
 A twist is limited as a twist, and so is the twist that wheels with speeds of their own make together. Where the wheels
 of a side differ, the difference is ramped beside it, until they turn alike again: no setpoint ever jumps.

@@ -1,1 +1,1 @@
-"""Where to drive and how: costs, planning and following, pure steps."""
+"""Plans and follows paths: costs, planning and following, in pure steps."""

@@ -1,4 +1,4 @@
-"""Which arc the follower drives: the one to its path, or one beside it that is free, and leaves room to what stands."""
+"""Chooses the arc to drive: the one to the path, or a free one beside it that keeps distance from obstacles."""
 
 import math
 from collections.abc import Iterable, Iterator

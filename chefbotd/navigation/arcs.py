@@ -1,4 +1,4 @@
-"""How far the robot can go along an arc before its outline comes too near to something, and how fast.
+"""Computes how far and how fast the robot can drive along an arc before its outline comes too near to something.
 
 What a lidar sees is checked point by point against the robot's true outline, at each pose along the arc; no grid rounds
 it. A point that is too near already forbids only what brings it nearer, so the robot can always leave.

@@ -1,4 +1,4 @@
-"""What is known on a map: the map with its zones, what was seen since, who moves, and where the robot drove."""
+"""The robot's knowledge on a map: the map with its zones, new obstacles, moving ones, and its own trail."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What it costs to drive through each cell: from the map, its zones, and what was seen since.
+"""Computes the cost of each cell from the map, its zones, and new obstacles.
 
 The distance to the nearest obstacle decides. Nearer than the robot's inner radius a cell is blocked; with no more than
 ``comfort_m`` beyond it, it costs up to ``1 + wall_weight``, falling with the square of the room; with more it costs 1.

@@ -1,4 +1,4 @@
-"""How far each cell is from the nearest obstacle, exactly."""
+"""Computes the exact distance of each cell from the nearest obstacle."""
 
 import math
 

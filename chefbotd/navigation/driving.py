@@ -1,4 +1,4 @@
-"""A step along a trip: what is about the robot, how fast it may go here, and the follower's twist."""
+"""One step along a trip: the surroundings, the allowed speed, and the follower's twist."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a standing robot does when somebody walks towards it: it lets him pass, beside his way where there is room.
+"""Plans how a standing robot lets a person pass who walks towards it.
 
 Staying where it is and some short arcs, forwards and backwards, are compared by how near he would come if he walked on
 as now, or as before he stopped for the robot. Who walks faster than the robot is not fled from: then only a place

@@ -1,4 +1,4 @@
-"""From a path to a twist: regulated pure pursuit, then a straight approach and a turn to the goal's heading.
+"""Follows a path: regulated pure pursuit, then a straight approach and a turn to the goal's heading.
 
 Macenski, Singh, Martin and Gines, "Regulated Pure Pursuit for Robot Path Tracking", Autonomous Robots 47, 2023: the
 curvature leads to a point of the path ahead; curves, obstacles and the goal limit the speed. The arc is then checked

@@ -1,4 +1,4 @@
-"""One goal, from being accepted to its end: plans, drives, and recovers.
+"""Executes one goal from its acceptance to its end: plans, drives, and recovers.
 
 Poses are ``map_from_base``.
 """

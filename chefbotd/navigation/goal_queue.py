@@ -1,4 +1,4 @@
-"""Goals that are reached one after the other: numbered, cancelled, and ended."""
+"""The queue of goals: numbered, cancelled, and ended."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Between the map's frame and the grid's own: there cell (0, 0) begins at the origin, columns along x, rows along y."""
+"""Converts between the map's frame and the grid's: cell (0, 0) at the origin, columns along x, rows along y."""
 
 import math
 from dataclasses import dataclass

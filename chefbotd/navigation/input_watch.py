@@ -1,4 +1,4 @@
-"""Whether a step has what it needs: a pose, and scans. Without them the robot stands, and at last the goal ends."""
+"""Checks that a step has a pose and scans. Without them the robot stands, and after a while the goal ends."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What was seen since the map was made: marked where a beam ended, cleared where one passed, faded with time.
+"""Obstacles that are not on the map: marked where a beam ended, cleared where one passed, faded with time.
 
 A beam without a return clears nothing: glass, black cloth and sunlight return nothing either. What a lidar saw is
 cleared by a lidar's beam that ends behind it. What an ultrasonic or infrared sensor saw nobody clears, since it may be

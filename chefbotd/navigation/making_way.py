@@ -1,4 +1,4 @@
-"""A robot that stands makes way for who comes nearer, step by step."""
+"""Lets a standing robot make way for a person who comes nearer, step by step."""
 
 import math
 from dataclasses import dataclass, replace

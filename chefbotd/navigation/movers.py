@@ -1,4 +1,4 @@
-"""Who moves, and how: what is not on the map, grouped into things that are followed from scan to scan."""
+"""Detects and tracks moving objects: points that are not on the map, grouped and followed from scan to scan."""
 
 import math
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Goals one after the other: takes maps, scans and goals, and says at each step what to do.
+"""The whole of navigation as one step: takes maps, scans and goals, and returns the motion to drive.
 
 Time is an argument, and poses are ``map_from_base``. Who calls it brings scans as they come, and asks for a step at
 the rate of the control.

@@ -1,4 +1,4 @@
-"""What people cost a path: they are no furniture, and will be elsewhere when the robot comes.
+"""The cost of people on a path. They move, so they will be elsewhere when the robot arrives.
 
 Somebody who walks is expected where he will be when the robot is there; so a path goes by him on the free side, and
 not round where he is now. Somebody who stands for a moment costs as much as a wait for him. Neither ever closes a way,

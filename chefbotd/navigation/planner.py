@@ -1,4 +1,4 @@
-"""From where the robot is to where it is to be: a path that is checked, or a reason why there is none."""
+"""Plans a checked path from the robot's pose to a goal, or gives the reason why there is none."""
 
 import math
 from dataclasses import dataclass, replace

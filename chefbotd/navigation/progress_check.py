@@ -1,4 +1,4 @@
-"""Whether the robot comes on while it drives: it does not when it is blocked, or stays where it is, for too long."""
+"""Detects that the robot makes no progress: it is blocked, or stays in one place, for too long."""
 
 import math
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What the robot tries when it cannot go on, one thing after another, until it gives up and says why."""
+"""The recovery attempts of a robot that cannot go on, one after another, until it gives up with a reason."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum

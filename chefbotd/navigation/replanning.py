@@ -1,4 +1,4 @@
-"""Whether a path that is being driven gives way to a new one: when it is blocked, or when the new one is better."""
+"""Decides whether a new path replaces the one that is driven: when that one is blocked, or the new one is better."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""What navigation is given with a scan and with a step, and what it tells with each step."""
+"""The inputs of navigation for a scan and for a step, and the results of each step."""
 
 from dataclasses import dataclass
 from enum import StrEnum

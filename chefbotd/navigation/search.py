@@ -1,4 +1,4 @@
-"""The cheapest way over a grid: A*, with moves to the eight neighbours.
+"""Finds the cheapest path over a grid: A*, with moves to the eight neighbours.
 
 The open list is a ring of buckets, each as wide as half a step, in which no order is kept: adding and taking cost the
 same however many there are. What was taken too early is taken again when it is reached at less cost, and the search goes

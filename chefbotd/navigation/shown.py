@@ -1,4 +1,4 @@
-"""What is shown of navigation to people: the costs as small patches, and what is not on the map."""
+"""The costs as small patches, and the obstacles that are not on the map, for people to look at."""
 
 from typing import Final, NamedTuple, TypeAlias
 

@@ -1,4 +1,4 @@
-"""From a path over cells to one that a robot drives: straight where it may be, round at its corners, checked again."""
+"""Smooths a path over cells into one that a robot can drive: straight lines, round corners, checked again."""
 
 import math
 

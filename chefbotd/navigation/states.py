@@ -1,4 +1,4 @@
-"""What a robot with a goal can be doing, how a goal ends, and which step leads from one to the next."""
+"""The states of a goal, its ends, and the transitions between them."""
 
 from enum import StrEnum
 

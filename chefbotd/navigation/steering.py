@@ -1,4 +1,4 @@
-"""What all steps of the follower share: the robot's limits, what a step takes and returns, and twists within limits."""
+"""Shared parts of the follower's steps: the robot's limits, their inputs and results, and limited twists."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where the robot drove forward lately, to back out the way that it came."""
+"""The recent forward path of the robot, along which it can back out."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""How long a path will take: as fast as walls, curves and zones allow, and the turns at both ends."""
+"""Estimates how long a path takes: the speed that walls, curves and zones allow, and the turns at both ends."""
 
 import math
 

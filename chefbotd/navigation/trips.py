@@ -1,4 +1,4 @@
-"""A path that is being driven: found, judged, and compared with a new one."""
+"""A path that is being driven: found, checked, and compared with a new one."""
 
 import math
 from dataclasses import dataclass, replace

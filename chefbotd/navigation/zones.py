@@ -1,4 +1,4 @@
-"""Where the robot must not go, and where it must go slowly: polygons drawn on the map, as a YAML file beside it says.
+"""Keep-out and slow zones: polygons on the map, from a YAML file beside it.
 
 ::
 

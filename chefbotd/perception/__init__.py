@@ -1,1 +1,1 @@
-"""What the robot sees of its surroundings, from bytes' values to scans: pure, time is an argument."""
+"""Makes scans and points from sensor values: pure functions, time is an argument."""

@@ -1,4 +1,4 @@
-"""Depth image to scan: what stands between the floor and the robot's top, as the nearest range for each bearing.
+"""Converts a depth image to a scan: the nearest obstacle between the floor and the robot's top, for each bearing.
 
 A pixel's ray has a fixed bearing, and its height and horizontal range grow with the depth alone. So all that depends on
 the camera's mount is worked out once: between which two depths a pixel's reading counts as an obstacle. An image then

@@ -1,4 +1,4 @@
-"""The points that a lidar's turn shows of the room: filtered, and with the motion undone.
+"""Converts a lidar's turn to points: filtered, and corrected for the robot's motion.
 
 A turn takes a tenth of a second, in which a robot moves on by centimetres and turns by degrees. Each beam has its
 own time; odometry says where the robot was then.

@@ -1,4 +1,4 @@
-"""One scan of several lidars: which turns belong together, and where each of their points was seen from.
+"""Joins several lidars into one scan: which turns belong together, and from where each point was seen.
 
 Lidars turn as they like, each in its own time. Whatever waits for all of them waits for the slowest, or for one that is
 dead. So one of them leads: each of its turns is a scan at its own time, with the newest turn of every other one. What

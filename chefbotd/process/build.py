@@ -1,4 +1,4 @@
-"""A daemon with what it needs of the process: the file of its latch and the supervisor of its services."""
+"""Builds a daemon with the latch file and the supervisor of its process."""
 
 import random
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What systemd is told while the daemon runs: that it makes progress (``WatchdogSec=``), and a status line.
+"""Notifies systemd while the daemon makes progress (``WatchdogSec=``), and updates its status line.
 
 The word for the watchdog is kept back while the control loop has stopped, or while bytes of the board wait that
 nobody reads; systemd then ends the daemon and starts it again. A pulled cable or a silent board is no such case: what

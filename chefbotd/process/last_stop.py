@@ -1,4 +1,4 @@
-"""A program that outlives another one, and stops the motors when that one was killed without having said goodbye.
+"""The second process: it outlives the daemon, and stops the motors if the daemon ends without a goodbye.
 
 No program can do anything about ``kill -9``, and a classic board keeps its last duty for ever. So this one waits for
 the end of a pipe. A goodbye before it: all is well. Without one the other has died: this one opens the port, which

@@ -1,4 +1,4 @@
-"""The gate's memory in a file, so that an e-stop or a fault outlives a daemon that is killed or crashes.
+"""Keeps the gate's state in a file, so that an e-stop or a fault outlives a daemon that is killed or crashes.
 
 A few bytes are written whenever the mode changes, after the stop is on the wire and before its caller has the answer.
 The file belongs in memory (tmpfs, as /run is), for the loop waits until it is written.

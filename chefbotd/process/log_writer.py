@@ -1,4 +1,4 @@
-"""A thread between the log and its stream: whoever does not read our stderr must not hold up the robot."""
+"""A thread between the log and its stream, so that an unread stderr never blocks the robot."""
 
 import atexit
 import os

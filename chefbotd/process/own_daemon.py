@@ -1,4 +1,4 @@
-"""A daemon in this process for as long as a block lasts: for a program that needs the robot while no service runs.
+"""Runs a daemon in this process for the duration of a block, for a program that needs the robot without a service.
 
 It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out; and, as
 nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, records

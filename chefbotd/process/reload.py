@@ -1,4 +1,4 @@
-"""Taking over a changed configuration while the robot runs: what may change does, and what may not is named.
+"""Applies a changed configuration while the robot runs, and names the keys that need a restart.
 
 Gains change without a bump, limits as soon as the robot stands, the log's level and the tokens at once. Everything else
 is built into the parts of the daemon, and waits for its next start.

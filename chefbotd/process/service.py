@@ -1,4 +1,4 @@
-"""The daemon as a systemd service: status and watchdog words, and a reload on SIGHUP."""
+"""The daemon as a systemd service: status, watchdog messages, and a reload on SIGHUP."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""What signals do to the daemon: end it, with a stop on the way out, or nothing. None may freeze a robot in motion."""
+"""The daemon's reaction to signals: it ends with a stop, or ignores them. No signal may freeze a moving robot."""
 
 import asyncio
 import contextlib

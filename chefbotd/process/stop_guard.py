@@ -1,4 +1,4 @@
-"""Starts the program that stops the motors should this one be killed (``last_stop``), and says goodbye to it."""
+"""Starts the second process (``last_stop``) that stops the motors if this one is killed, and says goodbye to it."""
 
 import asyncio
 import contextlib

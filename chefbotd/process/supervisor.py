@@ -1,4 +1,4 @@
-"""Services that fail: the motors stop, the error is told, and the service is started again, but not for ever."""
+"""Handles failed services: stops the motors, reports the error, and restarts the service, within a limit."""
 
 import asyncio
 from collections import Counter, deque

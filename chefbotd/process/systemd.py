@@ -1,4 +1,4 @@
-"""The few words a ``Type=notify`` service says to systemd (sd_notify(3))."""
+"""The notifications of a ``Type=notify`` service to systemd (sd_notify(3))."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""What is written into every recording about the robot: versions of the software, and the configuration."""
+"""What every recording says about the robot: software versions and the configuration."""
 
 import platform
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A chunk of a recording: messages, compressed, with an index, as the MCAP format has them.
+"""A chunk of a recording in the MCAP format: compressed messages with an index.
 
 Source of the layout: https://mcap.dev/spec (version 0). A message is packed here and not by the library, whose
 ``add_message`` takes 15 us where this takes 1.5: everything else is written with the library's records. A chunk is

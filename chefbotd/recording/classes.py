@@ -1,4 +1,4 @@
-"""The classes of events by their names, for whoever reads a recording."""
+"""Finds the classes of events by name, for readers of a recording."""
 
 from functools import cache
 from importlib import import_module

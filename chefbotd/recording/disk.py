@@ -1,4 +1,4 @@
-"""The operations on the disk of which recording is made; tests make each of them fail, or never return."""
+"""The disk operations of recording. Tests make each of them fail, or hang."""
 
 import os
 import shutil

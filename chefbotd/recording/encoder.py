@@ -1,4 +1,4 @@
-"""Events as messages: each on the channel of its class, and beside it what viewers know how to draw."""
+"""Encodes events as messages on the channel of their class, and as messages that viewers can draw."""
 
 from collections.abc import Callable
 from typing import Any, Protocol

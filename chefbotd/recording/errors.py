@@ -1,4 +1,4 @@
-"""What can go wrong with a recording, as exceptions whose text is ready to be shown."""
+"""The errors of recordings; their texts are ready to be shown."""
 
 from chefbotd.core.commands import Refused
 

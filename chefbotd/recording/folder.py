@@ -1,4 +1,4 @@
-"""The folder of recordings: names for new files, room on the disk, and old files that are removed."""
+"""The folder of recordings: names for new files, free space, and removal of old files."""
 
 import unicodedata
 from pathlib import Path

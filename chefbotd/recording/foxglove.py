@@ -1,4 +1,4 @@
-"""Our events as messages that Foxglove and other viewers draw. The frames are those of REP-105."""
+"""Converts events to messages that Foxglove and other viewers draw. The frames are those of REP-105."""
 
 import base64
 import math

@@ -1,4 +1,4 @@
-"""Where events become messages, in the thread that controls the robot, a few microseconds each.
+"""Turns events into messages in the control thread, in a few microseconds each.
 
 Python runs one thread at a time. A thread that encoded them would keep control waiting whenever the computer is busy and
 gives that thread no processor. The thread that writes compresses and waits for the disk, and lets others run meanwhile.

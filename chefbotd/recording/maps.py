@@ -1,4 +1,4 @@
-"""Maps as viewers draw them: put together and packed in the thread that writes, because a large one takes its time."""
+"""Maps for viewers: assembled and packed in the writing thread, because a large one takes long."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""One MCAP file: header, what describes the robot, chunks, and at its end the summary that lets readers seek.
+"""Writes one MCAP file: header, description of the robot, chunks, and the summary with which readers seek.
 
 Up to its last whole chunk it can be read at any moment, also after a kill: only the summary is missing then.
 """

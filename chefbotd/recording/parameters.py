@@ -1,4 +1,4 @@
-"""What is recorded, where to, and how much of it."""
+"""The parameters of recording: what, where, and how much."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Reads recordings back, also those that were cut by a kill or a power cut: up to their last whole chunk."""
+"""Reads recordings. A file that was cut by a kill or a power cut is read up to its last whole chunk."""
 
 import struct
 import zlib

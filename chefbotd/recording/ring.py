@@ -1,4 +1,4 @@
-"""The last minutes in memory, as chunks that can be written as they are."""
+"""The last minutes in memory, as chunks that are ready to be written."""
 
 from collections import deque
 

@@ -1,4 +1,4 @@
-"""JSON Schemas of events, from their classes, with every reference resolved: not every reader follows one."""
+"""Makes the JSON Schemas of events from their classes, with every reference resolved, for simple readers."""
 
 from collections.abc import Mapping
 from typing import Any

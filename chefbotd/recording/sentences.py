@@ -1,4 +1,4 @@
-"""Sentences for ``/log``, made from the events that people want to read."""
+"""Makes sentences for ``/log`` from important events."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""What is told of the recorder, and by it. Loads none of the libraries that write files."""
+"""The recorder's state and its reports. Loads none of the libraries that write files."""
 
 from collections.abc import Mapping
 from typing import Literal

@@ -1,1 +1,1 @@
-"""A recording run again: the same parts of the daemon, fed from a file, without any hardware."""
+"""Runs a recording again through the same parts of the daemon, without any hardware."""

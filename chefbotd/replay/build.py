@@ -1,4 +1,4 @@
-"""A daemon that is fed from a recording: no port, no worker, no file of its own."""
+"""Builds a daemon that is fed from a recording, without port, worker and files."""
 
 import asyncio
 from collections import Counter

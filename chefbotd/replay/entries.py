@@ -1,4 +1,4 @@
-"""The clock of a replay: it stands where the entry stands, and its timers wait to be fired."""
+"""The clock of a replay: it shows the time of the present entry, and timers wait until they are fired."""
 
 import asyncio
 from collections import deque

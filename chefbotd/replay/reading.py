@@ -1,4 +1,4 @@
-"""A recording's files, as the messages in them: in the order in which they were written, up to where they end."""
+"""Reads the messages of a recording's files in their order of writing, up to the end of each file."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

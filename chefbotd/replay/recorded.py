@@ -1,4 +1,4 @@
-"""What is in a recording, as values: entries, and after each of them what followed."""
+"""The content of a recording as values: entries, and after each the events that followed."""
 
 from collections.abc import Iterable, Iterator
 from itertools import chain

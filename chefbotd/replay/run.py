@@ -1,4 +1,4 @@
-"""Replays the files of a recording: with the configuration that is in them, or with another one."""
+"""Replays the files of a recording with its own configuration, or with another one."""
 
 import asyncio
 import time

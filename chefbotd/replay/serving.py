@@ -1,4 +1,4 @@
-"""Shows a replay to clients and to the page: they may look at everything, and change nothing."""
+"""Serves a replay to clients and to the page, read-only."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What stands in a replay where a client, a port and a worker were."""
+"""Replacements for clients, ports and the worker in a replay."""
 
 import asyncio
 from collections.abc import Callable, Mapping

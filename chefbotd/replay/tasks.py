@@ -1,4 +1,4 @@
-"""Services and long requests in a replay: each goes on when it did in the recording."""
+"""Services and long requests in a replay: each continues when it did in the recording."""
 
 import asyncio
 import contextlib

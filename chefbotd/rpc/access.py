@@ -1,4 +1,4 @@
-"""The tokens and the certificate that the socket is guarded with, read from files that nobody else can read.
+"""Reads the tokens and the certificate of the socket from files that nobody else can read.
 
 A token file has a line per token, ``ROLE TOKEN``; lines that are empty or begin with ``#`` are passed over. Tokens are
 kept as digests: neither the memory after start-up nor a log nor an error message holds one.

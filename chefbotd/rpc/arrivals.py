@@ -1,4 +1,4 @@
-"""When a request can have arrived, and which commands are void because of a stop or of their age.
+"""Determines when a request can have arrived, and which commands are void because of a stop or their age.
 
 A read returns bytes that arrived at any time since the transport was last polled. Nobody can tell when: a process that
 was frozen, or a computer that slept, finds them all at once. So bytes count as old as they can be. A timer ticks to

@@ -1,4 +1,4 @@
-"""What a client has sent and has not been served yet: lines in order, searched once for those that are urgent.
+"""The received bytes of a client that wait: lines in order, searched once for urgent ones.
 
 Pure: it holds bytes and cuts lines. A pattern tells it which lines may be urgent.
 """

@@ -1,4 +1,4 @@
-"""Every connected client: admitted while there is room, held to the time limits, disconnected at the end.
+"""Manages all clients: admits them while there is room, checks their time limits, and disconnects them at the end.
 
 Where there is no room, a few places remain in which a client may only stop the robot. Filling all other places
 therefore keeps nobody from the emergency stop. When these places are taken too, the oldest client in them has to

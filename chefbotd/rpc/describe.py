@@ -1,4 +1,4 @@
-"""The interface, described by the models that check it."""
+"""Describes the socket's methods and topics from the models that validate them."""
 
 from collections.abc import Iterator, Mapping
 from functools import cache

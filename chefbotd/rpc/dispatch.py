@@ -1,4 +1,4 @@
-"""From a request's line to its answer: parse, admit, check, carry out; every way to fail has an answer."""
+"""Serves a request from its line to its answer: parse, admit, validate, call; every failure has an answer."""
 
 import re
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What the fan-out hands to each client: an event, without the envelope that its encoding puts around it."""
+"""An event as the fan-out passes it to each client, without the envelope of the encoding."""
 
 from chefbotd.core.record import Record
 

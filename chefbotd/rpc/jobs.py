@@ -1,4 +1,4 @@
-"""Requests that take their time: each runs as a task, reports progress, and can be cancelled.
+"""Long requests: each runs as a task, reports progress, and can be cancelled.
 
 A job ends when its handler does. It is cancelled by the method ``cancel`` and when its client disconnects.
 """

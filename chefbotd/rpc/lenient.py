@@ -1,4 +1,4 @@
-"""What is never refused for its form: a stop is carried out from any JSON object that asks for one.
+"""Recognizes a stop in any JSON object that asks for one, whatever else is wrong with it.
 
 A robot that drives on because a reason was too long, was of the wrong type or held half of a surrogate pair would
 have understood and not obeyed. So what the strict reading refuses is read once more as leniently as JSON can be.

@@ -1,4 +1,4 @@
-"""What goes over the socket, as pydantic models: the bases that features build on, and the server's own messages."""
+"""The base classes of the socket's pydantic models, and the server's own messages."""
 
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self
 

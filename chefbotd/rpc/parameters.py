@@ -1,4 +1,4 @@
-"""Where the socket listens, who may come in, and what a client may cost."""
+"""The parameters of the socket: its address, access, and the limits of a client."""
 
 import ipaddress
 from pathlib import Path

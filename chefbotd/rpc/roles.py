@@ -1,4 +1,4 @@
-"""Who may do what: three roles, each with everything that the ones before it may."""
+"""The three roles of clients. Each may do everything that the previous ones may."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""A topic: the events behind it, the model of its data, and how the one becomes the other.
+"""A topic: its events, the model of its data, and the conversion between them.
 
 A topic's state is its latest event, except where the topic says how an event joins what came before (``ranges``
 holds the latest beam of every sensor). States are cheap. Data is made from them only for someone who asked.

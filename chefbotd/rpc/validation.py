@@ -1,4 +1,4 @@
-"""What a refused value is told as: the field, what was expected, and what came."""
+"""The error text of a refused value: the field, the expected value, and the given one."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""Who may move the robot, and whether it may move at all: pure decisions."""
+"""Decides who may move the robot, and whether it may move at all: pure functions."""

@@ -1,4 +1,4 @@
-"""A battery that is critically low for long enough to be believed."""
+"""Detects a battery that stays critically low."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""A board that reports another command than it was sent.
+"""Detects a board that reports another command than it was sent.
 
 An `s` line echoes the command in force. It must be one of the recent commands; which one depends on how long the board
 takes to read. Zero always fits: a board that boots, or stops the motors by itself, reports it. The echo of some boards

@@ -1,4 +1,4 @@
-"""Encoders that fall silent: a robot is not driven while nobody can tell whether it moves.
+"""Detects silent encoders. The robot is not driven while its motion is unknown.
 
 Silence stops the robot and is not a fault yet. The classic sketch regularly says nothing for up to a second while it
 waits for an ultrasonic echo. A latch that trips on a healthy robot teaches people to ignore it. So the robot brakes,

@@ -1,4 +1,4 @@
-"""What can go wrong with motion: a stable name for each fault, and a reason that says what to check."""
+"""The faults of motion: a stable name for each, and a reason that says what to check."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""The last word on every command: may the robot move, and if so, whose command is in force.
+"""The final decision on every command: whether the robot may move, and which command is in force.
 
 Three modes. ``ARMED``: the highest live command is followed. ``DISARMED``: a fault has latched. ``ESTOPPED``: someone
 pressed stop in earnest. The latter two brake at once and end only with ``arm``.

@@ -1,4 +1,4 @@
-"""Which sources of commands a stop holds.
+"""The sources of commands that a stop holds.
 
 A driver who repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
 source from which a command has come lately. Each further command from a held source is refused, and restarts its

@@ -1,4 +1,4 @@
-"""Wheels that turn much faster than they are asked to, beyond what braking explains.
+"""Detects wheels that turn much faster than asked, beyond what braking explains.
 
 Causes are a feedforward made for another full scale, a gain that is ten times too large, or a motor driver that is
 stuck. Feedback with a limited output cannot hold such a wheel. The way that a wheel rolls beyond its allowed speed is

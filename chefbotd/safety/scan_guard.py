@@ -1,4 +1,4 @@
-"""Scans as a source of the obstacle guard: the robot's outline is moved ahead along the arc that it drives.
+"""The obstacle guard for scans: it moves the robot's outline ahead along the arc that it drives.
 
 In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
 may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline

@@ -1,4 +1,4 @@
-"""A robot that moves although it is told to stand: its board does not carry out its commands.
+"""Detects a robot that moves although it is told to stand, because its board ignores commands.
 
 Zero is sent again after every reading. A board that has sent a few readings since the first zero has had time to obey.
 From then on a wheel may roll as far as one that slows down by ``braking_m_s2``. A wheel that rolls further is still

@@ -1,4 +1,4 @@
-"""Wheels that do not do what their motors are told: stalled, turning the wrong way, or with an encoder that jumps.
+"""Detects wheels that do not follow their motors: stalled, reversed, or with an encoder that jumps.
 
 A wheel that is driven hard enough to turn must turn, and in the right direction. The check uses only how long a wheel
 was driven and how far it went, so neither the rate of the readings nor a velocity filter matters. Neither sum is

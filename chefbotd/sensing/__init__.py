@@ -1,1 +1,1 @@
-"""From raw sensor readings to SI values: pure functions."""
+"""Converts raw sensor readings to SI values: pure functions."""

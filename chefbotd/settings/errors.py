@@ -1,4 +1,4 @@
-"""What is wrong with a configuration, for people: a line for each refused value, with its key and where it is from."""
+"""Error messages for a configuration: a line for each refused value, with its key and its source."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args

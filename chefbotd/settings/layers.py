@@ -1,4 +1,4 @@
-"""A configuration's values in layers: the file, above it the environment, above both the command line.
+"""The layers of a configuration's values: the file, then the environment, then the command line.
 
 A file's values are already typed. A variable is text: where it reads as a TOML value it is that value, else a string.
 """

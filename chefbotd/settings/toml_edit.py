@@ -1,4 +1,4 @@
-"""A TOML file edited as a careful hand would: what is not meant stays byte for byte, and no comment is lost.
+"""Edits a TOML file and keeps everything else, comments included, byte for byte.
 
 A comment block directly above a section's header belongs to that section. What is taken away leaves its comments where
 it stood, and a blank line wherever the next section would seem to own them.

@@ -1,1 +1,1 @@
-"""The simulated robot: motors, world and the LaunchPad's side of the wire."""
+"""The simulated robot: motors, world, and the LaunchPad's end of the serial protocol."""

@@ -1,4 +1,4 @@
-"""A building in space: upright faces and level slabs, from which each sensor takes those that it can meet."""
+"""A building in space: upright faces and level slabs, from which each sensor takes those that it can see."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

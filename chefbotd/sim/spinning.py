@@ -1,4 +1,4 @@
-"""A lidar that spins on the robot: each point measured from where the lidar is at that instant; its bytes are a wire's.
+"""A spinning lidar: each point is measured from the lidar's position at that instant, and sent in its protocol.
 
 The motor turns clockwise seen from above. Chance and angles depend on a point's number alone, so how often the lidar is
 asked changes nothing.

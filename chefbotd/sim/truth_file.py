@@ -1,4 +1,4 @@
-"""The true pose of the simulated robot for other processes: a small shared file, written often, read without waiting."""
+"""Shares the true pose of the simulated robot with other processes: a small file, read without waiting."""
 
 import mmap
 import struct

@@ -1,4 +1,4 @@
-"""The board's serial port: bytes take time to leave, buffers are finite, and what overflows is lost."""
+"""The board's serial port: bytes take time to leave, buffers are finite, and overflowing bytes are lost."""
 
 import math
 from collections import deque

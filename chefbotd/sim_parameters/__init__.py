@@ -1,1 +1,1 @@
-"""The simulator's parameters apart from what it builds, so that a daemon on a real robot loads no simulator."""
+"""The simulator's parameters without the simulator, so that a daemon on a real robot does not load it."""

@@ -1,4 +1,4 @@
-"""How good the simulated lidars are, and what surfaces make of their beams."""
+"""The flaws of the simulated lidars, and the effects of surfaces on their beams."""
 
 from enum import StrEnum
 

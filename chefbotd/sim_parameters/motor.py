@@ -1,4 +1,4 @@
-"""The parts of the drive train as their makers give them: gear motor with its bridge, wheels and weight.
+"""The drive train by its data sheets: gear motor with its bridge, wheels and weight.
 
 All quantities are referred to the gearbox's output shaft, which is the wheel's axle.
 """

@@ -1,4 +1,4 @@
-"""How good the simulated ultrasonic sensor and IMU are."""
+"""The flaws of the simulated ultrasonic sensor and IMU."""
 
 import math
 

@@ -1,1 +1,1 @@
-"""What the parts of the daemon remember, as plain values: taken from one daemon, put into another one like it."""
+"""The state of the daemon's parts as plain values: captured in one daemon, restored in another."""

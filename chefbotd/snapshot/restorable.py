@@ -1,4 +1,4 @@
-"""What a recorded state may name: what the running daemon itself is made of, and nothing else.
+"""The classes and functions that a recorded state may name: only those of the running daemon itself.
 
 A recording may come from a stranger. No module is imported, no method called and no object made that is not here.
 """

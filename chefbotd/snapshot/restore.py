@@ -1,4 +1,4 @@
-"""Puts what was taken into the parts of another daemon of the same configuration: into the objects that it has."""
+"""Restores a captured state into the objects of another daemon of the same configuration."""
 
 import asyncio
 from base64 import b64decode

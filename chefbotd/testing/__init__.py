@@ -1,1 +1,1 @@
-"""Helpers for the tests of those who build on chefbotd."""
+"""Helpers for the tests of programs that use chefbotd."""

@@ -1,4 +1,4 @@
-"""A board that says what a test tells it to, and remembers what it was told."""
+"""A board that sends what a test tells it to, and remembers what it received."""
 
 import asyncio
 from collections.abc import Iterable

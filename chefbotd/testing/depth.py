@@ -1,4 +1,4 @@
-"""A simulated depth camera without a process of its own, on the virtual clock."""
+"""A simulated depth camera without its own process, on the virtual clock."""
 
 import asyncio
 from collections.abc import Awaitable, Callable

@@ -1,4 +1,4 @@
-"""The worker inside the test's own process and loop: its real skills, on the same virtual clock, the same every time."""
+"""The worker inside the test's own process and loop: its real skills on the same virtual clock."""
 
 import asyncio
 import contextlib

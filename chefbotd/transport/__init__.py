@@ -1,1 +1,1 @@
-"""How requests and events travel: each transport is a user of ``chefbotd.rpc``."""
+"""The transports of requests and events. Each one uses ``chefbotd.rpc``."""

@@ -1,4 +1,4 @@
-"""How messages lie in a transport's stream of bytes: what is different between a TCP socket and a WebSocket.
+"""The framing of messages in a stream of bytes, in which TCP and WebSocket differ.
 
 A framing does no I/O. Requests come out of it as lines, so that one backlog serves every transport.
 """

@@ -1,4 +1,4 @@
-"""Listening sockets, and how many descriptors are left for the clients that they accept."""
+"""Listening sockets, and the number of file descriptors that are left for clients."""
 
 import errno
 import os

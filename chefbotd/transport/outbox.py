@@ -1,4 +1,4 @@
-"""What one client has yet to read, bounded: telemetry is dropped first, and a client that reads nothing is cut off.
+"""The bounded output queue of one client: telemetry is dropped first, and a client that reads nothing is disconnected.
 
 While the transport accepts bytes they go straight to it. When it says that the client is behind, telemetry waits here.
 Under the policy ``latest`` an event replaces the older one of its topic, and beyond ``outbox_bytes`` the oldest event is

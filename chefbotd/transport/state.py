@@ -1,4 +1,4 @@
-"""The states of a connection, and what leads from one to the next."""
+"""The states of a connection, and the transitions between them."""
 
 from collections.abc import Mapping
 from enum import Enum, auto

@@ -1,1 +1,1 @@
-"""The worker: the one child process, for what takes longer than a control step (SLAM, localization, navigation)."""
+"""The worker: one child process for work that takes longer than a control step (SLAM, localization, navigation)."""

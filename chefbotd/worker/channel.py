@@ -1,4 +1,4 @@
-"""The daemon's end of the socket to the worker: never waits, never grows.
+"""The daemon's end of the socket to the worker. It never waits and never grows.
 
 What is to be sent is queued, and written when the present turn of the loop is over, so that no control step pays for
 it. Where the worker does not read, the oldest of what was measured gives way and is counted.

@@ -1,4 +1,4 @@
-"""The worker's process: a thread that works, and one that says twice a second that it lives, and at what it is."""
+"""The worker's process: one thread works, and one reports twice a second that it lives and what it does."""
 
 import base64
 import contextlib

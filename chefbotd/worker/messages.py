@@ -1,4 +1,4 @@
-"""What daemon and worker say to each other: one tagged MessagePack value each, behind its length.
+"""The messages between daemon and worker: tagged MessagePack values, each after its length.
 
 The process code knows these only. What a skill is asked and what it tells are structs of its own, packed into ``body``,
 so that another skill needs no change here. Arrays are the bytes of little-endian 32-bit floats.

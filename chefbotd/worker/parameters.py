@@ -1,4 +1,4 @@
-"""What the daemon asks of its worker process, and when it ends it."""
+"""The limits of the worker process."""
 
 from pathlib import Path
 

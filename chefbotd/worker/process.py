@@ -1,4 +1,4 @@
-"""The daemon's side of the worker: start it, watch it, start it again, and hand on what its skills say.
+"""The daemon's side of the worker: starts, watches and restarts it, and passes on its skills' messages.
 
 ``send`` never waits: what the worker does not read in time gives way. ``request`` waits for an answer, within a
 deadline. Whatever the worker does or fails to do, nothing here raises into the control loop or holds it up.

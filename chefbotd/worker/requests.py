@@ -1,4 +1,4 @@
-"""Requests to the worker that wait for an answer: numbered, each with its deadline."""
+"""Requests to the worker that wait for an answer, each with a number and a deadline."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The worker as a process of its own, behind what a test can replace."""
+"""Starts the worker as a process, behind an interface that a test can replace."""
 
 import asyncio
 import os

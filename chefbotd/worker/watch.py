@@ -1,4 +1,4 @@
-"""The worker's states, and when it has to be killed: values in, values out."""
+"""The worker's states, and the conditions under which it is killed: pure functions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

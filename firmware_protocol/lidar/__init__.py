@@ -1,1 +1,1 @@
-"""The wires of lidars, both ends of each: standard library only, no clock, no I/O."""
+"""The protocols of lidars, both ends of each: standard library only, no clock, no I/O."""

@@ -1,4 +1,4 @@
-"""LDROBOT LD06 and LD19: a one-way line of 47-byte packets at 230400 baud, 8N1, little endian.
+"""The protocol of LDROBOT LD06 and LD19: one-way packets of 47 bytes at 230400 baud, 8N1, little endian.
 
 Source: LDROBOT's LD06 and LD19 development manuals. Angles are hundredths of a degree and grow clockwise, seen from
 above. A packet has twelve points, evenly spaced from its start angle to its end angle; distance 0 is no reading.

@@ -1,4 +1,4 @@
-"""Slamtec RPLIDAR A1 and A2: requests and answers at 115200 baud, 8N1, little endian.
+"""The protocol of Slamtec RPLIDAR A1 and A2: requests and answers at 115200 baud, 8N1, little endian.
 
 Source: Slamtec's "RPLIDAR Interface Protocol and Application Notes". A request is A5 and a command; an answer begins
 with a descriptor, A5 5A, that tells its length and kind, and scans go on until they are stopped. Angles are 64ths of a

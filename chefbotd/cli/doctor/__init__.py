@@ -1,1 +1,1 @@
-"""The commands that say what is wrong: doctor and ports. The conclusions are in ``chefbotd.doctor``."""
+"""The commands doctor and ports. Their conclusions are drawn in ``chefbotd.doctor``."""

@@ -1,4 +1,4 @@
-"""What needs somebody beside the robot: push it, turn it, place something before it, lift its front.
+"""Checks that need a person at the robot: push it, turn it, place a box before it, lift its front.
 
 With ``--motors`` the robot drives itself instead, where yes is typed.
 """

@@ -1,4 +1,4 @@
-"""A support bundle: what somebody who helps needs to see, without secrets.
+"""Writes a support bundle: everything that a helper needs to see, without secrets.
 
 Paths of token files stay in the configuration, their contents never enter: each of their words of eight characters or
 more, and the program's own token, is replaced in every file, and so is what looks like a credential.

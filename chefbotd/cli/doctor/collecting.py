@@ -1,4 +1,4 @@
-"""What a robot tells while it is listened to: events kept as they come, and the latest of everything as a snapshot."""
+"""Collects the events of a robot for a while, with the latest values as a snapshot."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""One diagnosis of the doctor: what it may use, whom it may ask, and what it has found so far."""
+"""One run of the doctor: its options, its way to ask questions, and its findings so far."""
 
 import asyncio
 import contextlib

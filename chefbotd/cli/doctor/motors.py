@@ -1,4 +1,4 @@
-"""Driving one wheel at a time, on blocks, after somebody has typed yes. However it ends, the motors are told to stop."""
+"""Drives one wheel at a time, on blocks, after a typed yes. The motors stop however this ends."""
 
 import asyncio
 from typing import Any

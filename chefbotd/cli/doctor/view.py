@@ -1,4 +1,4 @@
-"""How findings are shown: a line for what was measured, and one for what to do."""
+"""Prints findings: a line for the measurement, and a line for what to do."""
 
 import json
 from collections.abc import Sequence

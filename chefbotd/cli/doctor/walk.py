@@ -1,4 +1,4 @@
-"""The doctor's way from power to pose, with a daemon that runs or without one."""
+"""The sequence of the doctor's checks from power to pose, with a running daemon or without one."""
 
 import asyncio
 import contextlib

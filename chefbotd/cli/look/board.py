@@ -1,4 +1,4 @@
-"""``status --watch``: the whole state on the terminal, drawn anew in place; rich draws."""
+"""``status --watch``: shows the whole state in the terminal and updates it in place, with rich."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

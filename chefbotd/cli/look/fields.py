@@ -1,4 +1,4 @@
-"""What of an event ``watch`` prints: a topic, or fields of it such as ``odometry.x_m`` or ``wheels.duty.0``."""
+"""Selects what ``watch`` prints of an event: a topic, or fields such as ``odometry.x_m`` or ``wheels.duty.0``."""
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping

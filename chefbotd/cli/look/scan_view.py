@@ -1,4 +1,4 @@
-"""A scan as text for a terminal: from above, the robot in the middle, ahead is up; two by four dots a character."""
+"""Draws a scan as text, seen from above with the robot in the middle and ahead up; two by four dots a character."""
 
 import math
 from collections.abc import Iterator, Sequence

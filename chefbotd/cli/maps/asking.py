@@ -1,4 +1,4 @@
-"""How the commands for maps ask the daemon: one that keeps no maps is told so, and files are written whole."""
+"""Requests of the map commands to the daemon, with an error if it keeps no maps; writes files whole."""
 
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager

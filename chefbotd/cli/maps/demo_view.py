@@ -1,4 +1,4 @@
-"""What ``chefbotctl map demo`` shows: the map as it grows, and at the end what came of it."""
+"""Shows ``chefbotctl map demo``: the growing map, and the result at the end."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""The map that is being made, put together from what the topic ``map`` tells, and where the robot is in it now."""
+"""Puts the growing map together from the topic ``map``, with the robot's pose in it."""
 
 import base64
 import zlib

@@ -1,4 +1,4 @@
-"""A map that is being made, and what is done meanwhile: what a screen of it shows."""
+"""The state of a map that is being made, for the screen that shows it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

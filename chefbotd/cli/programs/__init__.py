@@ -1,1 +1,1 @@
-"""What both programs start with: their commands, arguments and configuration."""
+"""The entry points of both programs: commands, arguments and configuration."""

@@ -1,4 +1,4 @@
-"""The manual pages of both programs, from what ``--help`` says: ``python -m chefbotd.cli.programs.manual FOLDER``.
+"""Makes the manual pages of both programs from ``--help``: ``python -m chefbotd.cli.programs.manual FOLDER``.
 
 One page for each program, and one for each of its commands (``man chefbotctl``, ``man chefbotctl-drive``), in roff
 (man(7)) or as Markdown for the site.

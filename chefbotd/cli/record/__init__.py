@@ -1,1 +1,1 @@
-"""Recordings: made, looked at, replayed."""
+"""The commands that make, show and replay recordings."""

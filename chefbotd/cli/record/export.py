@@ -1,4 +1,4 @@
-"""A recording as tables: a CSV file for each topic, a row for each message, a column for each number in it."""
+"""Exports a recording as tables: a CSV file per topic, a row per message, a column per number."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""What is in a recording: its topics with counts and rates, how long it is, of which robot, and what is wrong."""
+"""Describes a recording: its topics with counts and rates, its length, its robot, and its problems."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""Opens recordings for the commands: what is none is told as an error of the program."""
+"""Opens recordings for the commands, and reports a file that is not a recording."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

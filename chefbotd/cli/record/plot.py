@@ -1,4 +1,4 @@
-"""A recording as a picture: wheel speeds and what was asked for, the path, the battery, and the faults."""
+"""Plots a recording: wheel speeds and targets, the path, the battery, and the faults."""
 
 import json
 from dataclasses import dataclass, field

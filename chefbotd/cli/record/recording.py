@@ -1,4 +1,4 @@
-"""Recording on a running daemon: begin, watch, end."""
+"""Makes a recording on a running daemon: starts it, shows its progress, and ends it."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator

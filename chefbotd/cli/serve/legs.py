@@ -1,4 +1,4 @@
-"""What a leg was worth, held against the truth: its length and time, how near it came to things, and where it ended."""
+"""Compares each leg with the truth: its length and time, the closest approach, and the error at the goal."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The order that ``chefbotctl serve`` has carried out: where the robot starts, who is about, and where it is to go."""
+"""The scenario of ``chefbotctl serve``: the start, the people, and the goals."""
 
 import math
 from collections.abc import Mapping

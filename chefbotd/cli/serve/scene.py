@@ -1,4 +1,4 @@
-"""What a screen of a navigating robot shows: the map, the path, the robot, who is about, and what it does."""
+"""The content of a navigation screen: the map, the path, the robot, the people, and the state of the goal."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""``chefbotctl serve``: a simulated ChefBot finds out where it is, carries an order to three tables, and comes home."""
+"""``chefbotctl serve``: a simulated ChefBot localizes itself, drives to three tables, and comes home."""
 
 import asyncio
 import math

@@ -1,4 +1,4 @@
-"""What is shown of a navigating robot: a picture that is drawn again, and the table of the legs at the end."""
+"""Draws a navigating robot again and again, and the table of the legs at the end."""
 
 import math
 import time

@@ -1,1 +1,1 @@
-"""Commands that make chefbotd a service of the computer."""
+"""The commands that install chefbotd as a system service."""

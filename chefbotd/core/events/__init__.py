@@ -1,4 +1,4 @@
-"""What has happened: the events on the bus, each named in the past tense.
+"""The events on the bus, each named in the past tense.
 
 ``stamp_s`` is when it happened, on the host's monotonic clock. Of a measurement that is when it was made: the board's
 time, mapped to the host's clock, or the time of reading where the board does not tell its time. ``arrival_s``, beside it

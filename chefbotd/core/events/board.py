@@ -1,4 +1,4 @@
-"""What the link and the board have said, in the board's own numbers."""
+"""Events of the link and the board, in the board's own numbers."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""What comes into the process, and in which order: published only while somebody records.
+"""Events for everything that enters the process, in order. They are published only while a recording runs.
 
 A robot does what follows from its configuration and from these. Each record of an *entry* says what was handled, and at
 which time: until the next entry the robot sees no other time. What follows an entry on the bus is its consequence.

@@ -1,4 +1,4 @@
-"""What navigation does, and the path that it follows. Loads no numpy."""
+"""Events of navigation: its state, and the path that it follows. Loads no numpy."""
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record

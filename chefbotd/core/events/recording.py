@@ -1,4 +1,4 @@
-"""What the recorder says of itself, on the bus and in its files."""
+"""Events of the recorder, for the bus and for its files."""
 
 from chefbotd.core.record import Record
 

@@ -1,4 +1,4 @@
-"""What that means: wheels, odometry and sensors in SI units, and what the robot is allowed to do."""
+"""Events of the robot in SI units: wheels, odometry, sensors, and what the robot may do."""
 
 from enum import StrEnum
 

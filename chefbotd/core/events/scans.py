@@ -1,4 +1,4 @@
-"""What lidars and depth cameras saw. Not imported by the package's `__init__`: only a robot that has one loads numpy."""
+"""The scans of lidars and depth cameras. The package's `__init__` does not import them, because they need numpy."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What the daemon has counted."""
+"""The event with the daemon's figures."""
 
 from collections.abc import Mapping
 

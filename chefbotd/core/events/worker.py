@@ -1,4 +1,4 @@
-"""How the worker process stands. Not imported by the package's `__init__`: only a robot with a lidar has a worker."""
+"""The state of the worker process. Not imported by `__init__`, because only a robot with a lidar has a worker."""
 
 from chefbotd.core.record import Record
 

@@ -1,1 +1,1 @@
-"""Depth cameras: their processes, and how they are. Only a robot with a `[[depth_camera]]` has this."""
+"""Depth cameras: their processes and their condition. Only a robot with a `[[depth_camera]]` loads this."""

@@ -1,4 +1,4 @@
-"""What a robot says of itself on the network, as a DNS-SD service (RFC 6763), and how it is read."""
+"""The announcement of a robot as a DNS-SD service (RFC 6763): how it is written and read."""
 
 from collections.abc import Mapping
 

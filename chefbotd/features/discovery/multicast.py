@@ -1,4 +1,4 @@
-"""Multicast DNS by the library zeroconf."""
+"""Multicast DNS with the library zeroconf."""
 
 import ifaddr
 from zeroconf import InterfaceChoice, NonUniqueNameException

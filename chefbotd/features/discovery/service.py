@@ -1,4 +1,4 @@
-"""Announces the robot on the local network while the daemon runs, and takes it back at the end."""
+"""Announces the robot on the local network while the daemon runs, and withdraws it at the end."""
 
 import asyncio
 import ipaddress

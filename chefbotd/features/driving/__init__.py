@@ -1,1 +1,1 @@
-"""Driving: the control loop, the keeper of the gate and the detectors, and what reads the wheels."""
+"""Driving: the control loop, the gate with its fault detectors, and the reading of the wheels."""

@@ -1,4 +1,4 @@
-"""Who tries to drive a source that another client has: a stop holds these too, or they would drive after it.
+"""Clients that try to drive a source of another client. A stop also holds these, or they would drive after it.
 
 Their commands are refused before the keeper of the robot's safety hears of them. When the source is given up, soon after
 a stop or an ``arm``, the next of them would move the robot without its driver having asked anew.

@@ -1,4 +1,4 @@
-"""Tells everyone that the gate's state has changed: the bus, the log, and the next daemon."""
+"""Reports a change of the gate's state to the bus, the log, and the latch file for the next daemon."""
 
 from collections import Counter
 

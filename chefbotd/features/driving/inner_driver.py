@@ -1,4 +1,4 @@
-"""A driver inside the daemon, such as navigation: its commands go the way of every client's.
+"""A driver inside the daemon, such as navigation. Its commands go through the same gate as a client's.
 
 The source has a lease, the dead-man ends each command, limits and guards hold, and a higher source takes over at once.
 """

@@ -1,4 +1,4 @@
-"""What the range sensors and the lidars allow of a motion."""
+"""Applies the obstacle guards of range sensors and lidars to a motion."""
 
 from collections.abc import Callable, Mapping
 from typing import Protocol

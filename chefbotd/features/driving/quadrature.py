@@ -1,4 +1,4 @@
-"""Encoder edges in, encoder counts out: for boards that decode nothing themselves."""
+"""Makes encoder counts from edges, for boards that decode nothing themselves."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The keeper of the robot's safety: holds the gate and the fault detectors, and says what may be driven.
+"""Holds the gate and the fault detectors, and decides what may be driven.
 
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """

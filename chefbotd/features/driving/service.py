@@ -1,4 +1,4 @@
-"""The control loop: encoder counts in, motor duties out, with the gate between every wish and the wire.
+"""The control loop: encoder counts in, motor duties out, with the gate between every command and the wire.
 
 Commands come in by direct call, so that a stop goes from the socket to the wire in one call stack. What the wheels do
 goes out as events.

@@ -1,4 +1,4 @@
-"""Which sources a stop holds, and what their drivers are told; the rules are in ``chefbotd.safety.hold``."""
+"""Holds sources after a stop, and tells their drivers; the rules are in ``chefbotd.safety.hold``."""
 
 from collections.abc import Collection
 

@@ -1,4 +1,4 @@
-"""When the control loop acts though nothing was heard: every few milliseconds, or more seldom on a robot at rest.
+"""The timer that runs the control loop without encoder frames: every few milliseconds, more rarely at rest.
 
 The timer is set anew by each encoder frame. A robot is at rest once its readings have shown no motion for a while in
 which no wheel had a duty and nobody asked for anything. Then time alone changes nothing: silent encoders are told only

@@ -1,4 +1,4 @@
-"""What is asked of the wheels now: by the last decision, and by changes that wait for the robot to be at rest."""
+"""Holds the present targets of the wheels, and changes that wait until the robot is at rest."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,4 @@
-"""Encoder frames in, what the wheels did out: decoded, with the choice made between wheels of one side that disagree."""
+"""Turns encoder frames into measured wheel motion, and chooses between wheels of one side that disagree."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""Foxglove: everything that a recording has, live."""
+"""Foxglove: the content of a recording, live."""

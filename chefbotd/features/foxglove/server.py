@@ -1,4 +1,4 @@
-"""The server by Foxglove's own library, which has threads of its own."""
+"""The live server of Foxglove's own library, which has its own threads."""
 
 import threading
 from typing import Any

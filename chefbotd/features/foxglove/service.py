@@ -1,4 +1,4 @@
-"""Tells Foxglove what happens: the channels of a recording, as they fill."""
+"""Publishes events to Foxglove on the channels of a recording."""
 
 import asyncio
 import time

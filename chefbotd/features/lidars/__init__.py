@@ -1,1 +1,1 @@
-"""Lidars: their links, and what they see. Only a robot with a `[[lidar]]` has this."""
+"""Lidars: their links and their scans. Only a robot with a `[[lidar]]` loads this."""

@@ -1,1 +1,1 @@
-"""Finding the way on the map in use: whether the robot knows where it is, and what a person tells it."""
+"""Localization on the map in use: the state of the pose, and the methods that set or search it."""

@@ -1,4 +1,4 @@
-"""A robot that does not know where it is turns once round on the spot, where it was asked to or is allowed to.
+"""Turns a robot with an unknown pose once on the spot, if a client or the configuration allows it.
 
 It drives as navigation does: by the same source, with its lease and dead-man, limits and guards. Whoever takes over, a
 stop, a goal or a robot that is not armed ends the turn; nothing turns again by itself.

@@ -1,1 +1,1 @@
-"""Making a map: its methods, how far it is, and the map as it grows."""
+"""Making a map: its methods, its progress, and the growing map."""

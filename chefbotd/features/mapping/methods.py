@@ -1,4 +1,4 @@
-"""Making a map: the methods that begin and end it, and the topics ``mapping``, ``map`` and ``map_pose``."""
+"""Mapping: the methods that start and end it, and the topics ``mapping``, ``map`` and ``map_pose``."""
 
 from typing import Literal, Protocol
 

@@ -1,4 +1,4 @@
-"""The daemon's side of mapping: asks the worker's skill, publishes what it tells, and has it go on after a restart."""
+"""The daemon's side of mapping: asks the worker's skill, publishes its results, and continues after a restart."""
 
 import asyncio
 import contextlib

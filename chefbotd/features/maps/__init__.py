@@ -1,1 +1,1 @@
-"""Maps: those that are stored, the one in use, and its places."""
+"""Maps: the stored ones, the one in use, and its places."""

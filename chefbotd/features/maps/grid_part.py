@@ -1,4 +1,4 @@
-"""A part of a grid as topics tell it: of the map that is being made, and of the costs."""
+"""A part of a grid for topics: of the growing map, and of the costs."""
 
 from base64 import b64encode
 from typing import Any, Literal, TypeVar

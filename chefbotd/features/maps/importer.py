@@ -1,4 +1,4 @@
-"""Starts the program that imports a map, tells how far it is, and ends it when nobody wants it any more."""
+"""Runs the program that imports a map, reports its progress, and ends it when its client leaves."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""Maps: the methods that list, load, send, import, rename and delete them, and those of their places."""
+"""Maps: the methods that list, load, send, import, rename and delete maps and places."""
 
 from typing import Literal, Protocol
 

@@ -1,4 +1,4 @@
-"""The cells of a map in parts, as ``get_map`` sends them: a long answer would hold up the event loop and the client."""
+"""Sends the cells of ``get_map`` in parts, because a long answer would delay the event loop and the client."""
 
 import base64
 from dataclasses import dataclass

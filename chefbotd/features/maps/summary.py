@@ -1,4 +1,4 @@
-"""What ``list_maps`` tells of a map."""
+"""The entry of a map in ``list_maps``."""
 
 from chefbotd.features.maps.methods import MapSummary
 from chefbotd.maps.manifest import Manifest

@@ -1,4 +1,4 @@
-"""Where the robot is in which map, as far as mapping and localization tell; and what is being mapped."""
+"""The robot's pose and its map, from mapping and localization; and the map that is being made."""
 
 from typing import Final
 

@@ -1,1 +1,1 @@
-"""Driving to goals in the map in use."""
+"""Driving to goals on the map in use."""

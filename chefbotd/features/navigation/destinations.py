@@ -1,4 +1,4 @@
-"""Where a waypoint is: a pose, or a place of the map in use by its name."""
+"""Finds the pose of a waypoint: given directly, or by the name of a place of the map in use."""
 
 import json
 from typing import Protocol

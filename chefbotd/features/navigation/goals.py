@@ -1,4 +1,4 @@
-"""The goals that were accepted: those that have not ended, in order, and how the others did."""
+"""The accepted goals: those that have not ended, in order, and the ends of the others."""
 
 import asyncio
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What the skill is still to be told, in order and never more than a few: what a later order makes void is left out."""
+"""Orders that still have to go to the skill, in sequence and bounded. An order that a later one voids is dropped."""
 
 import asyncio
 

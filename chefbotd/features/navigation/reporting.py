@@ -1,4 +1,4 @@
-"""Tells what navigation does: on the topic ``navigation``, and to each request that waits for its goals."""
+"""Reports the state of navigation on the topic ``navigation``, and to each request that waits for its goals."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager

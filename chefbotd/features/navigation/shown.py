@@ -1,4 +1,4 @@
-"""What people look at: costs and obstacles, made by the worker only while somebody does."""
+"""Costs and obstacles for viewers. The worker makes them only while somebody subscribes."""
 
 from chefbotd.bus import Bus
 from chefbotd.core.events.navigation import CostmapChanged, ObstaclesSeen

@@ -1,1 +1,1 @@
-"""Odometry: where the wheels say the robot is."""
+"""Odometry: the robot's pose by its wheels."""

@@ -1,4 +1,4 @@
-"""Odometry: where the robot believes that it is, the topic ``odometry``, and the method that says otherwise."""
+"""Odometry: the topic ``odometry``, and the method that sets the pose."""
 
 from typing import Final, Literal, Protocol
 

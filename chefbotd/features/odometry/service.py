@@ -1,4 +1,4 @@
-"""Dead reckoning as a service: every measured turn of the wheels becomes an ``OdometryUpdated``."""
+"""Dead reckoning: every measured turn of the wheels becomes an ``OdometryUpdated``."""
 
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock

@@ -1,1 +1,1 @@
-"""Recording: files of everything that happens, and the ring of the last minutes."""
+"""Recording: files with everything that happens, and the ring of the last minutes."""

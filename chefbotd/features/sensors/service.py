@@ -1,4 +1,4 @@
-"""Raw readings in, SI readings out."""
+"""Converts raw sensor readings to SI units."""
 
 from collections.abc import Callable, Sequence
 from functools import partial

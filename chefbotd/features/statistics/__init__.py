@@ -1,1 +1,1 @@
-"""Statistics: what was counted, once a second."""
+"""Statistics: the daemon's figures, once a second."""

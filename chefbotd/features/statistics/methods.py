@@ -1,4 +1,4 @@
-"""Statistics: what the daemon has counted, on request and once a second."""
+"""Statistics: the daemon's figures on request and once a second."""
 
 from collections.abc import Mapping
 from functools import cache

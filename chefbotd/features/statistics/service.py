@@ -1,4 +1,4 @@
-"""Once a second: what was counted, and how late the event loop was."""
+"""Publishes the daemon's figures and the lag of the event loop once a second."""
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock, next_beat

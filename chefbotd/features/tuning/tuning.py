@@ -1,4 +1,4 @@
-"""Gains changed while the robot runs, each change kept so that it can be taken back, whoever made it."""
+"""Changes gains while the robot runs, and keeps each change so that any client can undo it."""
 
 from collections import deque
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""The worker process: what it is fed with, and how it stands."""
+"""The worker process: its input and its state."""

@@ -1,4 +1,4 @@
-"""The topic ``worker``: how the process stands that maps, localizes and plans."""
+"""The topic ``worker``: the state of the process that maps, localizes and plans."""
 
 from pydantic import Field
 

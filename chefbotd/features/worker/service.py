@@ -1,4 +1,4 @@
-"""Feeds the worker: every scan, echo and odometry goes to it, the last in a frame that never jumps."""
+"""Sends the worker every scan, range and odometry, the last in a frame that never jumps."""
 
 from collections.abc import Mapping
 

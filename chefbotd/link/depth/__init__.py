@@ -1,1 +1,1 @@
-"""Depth cameras: a child process for each, since a camera's library may hang. Only a robot that has one loads this."""
+"""Depth cameras: a child process for each, because a camera's library may hang. Only a robot with one loads this."""

@@ -1,4 +1,4 @@
-"""What a depth camera's process tells the daemon: the bearings once, then a scan for each image."""
+"""The messages from a depth camera's process to the daemon: the bearings once, then a scan for each image."""
 
 import struct
 from collections.abc import Iterator

@@ -1,1 +1,1 @@
-"""Lidars: a serial link for each, from its bytes to whole turns. Only a robot that has one loads this."""
+"""Lidars: a serial link for each, from bytes to whole turns. Only a robot with a lidar loads this."""

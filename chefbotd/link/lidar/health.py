@@ -1,4 +1,4 @@
-"""Whether what comes in is the lidar that is configured, and whether it turns."""
+"""Checks whether the received bytes are from the configured lidar, and whether it turns."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,4 +1,4 @@
-"""LD06 and LD19: packets with the lidar's own time, to whole turns.
+"""Reads LD06 and LD19: packets with the lidar's own time become whole turns.
 
 Source: LDROBOT's LD06 and LD19 development manuals. That a packet's stamp is the time of its last point is assumed.
 """

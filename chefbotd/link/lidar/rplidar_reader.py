@@ -1,4 +1,4 @@
-"""RPLIDAR A1 and A2: asks the device what it is and how it is, starts the scan, and reads whole turns.
+"""Reads RPLIDAR A1 and A2: asks for model and health, starts the scan, and reads whole turns.
 
 Source: Slamtec's "RPLIDAR Interface Protocol and Application Notes". The device has no clock of its own that it tells.
 """

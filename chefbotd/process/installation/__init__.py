@@ -1,1 +1,1 @@
-"""chefbotd as a systemd service: installed and removed, step by step, each of which is told."""
+"""Installs chefbotd as a systemd service, and removes it, in steps that are reported."""

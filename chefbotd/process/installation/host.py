@@ -1,4 +1,4 @@
-"""The computer that chefbotd is installed on, or a folder that will be the root of one."""
+"""The computer on which chefbotd is installed, or a folder that will be its root."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The kinds of steps of an installation: each says what it does, or that there is nothing to do."""
+"""The kinds of installation steps: each reports what it does, or that nothing is to do."""
 
 import os
 import shutil

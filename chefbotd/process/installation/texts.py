@@ -1,4 +1,4 @@
-"""What the installed files say: the unit, the robot's configuration, the tokens, the user."""
+"""The content of the installed files: the unit, the robot's configuration, the tokens, the user."""
 
 import re
 import secrets

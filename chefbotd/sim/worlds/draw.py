@@ -1,4 +1,4 @@
-"""Draws the maps of the buildings beside them: `python -m chefbotd.sim.worlds.draw`, after one was changed."""
+"""Draws the maps of the buildings into this folder: `python -m chefbotd.sim.worlds.draw`, after a change."""
 
 import io
 import sys

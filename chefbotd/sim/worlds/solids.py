@@ -1,4 +1,4 @@
-"""What a building is made of: upright prisms, each between two heights, with what furniture is made of them."""
+"""The solids of a building and its furniture: upright prisms between two heights."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -1,1 +1,1 @@
-"""The command socket: a JSON object a line over TCP, with TLS where it is configured."""
+"""The command socket: one JSON object per line over TCP, with TLS if it is configured."""

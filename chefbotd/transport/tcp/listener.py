@@ -1,4 +1,4 @@
-"""Accepts clients: one listening socket per address, and each client admitted before it costs a TLS handshake.
+"""Accepts clients: one listening socket per address. A client is admitted before its TLS handshake.
 
 The accept loop is our own and not ``create_server``'s. It refuses with a reason as long as descriptors are left,
 accepts one client per iteration of the event loop, and survives the kernel's errors.

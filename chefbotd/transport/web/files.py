@@ -1,4 +1,4 @@
-"""The page's files, read once: while the robot runs no request reads the disk."""
+"""The page's files, read once at the start, so that no request reads the disk."""
 
 from importlib import resources
 

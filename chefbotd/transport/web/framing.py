@@ -1,4 +1,4 @@
-"""WebSocket frames (RFC 6455) as a framing: each message is one request, each message of ours one frame.
+"""WebSocket frames (RFC 6455) as a framing: each message is one request, and each sent message is one frame.
 
 The parser is that of the package websockets, used without its I/O: so a stop is carried out in the call that brought
 its bytes.

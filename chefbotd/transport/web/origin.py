@@ -1,4 +1,4 @@
-"""Which requests come from the robot's own page: by the headers Host and Origin, which no foreign page can choose."""
+"""Recognizes requests of the robot's own page by the headers Host and Origin, which no foreign page can choose."""
 
 import ipaddress
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""Where the page is served, and by which names."""
+"""The parameters of the page: its address and its names."""
 
 from pydantic import Field, field_validator
 

@@ -1,4 +1,4 @@
-"""Serves the page's files, its WebSocket and the figures over HTTP; whom it serves is what the headers must show.
+"""Serves the page's files, its WebSocket and the metrics over HTTP, after a check of the headers.
 
 The WebSocket's handshake is HTTP. After it the transport is handed to a connection like those of the command socket.
 """

@@ -1,1 +1,1 @@
-"""What the worker can do. Each skill is a class in a module of its own, which only the worker imports."""
+"""The worker's skills. Each is a class in its own module, which only the worker imports."""

@@ -1,4 +1,4 @@
-"""Scans with the robot's motion undone, each once odometry is known for its whole turn. Several lidars' are one."""
+"""Corrects scans for the robot's motion once their odometry has arrived, and joins those of several lidars."""
 
 import math
 from collections import deque

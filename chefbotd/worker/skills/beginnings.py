@@ -1,4 +1,4 @@
-"""What mapping begins with: nothing, the unfinished map that was saved on its own, or a saved map."""
+"""The start of mapping: from nothing, from the last autosave, or from a saved map."""
 
 from typing import Final, NamedTuple
 

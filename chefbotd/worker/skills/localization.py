@@ -1,4 +1,4 @@
-"""The skill that finds the way on a stored map: localization scan by scan, and the pose kept for the next run."""
+"""The skill that localizes on a stored map, scan by scan, and keeps the pose for the next run."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the skill ``localization`` is asked and what it tells; the daemon's side loads neither numpy nor a compiler."""
+"""The messages of the skill ``localization``. The daemon's side loads neither numpy nor a compiler."""
 
 from pathlib import Path
 from typing import Final, TypeAlias

@@ -1,4 +1,4 @@
-"""What is sent of a map that is being made: the changed cells, all cells now and then, and the robot's pose."""
+"""The updates of a growing map: the changed cells, from time to time all cells, and the robot's pose."""
 
 import zlib
 from typing import Final

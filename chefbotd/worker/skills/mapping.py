@@ -1,4 +1,4 @@
-"""The skill that makes maps: SLAM scan by scan, told as poses and patches, saved on its own and at the end.
+"""The skill that makes maps: SLAM scan by scan, published as poses and patches, saved regularly and at the end.
 
 Every state of SLAM is a value. So a job that is given up leaves what was there, and a worker that is killed goes on
 from the last state that it saved on its own.

@@ -1,4 +1,4 @@
-"""The skill that drives to goals: it plans and follows on the map, and by the pose, of the skill ``localization``."""
+"""The skill that drives to goals, on the map and with the pose of the skill ``localization``."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path as FilePath

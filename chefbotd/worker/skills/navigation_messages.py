@@ -1,4 +1,4 @@
-"""What the skill ``navigation`` is asked and what it tells; the daemon's side loads neither numpy nor a compiler."""
+"""The messages of the skill ``navigation``. The daemon's side loads neither numpy nor a compiler."""
 
 from pathlib import Path
 from typing import Final, TypeAlias

@@ -1,4 +1,4 @@
-"""What the skill ``navigation`` tells only while somebody looks: the costs and the obstacles, a few times a second."""
+"""The costs and obstacles of the skill ``navigation``, sent a few times a second while somebody subscribes."""
 
 import zlib
 from collections.abc import Iterator

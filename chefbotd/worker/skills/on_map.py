@@ -1,4 +1,4 @@
-"""Whether a pose that a person gives can be meant."""
+"""Checks whether a pose that a person sets is plausible on the map."""
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D

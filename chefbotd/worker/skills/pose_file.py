@@ -1,4 +1,4 @@
-"""Where the pose is kept from one run to the next: one small file, replaced in one moment, and nothing that may fail."""
+"""Saves the pose from one run to the next in a small file that is replaced at once; errors are ignored."""
 
 from pathlib import Path
 from typing import Protocol

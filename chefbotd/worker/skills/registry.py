@@ -1,4 +1,4 @@
-"""The skills by their names; a skill's module is imported when it is asked for."""
+"""The skills by name. A skill's module is imported when it is needed."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Since when nothing has come of which a map is made."""
+"""Measures how long the inputs of mapping have been silent."""
 
 from collections.abc import Sequence
 from typing import Final

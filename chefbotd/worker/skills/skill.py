@@ -1,4 +1,4 @@
-"""What a skill is to the worker."""
+"""The interface of a skill to the worker."""
 
 from collections.abc import Generator, Iterable, Mapping
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
