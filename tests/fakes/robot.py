@@ -40,6 +40,16 @@ WHEELS = ("left", "right")
 SIMULATED = ("simulation", "lidars", "depth_cameras")
 """Features of which most tests want to see nothing."""
 
+BY_HAND = frozenset(
+    (
+        *("drive", "set_wheel_velocities", "stop", "estop", "arm", "reset_odometry", "reset_board"),
+        *("get_pid", "set_pid", "undo_pid", "get_stats", "get_description"),
+        *("navigate_to", "follow_waypoints", "go_home", "dock", "plan_to"),
+        *("cancel_navigation", "pause_navigation", "resume_navigation"),
+    )
+)
+"""What the robots here carry out. All other methods are remembered, and answered with an example."""
+
 STATS = StatsSampled(
     stamp_s=1.0,
     figures={"uptime_s": 60.0, "frames": {"encoders": 100}, "lines_out": 50, "board_clock_skew_ppm": None},
@@ -189,8 +199,7 @@ class FakeRobot:
     def features(self, leases: ControlLeases, clock: Clock, *, simulated: bool = False) -> list[Feature]:
         """The real features' methods and topics, over this robot; a simulated one has lidars and the truth as well.
 
-        What the robot has a method for is carried out by it. Any other is remembered in ``calls``, and its answer is
-        an example.
+        ``calls`` has those that it does not carry out by their names and parameters.
         """
         driving = DrivingMethods(
             self, leases, clock, sources=self.sources, default_source=self.default_source
@@ -204,7 +213,7 @@ class FakeRobot:
             *methods_of(BoardMethods(self)),
             *methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
         ]
-        by_name = {each.name: each for each in own}
+        by_name = {each.name: each for each in own if each.name in BY_HAND}
         return [
             Feature(
                 feature.name,
