@@ -1,4 +1,4 @@
-"""Saves the pose from one run to the next in a small file that is replaced at once; errors are ignored."""
+"""Saves the pose from one run to the next in a small file that is replaced at once; errors never raise."""
 
 from pathlib import Path
 from typing import Protocol
