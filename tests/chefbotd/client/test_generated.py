@@ -11,7 +11,8 @@ from chefbotd.client.generated import GeneratedMethods
 from chefbotd.client.models import Driven, MapList, OdometryData, PathData
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync_subscription import SyncSubscription
-from tests.chefbotd.client.generate import page, written
+from tests.chefbotd.client.api_page import page
+from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket, topics_of
 
