@@ -137,14 +137,22 @@ def _method(method: Method, exported: Mapping[str, type[Sent]]) -> str:
 
 
 def _models(kinds: Iterable[type[BaseModel]]) -> dict[str, type[Sent]]:
-    """These models, those within them and those that they are made from, as far as a module has them."""
+    """These models, those within them and those that they are made from, as far as a module has them.
+
+    Raises:
+        ValueError: two of them have the same name.
+    """
     found: dict[str, type[Sent]] = {}
     waiting = list(kinds)
     while waiting:
         kind = waiting.pop()
         for each in kind.__mro__:
             known = getattr(sys.modules[each.__module__], each.__name__, None) is each
-            if known and issubclass(each, Sent) and each is not Sent and each.__name__ not in found:
+            if known and issubclass(each, Sent) and each not in (Sent, found.get(each.__name__)):
+                if other := found.get(each.__name__):
+                    raise ValueError(
+                        f"{other.__module__} and {each.__module__} both have a model {each.__name__}"
+                    )
                 found[each.__name__] = each
                 waiting += [part for field in each.model_fields.values() for part in _parts(field.annotation)]
     return found

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any, assert_type
 
 import pytest
+from msgspec.structs import replace
 
 from chefbotd.client import Client, SyncClient, models
 from chefbotd.client.generated import GeneratedMethods
 from chefbotd.client.models import Driven, MapList, OdometryData, PathData
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync_subscription import SyncSubscription
+from chefbotd.rpc.method import Method
 from tests.chefbotd.client.api_page import page
 from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
@@ -48,6 +50,32 @@ def test_a_written_method_asks_for_what_it_is_named_after(name: str) -> None:
     expected = {name: value for name, value in {**defaults, **params}.items() if value is not None}
     assert (asked, sent) == (name, expected)
     assert answer is None if method.result is models.Done else issubclass(method.result, type(answer))
+
+
+def test_two_models_of_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The client has all of them in one module."""
+    other = type("Pong", (models.Result,), {"__module__": __name__})
+    monkeypatch.setitem(globals(), "Pong", other)
+    with pytest.raises(ValueError, match="both have a model Pong"):
+        written({**METHODS, "pong": replace(METHODS["ping"], result=other)}, TOPICS)
+
+
+def test_what_the_writer_does_not_understand_is_to_be_written_by_hand() -> None:
+    """A parameter that is a model of its own: the error names the method, the parameter and the file."""
+    with pytest.raises(
+        TypeError, match=r"waypoints: waypoints is <class .*: .* by hand, in client/methods\.py"
+    ):
+        written({"waypoints": renamed(METHODS["follow_waypoints"], "waypoints")}, TOPICS)
+
+
+def renamed(method: Method, name: str) -> Method:
+    """The method by another name, which the client does not have."""
+
+    def handle() -> None:
+        raise NotImplementedError
+
+    handle.__name__ = name
+    return replace(method, handle=handle)
 
 
 def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
