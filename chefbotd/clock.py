@@ -91,6 +91,10 @@ class Deadlock(RuntimeError):
     """Nothing is scheduled on a virtual loop, so its time would stand still for ever."""
 
 
+START_S = 1000.0
+"""Where the time of a virtual loop begins."""
+
+
 class _JumpingSelector(selectors.DefaultSelector):
     """Polls for I/O; where the loop would have waited, its time jumps instead."""
 
@@ -116,14 +120,13 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     What arrives from another process or thread is not waited for.
     """
 
-    def __init__(self, start_s: float = 1000.0) -> None:
-        self._start_s = start_s
+    def __init__(self) -> None:
         self._jumping = _JumpingSelector()
         super().__init__(self._jumping)
 
     def time(self) -> float:
         """Virtual seconds."""
-        return self._start_s + self._jumping.elapsed_s
+        return START_S + self._jumping.elapsed_s
 
     def run_in_executor(  # type: ignore[override]
         self, executor: object, func: Callable[..., T], *args: Any

@@ -19,9 +19,9 @@ EXPECTED = np.diag([0.2**-2, 0.2**-2, 0.05**-2])
 """The graph's poses are this good once its loops are closed (an information matrix)."""
 
 
-def refined(params: SlamParameters, state: SlamState, rounds: int = 1) -> SlamState:
+def refined(params: SlamParameters, state: SlamState) -> SlamState:
     """The state with more loops, between all that overlaps, and the poses that fit them."""
-    work = refining(params, state, rounds)
+    work = refining(params, state)
     while True:
         try:
             next(work)
@@ -30,21 +30,16 @@ def refined(params: SlamParameters, state: SlamState, rounds: int = 1) -> SlamSt
             return result
 
 
-def refining(
-    params: SlamParameters, state: SlamState, rounds: int = 1
-) -> Generator[tuple[int, int], None, SlamState]:
+def refining(params: SlamParameters, state: SlamState) -> Generator[tuple[int, int], None, SlamState]:
     """The same in steps: yields how many submaps are done, and of how many, and returns the state."""
-    for done_rounds in range(rounds):
-        found = NO_EDGES
-        submaps = [*state.submaps, *(Submap(a.first, len(state.nodes) - 1) for a in state.active)]
-        total = rounds * len(submaps)
-        for k, (submap, members) in enumerate(zip(submaps, _members(state, submaps), strict=True)):
-            yield done_rounds * len(submaps) + k, total
-            if members:
-                found = found.joined(_matched(params, state, submap, members))
-        yield (done_rounds + 1) * len(submaps), total
-        state = solved(replace(state, edges=_without(state.edges, found).joined(found)))
-    return state
+    found = NO_EDGES
+    submaps = [*state.submaps, *(Submap(a.first, len(state.nodes) - 1) for a in state.active)]
+    for k, (submap, members) in enumerate(zip(submaps, _members(state, submaps), strict=True)):
+        yield k, len(submaps)
+        if members:
+            found = found.joined(_matched(params, state, submap, members))
+    yield len(submaps), len(submaps)
+    return solved(replace(state, edges=_without(state.edges, found).joined(found)))
 
 
 def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:

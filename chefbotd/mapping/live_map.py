@@ -43,9 +43,9 @@ def nothing(resolution_m: float) -> LiveMap:
     return LiveMap(resolution_m, np.zeros(2), counts, np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
-def updated(live: LiveMap, nodes: Nodes, part: int = 0) -> LiveMap:
-    """The map with all kept scans of a part. Uses up ``live``."""
-    chosen = np.flatnonzero(nodes.part == part)
+def updated(live: LiveMap, nodes: Nodes) -> LiveMap:
+    """The map with all kept scans of the first part. Uses up ``live``."""
+    chosen = np.flatnonzero(nodes.part == 0)
     if not _still_stands(live, nodes.number[chosen], nodes.map[chosen]):
         live = nothing(live.resolution_m)
     new = chosen[len(live.numbers) :]

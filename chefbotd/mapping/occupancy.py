@@ -30,16 +30,15 @@ LEAST_OBSERVATIONS = 2
 """What fewer beams than this reached stays unknown."""
 
 
-def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M, part: int = 0) -> OccupancyGrid:
-    """The map of all kept scans of a part, at the poses of the graph.
+def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M) -> OccupancyGrid:
+    """The map of all kept scans of the first part, at the poses of the graph.
 
     Raises:
         ValueError: there are no scans in it.
     """
-    chosen = np.flatnonzero(nodes.part == part)
-    scans = [placed(nodes.map[k], nodes.scans[k]) for k in chosen]
+    scans = [placed(nodes.map[k], nodes.scans[k]) for k in np.flatnonzero(nodes.part == 0)]
     if not scans:
-        raise ValueError(f"a map is made of scans, but part {part} has none")
+        raise ValueError("a map is made of scans, but there are none")
     low, high = extent_m(scans)
     low, high = low - MARGIN_M, high + MARGIN_M
     origin_m = np.floor(low / resolution_m) * resolution_m

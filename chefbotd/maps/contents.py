@@ -54,11 +54,9 @@ def contents_of(grid: OccupancyGrid, slam: Arrays | None = None) -> dict[str, Co
     return contents
 
 
-def save(
-    store: MapStore, name: str, grid: OccupancyGrid, slam: Arrays | None = None, source: str = SLAM
-) -> int:
+def save(store: MapStore, name: str, grid: OccupancyGrid, slam: Arrays | None = None) -> int:
     """Save a map; the number of its version. Raises ``MapStoreError``; what was saved before is as it was then."""
-    return store.save(name, contents_of(grid, slam), extent_of(grid), source).manifest.version
+    return store.save(name, contents_of(grid, slam), extent_of(grid), SLAM).manifest.version
 
 
 def autosave(store: MapStore, grid: OccupancyGrid, slam: Arrays) -> None:

@@ -178,9 +178,9 @@ def _text(value: object) -> str:
     return ABSENT if value is None else repr(value)
 
 
-def _short(told: Told, most: int = 160) -> str:
+def _short(told: Told) -> str:
     text = f"{told[0]} {told[1].decode(errors='replace')}"
-    return text if len(text) <= most else text[: most - 3] + "..."
+    return text if len(text) <= 160 else text[:157] + "..."
 
 
 def described(entry: Any) -> str:

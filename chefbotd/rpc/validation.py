@@ -30,5 +30,5 @@ def _path(location: Sequence[int | str]) -> str:
     return ".".join(str(step) for step in location) or "params"
 
 
-def _shortened(text: str, limit: int = 60) -> str:
-    return text if len(text) <= limit else text[:limit] + "..."
+def _shortened(text: str) -> str:
+    return text if len(text) <= 60 else text[:60] + "..."

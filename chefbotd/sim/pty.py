@@ -186,10 +186,10 @@ class PluggedLidars:
         names = self._ptys if name is None else (name,)
         return {each: self._ptys[each].plug() for each in names}
 
-    def unplug(self, name: str | None = None) -> None:
-        """Pull the cable of all lidars, or of this one. Raises ``KeyError`` if there is none of this name."""
-        for each in self._ptys if name is None else (name,):
-            self._ptys[each].unplug()
+    def unplug(self) -> None:
+        """Pull the cables of all lidars."""
+        for pty in self._ptys.values():
+            pty.unplug()
 
     async def run(self) -> None:
         """Simulate until cancelled."""

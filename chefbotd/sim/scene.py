@@ -54,11 +54,11 @@ class Scene:
         return self.edges[met], self.material[met]
 
 
-def of_walls(edges: Vector, start: Pose2D = ORIGIN) -> Scene:
+def of_walls(edges: Vector) -> Scene:
     """A scene of plain walls from floor to ceiling."""
     count = len(edges)
     heights = np.zeros(count), np.full(count, CEILING_M)
-    return Scene(edges, *heights, np.full(count, Material.PLAIN, np.int8), start=start)
+    return Scene(edges, *heights, np.full(count, Material.PLAIN, np.int8), start=ORIGIN)
 
 
 def of_solids(solids: Iterable[Solid], start: Pose2D = ORIGIN) -> Scene:

@@ -116,9 +116,9 @@ def request(command: Request) -> bytes:
     return bytes((START, command))
 
 
-def express_request(mode: int = 0) -> bytes:
+def express_request() -> bytes:
     """The bytes that start an express scan: command, payload's size, payload, and the XOR of all before."""
-    message = bytes((START, EXPRESS_SCAN, 5, mode, 0, 0, 0, 0))
+    message = bytes((START, EXPRESS_SCAN, 5, 0, 0, 0, 0, 0))
     return message + bytes((reduce(xor, message),))
 
 

@@ -7,7 +7,7 @@ import asyncio
 from collections.abc import Callable
 
 from chefbotd.cli.drive.control import release_source
-from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
+from chefbotd.cli.drive.keys import MOVES, SCALES, Keys, press, released
 from chefbotd.client import CallError, Client
 from chefbotd.core.geometry import STANDING, Twist2D
 
@@ -17,19 +17,16 @@ PERIOD_S = 0.05
 class Pilot:
     """Drives a robot by keys. A refusal is passed to ``report_refusal`` and ends the motion, but not the pilot."""
 
-    def __init__(
-        self, robot: Client, report_refusal: Callable[[str], None], parameters: KeyParameters | None = None
-    ) -> None:
+    def __init__(self, robot: Client, report_refusal: Callable[[str], None]) -> None:
         self._robot, self._report_refusal = robot, report_refusal
-        self._parameters = parameters or KeyParameters()
         self._woken = asyncio.Event()
         self._stop_due = False
-        self.keys: Keys = initial_keys(self._parameters)
+        self.keys = Keys()
         self.asked: Twist2D = STANDING
 
     def press(self, key: str) -> None:
         """Process a key from the terminal. A key that neither drives nor sets a speed stops, also at standstill."""
-        self.keys = press(self._parameters, self.keys, key, asyncio.get_running_loop().time())
+        self.keys = press(self.keys, key, asyncio.get_running_loop().time())
         self._stop_due = self._stop_due or key not in MOVES.keys() | SCALES.keys()
         self._woken.set()
 

@@ -15,7 +15,7 @@ from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import send_drive
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
-from chefbotd.cli.maps.route import Point, RouteParameters, is_reached, length_m, seen_from, velocity_to
+from chefbotd.cli.maps.route import Point, is_reached, length_m, seen_from, velocity_to
 from chefbotd.cli.maps.tour import Show, Tour, listen
 from chefbotd.client import CallError, Client
 from chefbotd.client.models import MapSaved
@@ -64,7 +64,6 @@ class Demo:
         self._folder, self._name, self._show = folder, name, show
         self._start = start
         self._tour = Tour(points=seen_from(start, ROOMS), doing="starting the simulated robot")
-        self._parameters = RouteParameters()
         self._worker_pid: int | None = None
 
     async def run(self) -> DemoResult:
@@ -111,11 +110,11 @@ class Demo:
                 tour.doing = f"driving, point {total - len(tour.points) + 1} of {total}"
                 pose = tour.tracker.pose
                 if pose is not None:
-                    if is_reached(self._parameters, pose, tour.points[0]):
+                    if is_reached(pose, tour.points[0]):
                         tour.points = tour.points[1:]
                         continue
                     after = tour.points[1] if len(tour.points) > 1 else None
-                    twist = velocity_to(self._parameters, pose, tour.points[0], after)
+                    twist = velocity_to(pose, tour.points[0], after)
                     await steer(robot, twist)
                     left_m = length_m(pose, tour.points)
                     if left_m < nearest_m - 0.05:

@@ -5,26 +5,19 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
-from pydantic import Field
-
 from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
-from chefbotd.core.parameters import Parameters
 
 Point: TypeAlias = tuple[float, float]
 
 
-class RouteParameters(Parameters):
-    """Speeds and tolerances: within doors 0.9 m wide the robot has 25 cm on each side."""
-
-    cruise_m_s: float = Field(default=0.32, gt=0)
-    creep_m_s: float = Field(default=0.08, gt=0)
-    deceleration_m_s2: float = Field(default=0.35, gt=0)
-    turn_rad_s: float = Field(default=0.9, gt=0)
-    """The classic board is silent for up to a second when an echo is missing: turning fast, it overshoots meanwhile."""
-    turn_gain_per_s: float = Field(default=1.8, gt=0)
-    turn_in_place_rad: float = Field(default=0.5, gt=0)
-    """With more to turn it stands meanwhile."""
-    reached_m: float = Field(default=0.1, gt=0)
+#: Speeds and tolerances: within doors 0.9 m wide the robot has 25 cm on each side.
+CRUISE_M_S, CREEP_M_S = 0.32, 0.08
+DECELERATION_M_S2 = 0.35
+TURN_RAD_S, TURN_GAIN_PER_S = 0.9, 1.8
+"""The classic board is silent for up to a second when an echo is missing: turning fast, it overshoots meanwhile."""
+TURN_IN_PLACE_RAD = 0.5
+"""With more to turn it stands meanwhile."""
+REACHED_M = 0.1
 
 
 def seen_from(start: Pose2D, points: Sequence[Point]) -> tuple[Point, ...]:
@@ -39,22 +32,21 @@ def length_m(pose: Pose2D, points: Sequence[Point]) -> float:
     return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
-def is_reached(parameters: RouteParameters, pose: Pose2D, point: Point) -> bool:
+def is_reached(pose: Pose2D, point: Point) -> bool:
     """Whether the robot is at the point."""
-    return math.dist((pose.x_m, pose.y_m), point) <= parameters.reached_m
+    return math.dist((pose.x_m, pose.y_m), point) <= REACHED_M
 
 
-def velocity_to(parameters: RouteParameters, pose: Pose2D, point: Point, after: Point | None) -> Twist2D:
+def velocity_to(pose: Pose2D, point: Point, after: Point | None) -> Twist2D:
     """The velocity towards a point; it slows down as much as the turn towards the point after it asks."""
     dx, dy = point[0] - pose.x_m, point[1] - pose.y_m
     off_rad = wrap_angle(math.atan2(dy, dx) - pose.heading_rad)
-    limit = parameters.turn_rad_s
-    angular = max(-limit, min(limit, parameters.turn_gain_per_s * off_rad))
-    if abs(off_rad) > parameters.turn_in_place_rad:
+    angular = max(-TURN_RAD_S, min(TURN_RAD_S, TURN_GAIN_PER_S * off_rad))
+    if abs(off_rad) > TURN_IN_PLACE_RAD:
         return Twist2D(0.0, angular)
-    at_point_m_s = parameters.cruise_m_s * max(0.0, _straightness(pose, point, after))
-    braking = math.sqrt(at_point_m_s**2 + 2 * parameters.deceleration_m_s2 * math.hypot(dx, dy))
-    linear = max(parameters.creep_m_s, min(parameters.cruise_m_s, braking))
+    at_point_m_s = CRUISE_M_S * max(0.0, _straightness(pose, point, after))
+    braking = math.sqrt(at_point_m_s**2 + 2 * DECELERATION_M_S2 * math.hypot(dx, dy))
+    linear = max(CREEP_M_S, min(CRUISE_M_S, braking))
     return Twist2D(linear * math.cos(off_rad), angular)
 
 

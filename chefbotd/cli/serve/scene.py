@@ -68,6 +68,7 @@ class Served:
         return tuple(leg.failure for leg in self.legs if leg.failure is not None)
 
 
+RATE_HZ = 5.0
 TOPICS = ("odometry", "map_pose", "navigation", "path", "localization")
 ENDS = ("reached", "unreachable", "blocked", "cancelled", "lost", "fault")
 ROBOT, PATH, PLACE, SOMEBODY = "bold red", "green", "bold blue", "bold magenta"
@@ -128,9 +129,9 @@ class NavigationScene:
 Show: TypeAlias = Callable[[NavigationScene], None]
 
 
-async def listen(robot: Client, scene: NavigationScene, show: Show, *, rate_hz: float = 5.0) -> None:
+async def listen(robot: Client, scene: NavigationScene, show: Show) -> None:
     """Take in what is told, and show each change of the pose, until cancelled."""
-    async with robot.subscribe(TOPICS, max_rate_hz=rate_hz) as events:
+    async with robot.subscribe(TOPICS, max_rate_hz=RATE_HZ) as events:
         async for event in events:
             scene.take_event(event)
             if event.topic in ("odometry", "navigation"):

@@ -10,6 +10,8 @@ from msgspec import Struct
 
 from chefbotd.process.installation.host import Host, InstallError
 
+FILE_MODE = 0o644
+
 
 class Step(Struct, frozen=True):
     """``told`` is what is done, in words; ``act`` does it (None: it is done already, or not wanted)."""
@@ -50,13 +52,13 @@ def folder(host: Host, name: str, mode: int, owner: str = "root") -> Step:
     return Step(f"{verb} {name} ({mode:04o}, {owner})", make)
 
 
-def file(host: Host, name: str, text: str, mode: int = 0o644) -> Step:
+def file(host: Host, name: str, text: str) -> Step:
     """A file of root's with just this text, whatever it had before."""
     path = host.path(name)
-    if _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == mode:
+    if _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == FILE_MODE:
         return Step(f"{name}: unchanged")
     verb = "replace" if path.exists() else "write"
-    return Step(f"{verb} {name}", lambda: write(host, path, text, mode))
+    return Step(f"{verb} {name}", lambda: write(host, path, text, FILE_MODE))
 
 
 def write(host: Host, path: Path, text: str, mode: int) -> None:

@@ -86,9 +86,9 @@ def chair(name: str, place: Place) -> Iterator[Solid]:
     yield Solid(name, place.corners(0, 0, CHAIR_LEG_M, CHAIR_M), SEAT_M, BACK_M)
 
 
-def column(name: str, x_m: float, y_m: float, radius_m: float, top_m: float, sides: int = 12) -> Solid:
-    """Something round."""
-    angles = np.arange(sides) * (math.tau / sides)
+def column(name: str, x_m: float, y_m: float, radius_m: float, top_m: float) -> Solid:
+    """Something round: with twelve sides."""
+    angles = np.arange(12) * (math.tau / 12)
     corners: Vector = radius_m * np.stack((np.cos(angles), np.sin(angles)), axis=1) + [x_m, y_m]
     return Solid(name, corners, 0.0, top_m)
 

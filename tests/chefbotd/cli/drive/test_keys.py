@@ -7,18 +7,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.cli.drive.keys import MOVES, SCALES, KeyParameters, Keys, initial_keys, press, released
+from chefbotd.cli.drive.keys import (
+    LONGEST_FIRST_HOLD_S,
+    MAX_ANGULAR_RAD_S,
+    MAX_LINEAR_M_S,
+    MOVES,
+    SCALES,
+    Keys,
+    press,
+    released,
+)
 from chefbotd.core.geometry import STANDING, Twist2D
 from tests.budget import examples
-
-P = KeyParameters()
 
 
 def pressed(*arrivals: tuple[float, str]) -> Keys:
     """The state after keys that arrived at these times."""
-    keys = initial_keys(P)
+    keys = Keys()
     for at_s, key in arrivals:
-        keys = press(P, keys, key, at_s)
+        keys = press(keys, key, at_s)
     return keys
 
 
@@ -29,8 +36,8 @@ def held(key: str, from_s: float, to_s: float, delay_s: float = 0.5) -> list[tup
 
 
 def test_nothing_is_driven_before_the_first_key() -> None:
-    """An initial_keys keyboard stands."""
-    assert initial_keys(P).twist(0.0) == STANDING
+    """A keyboard stands before its first key."""
+    assert Keys().twist(0.0) == STANDING
 
 
 @pytest.mark.parametrize(
@@ -49,9 +56,9 @@ def test_layout(key: str, forward: int, turn: int) -> None:
 
 def test_holding_a_key_never_pauses() -> None:
     """A key held for two seconds drives at every instant, over the initial delay too."""
-    keys, arrivals = initial_keys(P), held("i", 0.0, 2.0)
+    keys, arrivals = Keys(), held("i", 0.0, 2.0)
     for (at_s, key), (next_s, _) in itertools.pairwise(arrivals):
-        keys = press(P, keys, key, at_s)
+        keys = press(keys, key, at_s)
         assert keys.twist(at_s) == keys.twist(next_s - 1e-6) == Twist2D(0.2, 0.0)
 
 
@@ -81,14 +88,14 @@ def test_a_tap_lasts_for_the_first_hold() -> None:
 @pytest.mark.parametrize(("delay_s", "tap_s"), [(0.25, 0.31), (0.5, 0.56), (0.66, 0.72), (0.79, 0.8)])
 def test_the_initial_delay_is_learned(delay_s: float, tap_s: float) -> None:
     """After one held key a tap lasts for that keyboard's delay plus 0.06 s, at most 0.8 s."""
-    keys = press(P, pressed(*held("i", 0.0, 2.0, delay_s)), "l", 5.0)
+    keys = press(pressed(*held("i", 0.0, 2.0, delay_s)), "l", 5.0)
     assert keys.twist(5.0 + tap_s - 0.01) == Twist2D(0.0, -0.8)
     assert keys.twist(5.0 + tap_s + 0.01) == STANDING
 
 
 def test_taps_teach_nothing() -> None:
     """Tapping at 0.4 s intervals does not pass for an initial delay."""
-    assert pressed((0.0, "i"), (0.4, "i"), (0.8, "i"), (1.2, "i")).first_hold_s == P.first_hold_s
+    assert pressed((0.0, "i"), (0.4, "i"), (0.8, "i"), (1.2, "i")).first_hold_s == Keys().first_hold_s
 
 
 def test_a_pause_begins_a_new_press() -> None:
@@ -111,7 +118,7 @@ def test_release_keeps_the_speeds() -> None:
     """Releasing forgets the key, not the chosen speeds."""
     keys = released(pressed((0.0, "q"), (0.1, "i")))
     assert keys.twist(0.1) == STANDING
-    assert press(P, keys, "i", 0.2).twist(0.2).linear_m_s == pytest.approx(0.22)
+    assert press(keys, "i", 0.2).twist(0.2).linear_m_s == pytest.approx(0.22)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +146,7 @@ def test_a_speed_key_does_not_end_the_motion() -> None:
 def test_speeds_are_bounded() -> None:
     """However often q is pressed, the speeds stay within the robot's."""
     keys = pressed(*((0.1 * n, "q") for n in range(100)))
-    assert (keys.linear_m_s, keys.angular_rad_s) == (P.max_linear_m_s, P.max_angular_rad_s)
+    assert (keys.linear_m_s, keys.angular_rad_s) == (MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S)
 
 
 @settings(max_examples=examples(100))
@@ -152,8 +159,8 @@ def test_speeds_are_bounded() -> None:
 )
 def test_motion_always_ends(steps: list[tuple[float, str]]) -> None:
     """Whatever was typed, 0.8 s after the last key the robot stands."""
-    now_s, keys = 0.0, initial_keys(P)
+    now_s, keys = 0.0, Keys()
     for wait_s, key in steps:
         now_s += wait_s
-        keys = press(P, keys, key, now_s)
-    assert keys.twist(now_s + P.longest_first_hold_s) == STANDING
+        keys = press(keys, key, now_s)
+    assert keys.twist(now_s + LONGEST_FIRST_HOLD_S) == STANDING

@@ -10,7 +10,15 @@ import pytest
 from chefbotd.cli.maps.against_truth import wall_errors
 from chefbotd.cli.maps.demo import ROOMS
 from chefbotd.cli.maps.live import LiveMap, MapTracker
-from chefbotd.cli.maps.route import RouteParameters, is_reached, length_m, seen_from, velocity_to
+from chefbotd.cli.maps.route import (
+    CRUISE_M_S,
+    DECELERATION_M_S2,
+    TURN_RAD_S,
+    is_reached,
+    length_m,
+    seen_from,
+    velocity_to,
+)
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.models import MapData, MapPoseData, OdometryData
 from chefbotd.core.geometry import Pose2D
@@ -18,8 +26,6 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.sim.scene import of_solids
 from chefbotd.sim.worlds.building import SLICE_M
 from chefbotd.sim.worlds.flat import FLAT
-
-ROUTE = RouteParameters()
 
 
 def part(
@@ -120,22 +126,22 @@ def test_between_scans_odometry_moves_the_robot_on() -> None:
 
 def test_the_way_to_a_point() -> None:
     """Straight ahead at full speed; beside it, turning first; backwards, turning on the spot, the shorter way."""
-    ahead = velocity_to(ROUTE, Pose2D(), (2.0, 0.0), (4.0, 0.0))
-    assert (ahead.linear_m_s, ahead.angular_rad_s) == (ROUTE.cruise_m_s, 0.0)
-    beside = velocity_to(ROUTE, Pose2D(heading_rad=0.1), (0.0, -1.0), None)
-    assert (beside.linear_m_s, beside.angular_rad_s) == (0.0, -ROUTE.turn_rad_s)
-    behind = velocity_to(ROUTE, Pose2D(1.0, 1.0, 3.0), (2.0, 1.1), None)
-    assert (behind.linear_m_s, behind.angular_rad_s) == (0.0, -ROUTE.turn_rad_s)
-    gentle = velocity_to(ROUTE, Pose2D(), (1.0, 0.1), None)
-    assert 0 < gentle.angular_rad_s < ROUTE.turn_rad_s
-    assert gentle.linear_m_s > 0.9 * ROUTE.cruise_m_s
+    ahead = velocity_to(Pose2D(), (2.0, 0.0), (4.0, 0.0))
+    assert (ahead.linear_m_s, ahead.angular_rad_s) == (CRUISE_M_S, 0.0)
+    beside = velocity_to(Pose2D(heading_rad=0.1), (0.0, -1.0), None)
+    assert (beside.linear_m_s, beside.angular_rad_s) == (0.0, -TURN_RAD_S)
+    behind = velocity_to(Pose2D(1.0, 1.0, 3.0), (2.0, 1.1), None)
+    assert (behind.linear_m_s, behind.angular_rad_s) == (0.0, -TURN_RAD_S)
+    gentle = velocity_to(Pose2D(), (1.0, 0.1), None)
+    assert 0 < gentle.angular_rad_s < TURN_RAD_S
+    assert gentle.linear_m_s > 0.9 * CRUISE_M_S
 
 
 def test_it_slows_down_for_a_corner_and_not_for_a_straight() -> None:
     """0.1 m before a point with a right angle behind it: no more than brakes within that way."""
-    corner = velocity_to(ROUTE, Pose2D(), (0.1, 0.0), (0.1, 3.0))
-    assert corner.linear_m_s == pytest.approx(math.sqrt(2 * ROUTE.deceleration_m_s2 * 0.1))
-    assert velocity_to(ROUTE, Pose2D(), (0.1, 0.0), (3.0, 0.0)).linear_m_s == ROUTE.cruise_m_s
+    corner = velocity_to(Pose2D(), (0.1, 0.0), (0.1, 3.0))
+    assert corner.linear_m_s == pytest.approx(math.sqrt(2 * DECELERATION_M_S2 * 0.1))
+    assert velocity_to(Pose2D(), (0.1, 0.0), (3.0, 0.0)).linear_m_s == CRUISE_M_S
 
 
 def test_a_route_in_the_map_of_a_robot_that_began_somewhere() -> None:
@@ -143,8 +149,8 @@ def test_a_route_in_the_map_of_a_robot_that_began_somewhere() -> None:
     (point,) = seen_from(Pose2D(2.0, 1.0, math.pi / 2), [(1.0, 3.0)])
     assert point == pytest.approx((2.0, 1.0))
     assert length_m(Pose2D(), [(3.0, 4.0), (3.0, 5.0)]) == 6.0
-    assert is_reached(ROUTE, Pose2D(0.05, 0.05), (0.0, 0.0))
-    assert not is_reached(ROUTE, Pose2D(0.2, 0.0), (0.0, 0.0))
+    assert is_reached(Pose2D(0.05, 0.05), (0.0, 0.0))
+    assert not is_reached(Pose2D(0.2, 0.0), (0.0, 0.0))
 
 
 def test_the_demos_way_is_free_and_visits_four_rooms() -> None:

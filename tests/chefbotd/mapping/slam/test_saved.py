@@ -88,5 +88,5 @@ def test_what_is_not_a_saved_state_is_refused(driven: SlamState, change: object,
 
 def test_a_map_of_nothing_is_refused() -> None:
     """With a sentence that says what is missing."""
-    with pytest.raises(ValueError, match="a map is made of scans, but part 0 has none"):
+    with pytest.raises(ValueError, match="a map is made of scans, but there are none"):
         occupancy(start().nodes)
