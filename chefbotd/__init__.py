@@ -1,3 +1,3 @@
-"""chefbotd: a middleware-free asyncio daemon for small wheeled service robots."""
+"""chefbotd: an asyncio daemon for small wheeled service robots, without middleware."""
 
 __version__ = "0.1.0"

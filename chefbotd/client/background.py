@@ -1,4 +1,4 @@
-"""An event loop in a thread of its own, for programs that have none."""
+"""Runs an event loop in its own thread, for programs without one."""
 
 import asyncio
 import concurrent.futures

@@ -1,4 +1,4 @@
-"""The asyncio client's methods as plain ones, which return when those have ended."""
+"""Blocking versions of the asyncio client's methods."""
 
 from __future__ import annotations
 

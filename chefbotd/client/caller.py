@@ -1,4 +1,4 @@
-"""What every group of the client's methods is built on."""
+"""The base of every group of the client's methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The daemon, as seen from a program: one method per method of the socket.
+"""The asyncio client: one method per method of the socket.
 
     async with Client.connect() as robot:
         await robot.wait_until_armed()

@@ -1,4 +1,4 @@
-"""Robots on the local network: found by the name under which they announce themselves. Needs the extra ``discovery``."""
+"""Finds robots on the local network by their announced names. Needs the extra ``discovery``."""
 
 import asyncio
 from collections.abc import AsyncIterator

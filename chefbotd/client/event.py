@@ -1,4 +1,4 @@
-"""What a subscription yields."""
+"""The events that a subscription yields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a goal ends that was not reached: an error for each end, with the robot's own sentence."""
+"""The errors for a goal that was not reached: one for each end, with the robot's reason."""
 
 from typing import Final
 

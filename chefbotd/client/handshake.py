@@ -1,4 +1,4 @@
-"""Opening a connection to the daemon: connect, wait for the greeting, authenticate, set the client's name."""
+"""Opens a connection to the daemon: connects, waits for the greeting, authenticates, sets the client's name."""
 
 import asyncio
 import ssl

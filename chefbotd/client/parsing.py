@@ -1,4 +1,4 @@
-"""Parsing of JSON values into the documented models."""
+"""Parses JSON values into the documented models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The robot's state, and events: parsed from what the daemon sent."""
+"""The robot's state and events, parsed from the daemon's messages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Telemetry as an asynchronous iterator, bounded: a slow reader loses the oldest, and sees how many."""
+"""Telemetry as an asynchronous iterator, bounded: a slow reader loses the oldest events, which are counted."""
 
 import asyncio
 from collections import Counter

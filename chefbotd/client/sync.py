@@ -1,4 +1,4 @@
-"""The client without asyncio, for scripts, notebooks and first programs: same names, plain calls.
+"""The client without asyncio, for scripts and notebooks: the same names, plain calls.
 
     with SyncClient.connect() as robot:
         robot.wait_until_armed()

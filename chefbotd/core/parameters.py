@@ -1,4 +1,4 @@
-"""The base of every parameter set: declared beside its algorithm, checked when it is made."""
+"""The base class of parameter sets, which stand beside their algorithm and are checked when they are made."""
 
 from typing import Any
 

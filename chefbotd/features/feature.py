@@ -1,4 +1,4 @@
-"""What a feature of the daemon is: services to run, methods and topics of the socket, and figures that it counts."""
+"""The definition of a feature: its services, its methods and topics of the socket, and its figures."""
 
 from collections.abc import Callable, Coroutine, Iterable, Mapping
 from typing import Any, TypeAlias

@@ -1,1 +1,1 @@
-"""The serial link: opening it, keeping it, and turning its bytes into events."""
+"""The serial link: opens it, keeps it open, and turns its bytes into events."""

@@ -1,4 +1,4 @@
-"""Keeping the link open: a port that goes away is opened again as soon as it is back."""
+"""Keeps the link open: reopens a port that went away as soon as it is back."""
 
 import asyncio
 import random

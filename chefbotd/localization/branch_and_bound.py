@@ -1,4 +1,4 @@
-"""The compiled part of a search of the whole map: blocks of poses are bounded, and those that may hold one are divided.
+"""The compiled part of the global search: bounds blocks of poses, and divides those that may hold one.
 
 Poses are counted in cells of the pyramid; a block at level h is 2**h by 2**h of them, at one heading.
 """

@@ -1,4 +1,4 @@
-"""Localization as one pure step per scan: it tracks while it knows where it is, and searches when it does not.
+"""Localization as one pure step per scan: tracks a known pose, and searches for an unknown one.
 
 Values in, values out: the time is an argument, nothing is left to chance, and no step takes long, because a search of
 the whole map goes on from step to step.

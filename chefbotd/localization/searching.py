@@ -1,4 +1,4 @@
-"""A search of the whole map and what came of it: places that are followed until one is sure, or none is left."""
+"""A search of the whole map and its result: places are followed until one is certain, or none is left."""
 
 import math
 from dataclasses import dataclass, replace

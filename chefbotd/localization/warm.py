@@ -1,4 +1,4 @@
-"""Compile, or load from the cache, all that localization needs, before the first scan waits for it."""
+"""Compiles, or loads from the cache, all code of localization before the first scan."""
 
 import numpy as np
 

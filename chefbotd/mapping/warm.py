@@ -1,4 +1,4 @@
-"""Compile, or load from the cache, all that SLAM needs, before the first scan waits for it."""
+"""Compiles, or loads from the cache, all code of SLAM before the first scan."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Where maps are kept, and how many versions of each."""
+"""The parameters of stored maps: the folder, and how many versions are kept."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Encoder counts to wheel angles: wrap, sign, scale, velocity, and the refusal of impossible readings.
+"""Converts encoder counts to wheel angles: wrap, sign, scale, velocity, and refusal of impossible readings.
 
 A number that lost digits on the wire still parses, so every change is compared with the time it took. If the change of
 one wheel is impossible, the whole reading is refused. The next good reading catches up for all wheels, so nothing is

@@ -1,4 +1,4 @@
-"""Dead reckoning: the robot's pose in ``odom`` from how far its sides rolled, and how certain it is.
+"""Dead reckoning: computes the pose in ``odom`` and its covariance from the distances of both sides.
 
 The pose follows the exact arc. The covariance grows with motion only. The travel of each side is uncertain by a
 variance proportional to its length (Chong and Kleeman, "Accurate Odometry and Error Modelling for a Mobile Robot",

@@ -1,4 +1,4 @@
-"""One wheel's speed control: feedforward for what is known, feedback for what is not.
+"""Speed control of one wheel: feedforward and a PID controller.
 
 Speeds are of the wheel's rim in m/s, outputs are signed duty in the board's PWM counts. The feedforward is
 WPILib's motor model (static friction, speed, acceleration). The feedback takes the derivative of the

@@ -1,4 +1,4 @@
-"""Quadrature edges to counts, for boards that decode nothing themselves.
+"""Converts quadrature edges to counts, for boards that decode nothing themselves.
 
 Full (4x) decoding by a state table: every edge of A and of B is a count. Three impossible things are counted and move
 nothing: a change of both levels at once, levels that did not change, and edges that the board counted but did not

@@ -1,4 +1,4 @@
-"""Compile, or load from the cache, all that navigation needs, before the first goal waits for it."""
+"""Compiles, or loads from the cache, all code of navigation before the first goal."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A depth camera, its mount, and where its images come from. Loads no numpy."""
+"""The parameters of a depth camera: its mount and its source of images. Loads no numpy."""
 
 import math
 from enum import StrEnum

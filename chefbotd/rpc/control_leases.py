@@ -1,4 +1,4 @@
-"""Who drives: a lease on each source of commands, taken by driving and taken over only explicitly.
+"""Control of the sources: a lease on each, taken by driving, and taken over only on request.
 
 A lease ends with its client, when it is given back, or ``lease_s`` after its last attempt to drive. When it ends with
 its client or is taken over, the source's last command is withdrawn: nobody answers for it any more.

@@ -1,4 +1,4 @@
-"""Stops among what a client has sent: served before others, and once its connection ends instead of them, but bounded.
+"""Finds stops in a client's waiting bytes, before other requests and when its connection ends, within limits.
 
 Bytes are counted, and lines that look like a stop. No client that means to stop the robot sends so many.
 """

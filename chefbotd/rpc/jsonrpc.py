@@ -1,4 +1,4 @@
-"""JSON-RPC 2.0 over lines, strict and without I/O: a line is a ``Request`` or it is a ``Failure``.
+"""Parses JSON-RPC 2.0 lines strictly and without I/O into a ``Request`` or a ``Failure``.
 
 What a robot must never guess at is refused rather than repaired: numbers that are not finite or do not fit, keys
 said twice, text that is no Unicode, objects nested deeper than any method needs.

@@ -1,4 +1,4 @@
-"""The server's own methods: what it is, who the client is, what the client receives, and who has control."""
+"""The server's own methods: the daemon's description, clients, subscriptions, and control."""
 
 from collections.abc import Iterable, Mapping
 from functools import cache

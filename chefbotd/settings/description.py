@@ -1,4 +1,4 @@
-"""The robot's description (URDF): where its joints are, seen from the root link.
+"""Reads the robot's description (URDF): the positions of its joints in the root link's frame.
 
 A wheel is a joint of its configured name; its radius is that of its link's cylinder, its place that of the joint.
 """

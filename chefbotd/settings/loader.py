@@ -1,4 +1,4 @@
-"""One TOML file per robot, and environment overrides, as validated and frozen parameters.
+"""Loads a robot's TOML file with overrides from the environment as validated, frozen parameters.
 
 A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
 the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``, and

@@ -1,4 +1,4 @@
-"""A simulated LD19 on the robot: its packets, sent unasked."""
+"""A simulated LD19 on the robot: it sends packets without a request."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Beams against walls and discs: many at once, each with its own origin.
+"""Intersects many beams with walls and discs at once, each with its own origin.
 
 Within a hundredth of a second a lidar looks into a small sector, in which few of a building's walls lie. For origins
 near a place of reference, each wall's span of bearings is computed once, and widened by the robot's possible motion.

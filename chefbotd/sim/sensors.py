@@ -1,4 +1,4 @@
-"""The readings of the robot's ultrasonic sensor and IMU; chance comes from a seeded generator."""
+"""The readings of the simulated ultrasonic sensor and IMU, with noise from a seeded generator."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Walls and discs in the plane, which a round robot bumps into and a beam hits."""
+"""Walls and discs in the plane, which stop a round robot and a beam."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""The whole daemon on a virtual clock: in front of a fake serial device, or of the simulated robot."""
+"""The whole daemon on a virtual clock, with a fake serial device or the simulated robot."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""The worker's one thread of work, without a socket: messages in, messages out."""
+"""The worker's working thread, without a socket: messages in, messages out."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator

@@ -1,1 +1,1 @@
-"""What several commands share: arguments, exit codes, output, the connection."""
+"""Shared parts of the commands: arguments, exit codes, output, the connection."""

@@ -1,4 +1,4 @@
-"""What the commands of chefbotctl share: the daemon's address, the event loop, and an exit code for each failure."""
+"""Shared parts of chefbotctl's commands: the daemon's address, the event loop, and exit codes for failures."""
 
 import asyncio
 import os

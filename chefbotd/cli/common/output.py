@@ -1,4 +1,4 @@
-"""What the commands print: JSON for scripts, tables for people. rich is imported only to draw."""
+"""Prints results: JSON for scripts, tables for people. rich is imported only to draw."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

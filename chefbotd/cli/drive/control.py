@@ -1,4 +1,4 @@
-"""Driving under a client name: taking control from another client, sending a command, giving the robot back."""
+"""Drives under a client name: takes control from another client, sends commands, releases the source."""
 
 import contextlib
 import socket

@@ -1,4 +1,4 @@
-"""Following a course of straight lines and turns in place: pure functions from the robot's pose to a velocity.
+"""Follows a course of straight lines and turns in place: pure functions from the robot's pose to a velocity.
 
 Poses are in the course's own frame, whose origin is where the robot started: ``course_from_base``.
 """

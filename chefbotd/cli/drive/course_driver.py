@@ -1,4 +1,4 @@
-"""Driving a course over the command socket with feedback from odometry, and judging the result."""
+"""Drives a course over the command socket with feedback from odometry, and judges the result."""
 
 import asyncio
 import math

@@ -1,4 +1,4 @@
-"""A gamepad's stick and buttons as orders for a robot: the pure half of ``chefbotctl joystick``.
+"""Converts a gamepad's stick and buttons to commands: the pure half of ``chefbotctl joystick``.
 
 The robot moves only while the enable button is held. A button that is already held when the program starts, or when the
 pad is plugged in, has no effect until it is released once. Releasing it ends only this pad's own motion. The stop button

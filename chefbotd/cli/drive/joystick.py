@@ -1,4 +1,4 @@
-"""Driving by gamepad: the pad is polled 100 times a second, and its orders are sent to the robot.
+"""Drives by gamepad: polls the pad 100 times a second, and sends its commands to the robot.
 
 Releasing the enable button sets the pad's own target to zero at once and releases its source; lower sources go on.
 """

@@ -1,4 +1,4 @@
-"""A daemon on a simulated robot in a child process."""
+"""Runs a daemon on a simulated robot in a child process."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""What ``chefbotctl square`` shows: progress while the robot drives, and a table of the result."""
+"""Shows the progress of ``chefbotctl square``, and a table of its result."""
 
 import json
 import math

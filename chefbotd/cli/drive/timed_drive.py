@@ -1,4 +1,4 @@
-"""Driving for a given time: the command is repeated within the daemon's dead-man time, and zero always follows.
+"""Drives for a given time: repeats the command within the dead-man time, and always ends with zero.
 
 Only our own motion ends by that. A stop would hold everybody else who drives, too.
 """

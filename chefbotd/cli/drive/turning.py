@@ -1,4 +1,4 @@
-"""Turning in place to a heading, although odometry shows a command only after a delay.
+"""Turns in place to a heading, although odometry shows a command only after a delay.
 
 A Smith predictor, whose model is the command itself, adds the rotation that was commanded and is not visible yet. The
 robot is therefore told to stop before odometry shows the goal. The delay differs between boards by several times, so it

@@ -1,1 +1,1 @@
-"""Maps in the terminal: drawing one, the commands ``map`` and ``places``."""
+"""Maps in the terminal: the commands ``map`` and ``places``, and drawing."""

@@ -1,4 +1,4 @@
-"""The commands ``chefbotctl map``: the maps that the daemon keeps."""
+"""The commands ``chefbotctl map``, for the maps that the daemon keeps."""
 
 from datetime import datetime
 from pathlib import Path

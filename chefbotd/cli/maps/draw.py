@@ -1,4 +1,4 @@
-"""An occupancy grid as text for a terminal: two cells in each character, one above the other, with marks on top.
+"""Draws an occupancy grid as text: two cells in each character, one above the other, with marks on top.
 
 It fits a given number of columns and rows: what lies in one half of a character is drawn as its most occupied cell, so
 that no wall disappears. Ground that nobody has seen is cut off around the map. Up is the grid's own y axis.

@@ -1,4 +1,4 @@
-"""An occupancy grid as a PNG for people, with marks in it."""
+"""Draws an occupancy grid as a PNG, with marks in it."""
 
 import io
 import math

@@ -1,4 +1,4 @@
-"""Loading and checking a configuration for a command."""
+"""Loads and checks a configuration for a command."""
 
 from collections.abc import Mapping
 from pathlib import Path

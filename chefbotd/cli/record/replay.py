@@ -1,4 +1,4 @@
-"""``chefbotd replay``: run a recording again, and say whether the same comes of it."""
+"""``chefbotd replay``: runs a recording again, and says whether the result is the same."""
 
 import json
 import logging

@@ -1,1 +1,1 @@
-"""``chefbotctl serve``: a simulated ChefBot that carries an order to three tables."""
+"""``chefbotctl serve``: a simulated ChefBot that serves three tables."""

@@ -1,1 +1,1 @@
-"""The board at the other end of the link."""
+"""The board: its link, its restart, and its lines."""

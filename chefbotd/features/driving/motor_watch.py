@@ -1,4 +1,4 @@
-"""What the wheels do, held against what they were told: stuck, backwards, too fast, although told to stand."""
+"""Compares the wheels' motion with their commands: stuck, backwards, too fast, or moving although told to stand."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Where Foxglove can connect."""
+"""The parameters of the Foxglove server."""
 
 from pydantic import Field, field_validator
 

@@ -1,4 +1,4 @@
-"""Recording: the methods that begin and end a file, and the topic ``recording``."""
+"""Recording: the methods that start and end a file, and the topic ``recording``."""
 
 import asyncio
 from collections.abc import Coroutine

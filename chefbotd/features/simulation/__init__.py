@@ -1,1 +1,1 @@
-"""The truth about a simulated robot."""
+"""The true pose of a simulated robot."""

@@ -1,4 +1,4 @@
-"""Simulation: the topic ``sim``, where a simulated robot really is."""
+"""Simulation: the topic ``sim`` with the true pose of a simulated robot."""
 
 from chefbotd.core.events import TruthSimulated
 from chefbotd.rpc.models import Result, TopicData

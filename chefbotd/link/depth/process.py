@@ -1,4 +1,4 @@
-"""A depth camera's process, as the daemon starts, hears and ends it."""
+"""A depth camera's process: how the daemon starts it, reads from it, and ends it."""
 
 import asyncio
 import sys

@@ -1,4 +1,4 @@
-"""Where depth images come from. All of this blocks, and runs in a process of its own."""
+"""The sources of depth images. All of this blocks, so it runs in its own process."""
 
 import ctypes.util
 import itertools

@@ -1,4 +1,4 @@
-"""Maps on the disk, as the skill ``mapping`` needs them."""
+"""The map files that the skill ``mapping`` reads and writes."""
 
 from pathlib import Path
 from typing import Protocol
