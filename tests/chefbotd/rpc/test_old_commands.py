@@ -214,7 +214,7 @@ def test_a_drive_behind_answers_that_nobody_reads_is_old_when_they_are_read(run:
     serve(run, scenario)
 
 
-@pytest.mark.parametrize("behind", [b"", PING * 100, GET_STATE * 200])
+@pytest.mark.parametrize("behind", [b"", PING * 100, GET_STATE * 60])
 def test_what_a_client_sends_behind_its_own_stop_is_carried_out(behind: bytes) -> None:
     """E-stop, arm and drive in one piece, also behind more requests than a turn serves: in this order."""
 
