@@ -94,11 +94,7 @@ class Inbox(Generic[E]):
     async def get(self) -> E:
         """The oldest event; waits for one."""
         while not self._events:
-            self._waiter = asyncio.get_running_loop().create_future()
-            try:
-                await self._waiter
-            finally:
-                self._waiter = None
+            await self.next_put()
         return self._events.popleft()
 
     def __aiter__(self) -> "Inbox[E]":

@@ -112,16 +112,12 @@ def merged(old: tuple[Hypothesis, ...], new: tuple[Hypothesis, ...]) -> tuple[Hy
     """Both, the best first, without those of the new that are the same as one before."""
     kept = list(old)
     for one in sorted(new, key=lambda one: -one.fit):
-        if not any(_is_one(one, other) for other in kept):
+        if not any(is_same(APART, one.estimate.pose, other.estimate.pose) for other in kept):
             kept.append(one)
     return tuple(sorted(kept, key=lambda one: -one.fit))
 
 
 APART = GlobalSearchParameters()
-
-
-def _is_one(a: Hypothesis, b: Hypothesis) -> bool:
-    return is_same(APART, a.estimate.pose, b.estimate.pose)
 
 
 def is_look(params: CertaintyParameters, motion: Floats) -> bool:

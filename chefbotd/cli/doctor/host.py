@@ -91,7 +91,8 @@ def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
     for entry in proc.iterdir():
         words = _command_line(entry) if entry.name.isdecimal() else []
         if "run" in words and any(
-            Path(word).name in ("chefbotd", "chefbotd.py") or _is_module(word) for word in words
+            Path(word).name in ("chefbotd", "chefbotd.py") or word.startswith("chefbotd.cli.programs")
+            for word in words
         ):
             found.append(
                 RunningDaemon(
@@ -99,10 +100,6 @@ def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
                 )
             )
     return sorted(found, key=lambda daemon: daemon.pid)
-
-
-def _is_module(word: str) -> bool:
-    return word.startswith("chefbotd.cli.programs")
 
 
 def _command_line(entry: Path) -> list[str]:

@@ -18,7 +18,7 @@ from chefbotd.client import Client
 if TYPE_CHECKING:
     from chefbotd.cli.maps.draw import Mark
     from chefbotd.client.map_methods import MapImage
-    from chefbotd.client.models import MapList, MapSummary
+    from chefbotd.client.models import MapSummary
 
 LEGEND_ROWS, MOST_AGE_S = 3, 2.0
 MODES = ("trinary", "scale", "raw")
@@ -37,11 +37,8 @@ def list_command(context: CommandContext) -> None:
     if not maps.maps and not context.as_json:
         echo(f"There is no map in {maps.folder} yet.")
         return
-    output.table(context.as_json, maps.model_dump(mode="json"), *_list_table(maps))
-
-
-def _list_table(maps: "MapList") -> tuple[list[str], list[list[str]]]:
-    return ["map", "size", "saved", "version", ""], [_row(each) for each in maps.maps]
+    header = ["map", "size", "saved", "version", ""]
+    output.table(context.as_json, maps.model_dump(mode="json"), header, [_row(each) for each in maps.maps])
 
 
 def _row(each: "MapSummary") -> list[str]:
