@@ -147,8 +147,8 @@ class RecordingService:
     async def _ready_writer(self) -> "Writer":
         """The writer, as soon as what it needs is loaded."""
         if self._writer is None:
-            self._starting = self._starting or self._start_writer()
             try:
+                self._starting = self._starting or self._start_writer()
                 await asyncio.shield(asyncio.wrap_future(self._starting.ready))
             except Exception as error:
                 raise RecordingError(

@@ -331,6 +331,28 @@ def test_an_automatic_recording_goes_on_when_a_full_disk_has_room_again(
     assert [line["file"] for line in log if line["event"] == "recording goes on"] == [str(second)]
 
 
+def test_a_recorder_that_cannot_start_keeps_nobody_from_driving(tmp_path: Path) -> None:
+    """Such as with a library that is broken: it is logged, and whoever asks for a recording is told why."""
+
+    def broken(make: MakeRecorder, most_bytes: int) -> InlineWriter:
+        raise ImportError("no zstandard for this processor")
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path), start_writer=broken) as robot:
+            await robot.client.wait_until_armed()
+            await drive(robot, 0.5)
+            with pytest.raises(CallError, match=r"cannot start.*no zstandard for this processor"):
+                await robot.client.start_recording("evening")
+            await drive(robot, 1.0)
+            assert (await robot.client.get_state()).safety.mode == "armed"
+            assert abs(robot.board.truth(0.0).world_from_base.x_m) > 0.05
+
+    with capture_logs() as log:
+        run_virtual(main())
+    assert [line["event"] for line in log if line["log_level"] == "warning"] == ["nothing is recorded"]
+    assert files(tmp_path) == []
+
+
 def test_a_disk_that_is_full_is_told_once_in_the_log(tmp_path: Path) -> None:
     """Whoever looks for the evening's recording finds there why it ended; the robot goes on."""
     disk = FailingDisk()
