@@ -17,6 +17,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.movers import WALKER_S
 
 Counts = NDArray[np.uint8]
 
@@ -209,11 +210,13 @@ def obstacles_seen(
 ) -> Floats:
     """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell.
 
-    ``walked_s`` is when somebody walked over each cell: what the lidar saw last there was he, and he is left out.
+    ``walked_s`` is when somebody walked over each cell: what the lidar saw last there was he, and he is left out. What
+    it has seen there for longer than anybody stands is a chair that he stands at.
     """
     there = is_there(params, live, now_s) & (fixed_m > params.explained_m)
     if walked_s is not None:
-        there &= (live.scan_s > walked_s) | (live.range_s > now_s - params.range_kept_s)
+        stood = live.scan_s - live.since_s > WALKER_S
+        there &= (live.scan_s > walked_s) | (live.range_s > now_s - params.range_kept_s) | stood
     return live.at_m[there]
 
 

@@ -61,6 +61,16 @@ def test_nothing_is_remembered_of_who_walked_by() -> None:
     assert cost(costs, 5.6, 3.0) == 1.0
 
 
+def test_a_chair_is_planned_round_also_while_somebody_stands_at_it() -> None:
+    """Seen for 14 s, then he comes and stands beside it: together they look like one thing that walks."""
+    known = Awareness(ROUND, rasterised(HALL, 8.0, 6.0), NO_ZONES)
+    chair = np.array([(2.6, y) for y in np.arange(2.8, 3.2, 0.04)])
+    for k in range(180):
+        person = ARC + np.array([2.9, 3.2 + 0.4 * max(14.0 - 0.1 * k, 0.0)])
+        known.take_scan(Seen(0.1 * k, Pose2D(), np.array([1.0, 3.0]), np.vstack([chair, person])))
+    assert cost(known.costs(17.9, HERE), 2.62, 2.9) == float("inf")
+
+
 @pytest.mark.parametrize(("vy", "y_m"), [(0.1, 3.1), (-0.1, 3.0), (0.0, 3.2)])
 def test_nobody_in_a_doorway_moves_the_path_to_its_post(vy: float, y_m: float) -> None:
     """A door of 0.91 m leaves 0.27 m on either side of the robot: there are 0.10 m also while somebody comes through."""
