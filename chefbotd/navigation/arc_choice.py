@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterable, Iterator
 
-from chefbotd.navigation.arcs import Surroundings, Way, turn, turned, way
+from chefbotd.navigation.arcs import Way, turn, way
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.steering import FollowerParameters
+from chefbotd.navigation.surroundings import Surroundings, turned
 
 CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
 """A metre less of room to what stands is as bad as so many beside the wanted arc; less than ``SLIGHT_M`` is nothing."""

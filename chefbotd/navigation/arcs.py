@@ -5,21 +5,21 @@ it. A point that is too near already forbids only what brings it nearer, so the 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.costmap import between_cells
-from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.surroundings import Surroundings
 
 STEP_M, STEP_RAD = 0.025, 0.05
-SWEEP_S = 0.25
+PASSING_S = 0.2
 COMING_M = 0.003
 """What is nearer than it may be must not come nearer than this."""
 
@@ -46,27 +46,16 @@ class ArcParameters(Parameters):
     """More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
     foresight_s: float = Field(default=2.5, ge=0, le=10)
     """For so long somebody is expected to walk on as now."""
+    early_s: float = Field(default=0.3, ge=0, le=5)
+    """Somebody may be where he is expected so much earlier, or the robot later:"""
+    late_s: float = Field(default=0.5, ge=0, le=5)
+    """in front of somebody it goes only with so much time to spare."""
+    stays_s: float = Field(default=1.5, ge=0, le=10)
+    """Where the robot will stop, nobody may come by for so long."""
     keep_m: float = Field(default=0.13, ge=0, le=5)
     """So much the robot keeps from what stands, where there is room,"""
     keep_for_m: float = Field(default=0.35, gt=0, le=10)
     """along so much of its way: beyond, it will have turned."""
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What is about the robot: points (n, 2) in its frame, how each moves (m/s, same frame), how near it may come.
-
-    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``. ``intent_m_s`` is how
-    each point is expected to move soon: as fast as before, also who waits for the robot.
-    """
-
-    points_m: Floats
-    velocity_m_s: Floats
-    margin_m: Floats
-    fixed_m: Singles
-    cell_m: float
-    grid_from_base: Pose2D
-    intent_m_s: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,57 +82,33 @@ def way(
     deceleration_m_s2: float,
 ) -> Way:
     """Forward along an arc (CCW positive), or backward with a negative horizon."""
-    numbers = _numbers(params, outline, max_speed_m_s, deceleration_m_s2)
+    numbers = _numbers(params, outline, near, max_speed_m_s, deceleration_m_s2)
     return Way(*_way(*_arrays(outline, near), numbers, curvature_per_m, horizon_m, 0.0))
 
 
 def turn(params: ArcParameters, outline: OutlineParameters, near: Surroundings, angle_rad: float) -> Way:
     """Turning on the spot by an angle (CCW positive)."""
-    return Way(*_way(*_arrays(outline, near), _numbers(params, outline, 1.0, 1.0), 0.0, 0.0, angle_rad))
-
-
-def standing_only(near: Surroundings) -> Surroundings:
-    """The same without who moves."""
-    still = ~near.velocity_m_s.any(axis=1)
-    return replace(
-        near,
-        points_m=near.points_m[still],
-        margin_m=near.margin_m[still],
-        velocity_m_s=near.velocity_m_s[still],
-    )
-
-
-def turned(near: Surroundings, angle_rad: float) -> Surroundings:
-    """What a robot will have about it that turns on the spot by an angle (CCW positive)."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    turn_back = np.array([[cos, -sin], [sin, cos]])
-    points_m, velocity_m_s = near.points_m @ turn_back, near.velocity_m_s @ turn_back
-    here = near.grid_from_base.compose(Pose2D(0.0, 0.0, angle_rad))
-    return replace(near, points_m=points_m, velocity_m_s=velocity_m_s, grid_from_base=here)
-
-
-def swept(params: ArcParameters, near: Surroundings) -> Surroundings:
-    """The same with everybody who moves at each place where he will be: who lets him pass must stand clear of all."""
-    moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0
-    points, margin = near.points_m[moving], near.margin_m[moving]
-    velocity = near.velocity_m_s[moving]
-    times = np.arange(0.0, params.foresight_s + 1e-9, SWEEP_S)
-    along = [points + velocity * time_s for time_s in times]
-    everything = np.vstack([near.points_m[~moving], *along])
-    margins = np.concatenate([near.margin_m[~moving], np.tile(margin, len(times))])
-    return replace(near, points_m=everything, margin_m=margins, velocity_m_s=np.zeros_like(everything))
+    return Way(*_way(*_arrays(outline, near), _numbers(params, outline, near, 1.0, 1.0), 0.0, 0.0, angle_rad))
 
 
 def _arrays(
     outline: OutlineParameters, near: Surroundings
-) -> tuple[Floats, Floats, Floats, Floats, Singles, float, Floats]:
+) -> tuple[Floats, Floats, Floats, Flags, Floats, Singles, float, Floats]:
     pose = near.grid_from_base
     here = np.array([pose.x_m, pose.y_m, pose.heading_rad])
-    return outline.hull, near.points_m, near.velocity_m_s, near.margin_m, near.fixed_m, near.cell_m, here
+    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+    if near.is_walker is not None:
+        walks &= near.is_walker
+    points, velocity = near.points_m, near.velocity_m_s
+    return outline.hull, points, velocity, walks, near.margin_m, near.fixed_m, near.cell_m, here
 
 
 def _numbers(
-    params: ArcParameters, outline: OutlineParameters, max_speed_m_s: float, deceleration_m_s2: float
+    params: ArcParameters,
+    outline: OutlineParameters,
+    near: Surroundings,
+    max_speed_m_s: float,
+    deceleration_m_s2: float,
 ) -> Floats:
     return np.array(
         [
@@ -156,6 +121,11 @@ def _numbers(
             params.foresight_s,
             params.keep_m,
             params.keep_for_m,
+            params.early_s,
+            params.late_s,
+            near.speed_m_s,
+            near.stops_m,
+            params.stays_s,
         ]
     )
 
@@ -165,6 +135,7 @@ def _way(
     hull: Floats,
     points: Floats,
     velocity: Floats,
+    walks: Flags,
     margin: Floats,
     fixed_m: Singles,
     cell_m: float,
@@ -175,7 +146,8 @@ def _way(
     angle_rad: float,
 ) -> tuple[float, float, float, float]:
     """Free length or angle (0 or more), least room, allowed speed, lacking room."""
-    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s, keep_m, keep_for_m = numbers
+    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s, keep_m, keep_for_m = numbers[:9]
+    early_s, late_s, speed_now, stops_m, stays_s = numbers[9:]
     on_the_spot = horizon_m == 0.0
     total = angle_rad if on_the_spot else horizon_m
     count = max(math.ceil(abs(total) / (STEP_RAD if on_the_spot else STEP_M)), 1)
@@ -187,8 +159,14 @@ def _way(
     for k in range(1, count + 1):
         s = total * k / count
         x, y, heading = (0.0, 0.0, s) if on_the_spot else along_arc(s, curvature)
-        time_s = min(abs(s) if on_the_spot else abs(s) / max(most, 0.05), foresight_s)
-        nearest, standing = _nearest(hull, pad_m, points, velocity, least, x, y, heading, time_s)
+        soon_s = time_s = min(abs(s) if on_the_spot else abs(s) / max(most, 0.05), foresight_s)
+        if not on_the_spot:
+            time_s = _time_s(min(abs(s), stops_m), math.copysign(1.0, total) * speed_now, braking, most)
+        from_s, until_s = max(min(time_s, foresight_s) - early_s, 0.0), min(time_s, foresight_s) + late_s
+        if abs(s) >= stops_m:
+            until_s = min(time_s, foresight_s) + stays_s
+        times = soon_s, min(time_s, foresight_s), from_s, until_s
+        nearest, standing = _nearest(hull, pad_m, points, velocity, walks, least, x, y, heading, times)
         there_m = math.inf
         if not on_the_spot:
             grid_x, grid_y = here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
@@ -204,6 +182,17 @@ def _way(
         ahead_m = max(abs(s) - REACTION_M, 0.0)
         speed = min(speed, math.sqrt(allowed * allowed + 2 * braking * ahead_m))
     return free, max(room_m, 0.0), speed, lacking_m / max(kept, 1) + 0.5 * most_lacking_m
+
+
+@kernel
+def _time_s(s: float, speed_now: float, acceleration: float, most: float) -> float:
+    """When a robot that goes as fast as it may has gone so far."""
+    most = max(most, 0.05)
+    begin = min(max(speed_now, 0.0), most)
+    faster_m = (most * most - begin * begin) / (2 * acceleration)
+    if s < faster_m:
+        return (math.sqrt(begin * begin + 2 * acceleration * s) - begin) / acceleration
+    return (most - begin) / acceleration + (s - faster_m) / most
 
 
 @kernel
@@ -230,24 +219,35 @@ def _nearest(
     pad_m: float,
     points: Floats,
     velocity: Floats,
+    walks: Flags,
     least: Floats,
     x: float,
     y: float,
     heading: float,
-    time_s: float,
+    times: tuple[float, float, float, float],
 ) -> tuple[float, float]:
-    """The least room at a pose and time, to all and to what stands; minus infinity where a point is too near."""
+    """The least room at a pose, to all and to what stands; minus infinity where a point is too near.
+
+    The first of these times is for what only seems to move, the second for who walks. He may not come too near at any
+    time between the last two.
+    """
     cos, sin = math.cos(heading), math.sin(heading)
     nearest, standing = math.inf, math.inf
+    soon_s, time_s, from_s, until_s = times
+    steps = math.ceil((until_s - from_s) / PASSING_S)
     for i in range(points.shape[0]):
-        dx = points[i, 0] + velocity[i, 0] * time_s - x
-        dy = points[i, 1] + velocity[i, 1] * time_s - y
-        apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx)
-        if apart < least[i]:
-            return -math.inf, -math.inf
-        nearest = min(nearest, apart)
-        if velocity[i, 0] == 0.0 and velocity[i, 1] == 0.0:
-            standing = min(standing, apart)
+        stands = velocity[i, 0] == 0.0 and velocity[i, 1] == 0.0
+        for k in range(-1, steps + 1 if walks[i] else 0):
+            at_s = min(from_s + k * PASSING_S, until_s) if k >= 0 else time_s if walks[i] else soon_s
+            dx = points[i, 0] + velocity[i, 0] * at_s - x
+            dy = points[i, 1] + velocity[i, 1] * at_s - y
+            apart = clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx)
+            if apart < least[i]:
+                return -math.inf, -math.inf
+            if k < 0:
+                nearest = min(nearest, apart)
+            if stands:
+                standing = min(standing, apart)
     return nearest, standing
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.surfaces import places
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.live import (
@@ -20,10 +19,11 @@ from chefbotd.navigation.live import (
     see_range,
     see_scan,
 )
-from chefbotd.navigation.movers import SLOWEST_M_S, Mover, followed
+from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, followed
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.people import with_people
 from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.zones import Zones
 
@@ -48,6 +48,7 @@ class Awareness:
         self._intent_m_s = np.zeros((0, 2))
         self._is_walker: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._walked_s = np.full(self.ground.costs.shape, -math.inf)  # when a walker was on a cell
+        self._seen_from = Pose2D()
         self._closed: list[tuple[float, Floats]] = []
         self.scan_stamp_s = -math.inf
         self.planned_costs = self.ground
@@ -61,6 +62,9 @@ class Awareness:
     def take_scan(self, seen: Seen) -> None:
         """Remember what lidars show."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
+        if self._has_jumped(pose, seen.stamp_s):
+            self._movers = displaced(self._movers)
+        self._seen_from = pose
         points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
@@ -74,6 +78,13 @@ class Awareness:
         self._is_walker[self._is_unmapped] = done.is_walker
         self._points_m, self.scan_stamp_s = points, seen.stamp_s
         self._mark_walked(points[self._is_walker], seen.stamp_s)
+
+    def _has_jumped(self, here: Pose2D, stamp_s: float) -> bool:
+        """Whether the pose is farther from that of the last scan than the robot can have gone."""
+        last = self._seen_from
+        gone_m = math.hypot(here.x_m - last.x_m, here.y_m - last.y_m)
+        could_m = 1.5 * self._params.follower.max_speed_m_s * (stamp_s - self.scan_stamp_s)
+        return gone_m > JUMP_M + could_m
 
     def take_low_scan(self, seen: Seen) -> None:
         """Remember what a depth camera shows: only its own beams clear it, since a lidar's pass above or below it."""
@@ -160,12 +171,13 @@ class Awareness:
         disc = np.array([(x, y) for x in around for y in around if math.hypot(x, y) <= radius_m])
         return np.vstack([points_m, *(place + disc for _, place in self._closed)])
 
-    def surroundings(self, here: Pose2D, now_s: float) -> Surroundings:
+    def surroundings(self, here: Pose2D, now_s: float, speed_m_s: float = 0.0) -> Surroundings:
         """What is about a pose of the grid's frame: the last scan, who moved going on so, and what was seen before."""
         arcs, near_m = self._params.follower.arcs, self._params.near_m
-        bridged_s = min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S)
+        bridged_s = np.full(len(self._points_m), min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S))
+        bridged_s[self._is_walker] += self._params.follower.delay_s
         remembered = self._remembered(here, now_s)
-        points = np.vstack([self._points_m + self._velocity_m_s * bridged_s, remembered])
+        points = np.vstack([self._points_m + self._velocity_m_s * bridged_s[:, None], remembered])
         velocity = np.vstack([self._velocity_m_s, np.zeros_like(remembered)])
         intent = np.vstack([self._intent_m_s, np.zeros_like(remembered)])
         margin = np.where(self._is_unmapped, arcs.unmapped_margin_m, arcs.margin_m)
@@ -184,6 +196,8 @@ class Awareness:
             self.frame.resolution_m,
             here,
             placed(turned, intent[near]),
+            speed_m_s,
+            is_walker=np.append(self._is_walker, np.zeros(len(remembered), np.bool_))[near],
         )
 
     def _remembered(self, here: Pose2D, now_s: float) -> Floats:

@@ -4,12 +4,12 @@ import math
 from dataclasses import replace
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.follower import follow
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.steering import Followed, Track, predicted
+from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trips import Trip
 
 TRIED_S = 0.05
@@ -19,7 +19,7 @@ TRIED_S = 0.05
 def surroundings(params: NavigationParameters, known: Awareness, now: StepInput) -> Surroundings:
     """What is about the robot, where it will be when the twist takes effect."""
     here = predicted(params.follower, known.frame.pose_to_grid(now.pose), now.last)
-    return known.surroundings(here, now.now_s)
+    return known.surroundings(here, now.now_s, now.last.linear_m_s)
 
 
 def follow_trip(
@@ -44,17 +44,17 @@ def can_begin(
 
 
 def speed_limit_m_s(params: NavigationParameters, known: Awareness, now: StepInput, here: Pose2D) -> float:
-    """What zones, an uncertain pose and late scans allow at a pose of the grid's frame."""
+    """What zones, an uncertain pose, late scans and late odometry allow at a pose of the grid's frame."""
     cell = known.frame.cell(here.x_m, here.y_m)
     limit_m_s = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
     if now.status is PoseStatus.UNCERTAIN:
         limit_m_s = min(limit_m_s, params.uncertain_speed_m_s)
-    return min(limit_m_s, _late_scan_limit_m_s(params, now.now_s - known.scan_stamp_s))
+    most_m_s, age_s = params.follower.max_speed_m_s, now.now_s - known.scan_stamp_s
+    by_scan = _late_share(age_s, params.scan_late_s, params.scan_silent_s)
+    by_pose = _late_share(now.pose_age_s, params.pose_late_s, params.pose_silent_s)
+    return min(limit_m_s, most_m_s * min(by_scan, by_pose))
 
 
-def _late_scan_limit_m_s(params: NavigationParameters, age_s: float) -> float:
-    """Late scans are driven by more slowly, down to standing when they count as missing."""
-    if age_s <= params.scan_late_s:
-        return math.inf
-    left = (params.scan_silent_s - age_s) / (params.scan_silent_s - params.scan_late_s)
-    return params.follower.max_speed_m_s * max(left, 0.0)
+def _late_share(age_s: float, late_s: float, silent_s: float) -> float:
+    """By what is late it drives more slowly, down to standing when that counts as missing."""
+    return math.inf if age_s <= late_s else max((silent_s - age_s) / (silent_s - late_s), 0.0)

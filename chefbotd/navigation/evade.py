@@ -16,10 +16,11 @@ from pydantic import Field
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, Surroundings, along_arc, standing_only, way
+from chefbotd.navigation.arcs import ArcParameters, along_arc, way
 from chefbotd.navigation.distance import Flags
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.surroundings import Surroundings, standing_only
 
 CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
 LENGTHS_M = (0.2, 0.35, 0.5, 0.65)
@@ -27,6 +28,11 @@ STEP_S = 0.1
 
 HERE_M, NOISE_M = 0.001, 0.01
 """So short an arc shows the room that there is now; where that is less than it likes, only noise may take from it."""
+
+
+GRAZED_M = 0.1
+"""A touch no deeper than this is made less deep where it cannot be avoided. Who walks right over the robot is not
+fled from."""
 
 
 class EvadeParameters(Parameters):
@@ -49,6 +55,8 @@ class EvadeParameters(Parameters):
     passed_s: float = Field(default=4.0, gt=0, le=20)
     """Nobody may come to the place that the robot goes to within this time."""
     speed_m_s: float = Field(default=0.25, gt=0, le=10)
+    braking_m_s2: float = Field(default=0.5, gt=0, le=10)
+    """So fast the robot is taken to begin and end its motions."""
     most_m: float = Field(default=0.8, ge=0, le=20)
     """No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
     most_if_slower_m: float = Field(default=3.0, ge=0, le=20)
@@ -60,7 +68,6 @@ def evasion(
     outline: OutlineParameters,
     near: Surroundings,
     last: Twist2D,
-    delay_s: float,
     away_m: float,
     *,
     is_stuck: bool,
@@ -75,11 +82,21 @@ def evasion(
         return None
 
     def least_m(curvature: float, length_m: float, within_s: float) -> float:
-        numbers = np.array([outline.pad_m, curvature, length_m, params.speed_m_s, delay_s, within_s])
+        numbers = np.array(
+            [
+                outline.pad_m,
+                curvature,
+                length_m,
+                params.speed_m_s,
+                within_s,
+                last.linear_m_s,
+                params.braking_m_s2,
+            ]
+        )
         return float(_least_m(outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
 
     def best(wall_m: float) -> Twist2D | None:
-        most, chosen = max(stay_m, 0.0) + params.gain_m, None
+        most, chosen = max(stay_m, -GRAZED_M) + params.gain_m, None
         for curvature, length_m in _arcs(params, arcs, outline, standing, wall_m):
             bonus = params.gain_m if length_m * last.linear_m_s > 0 and abs(last.linear_m_s) > 0.02 else 0.0
             room_m = min(least_m(curvature, length_m, params.passed_s), params.enough_m)
@@ -145,7 +162,7 @@ def is_in_the_way(
     """Whether somebody who walks would come too near to a robot that stood here for so long."""
     walks = near.velocity_m_s.any(axis=1)
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
-    numbers = np.array([outline.pad_m, 0.0, 0.0, params.speed_m_s, 0.0, for_s])
+    numbers = np.array([outline.pad_m, 0.0, 0.0, params.speed_m_s, for_s, 0.0, params.braking_m_s2])
     least_m = _least_m(outline.hull, points, velocity, np.zeros(len(points), np.bool_), numbers)
     return float(least_m) < params.room_m
 
@@ -154,15 +171,20 @@ def is_in_the_way(
 def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbers: Floats) -> float:
     """How near the points come while the robot goes along an arc (backwards with a negative length), and stands then.
 
-    Who waits goes on when the robot stands.
+    It goes as it does at first, and changes that as fast as it can. Who waits goes on when the robot stands.
     """
-    pad_m, curvature, length_m, speed, delay_s, foresight_s = numbers
-    least, there_s = math.inf, 0.0
+    pad_m, curvature, length_m, speed, foresight_s, going, braking = numbers
+    least, there_s, s = math.inf, 0.0, 0.0
     if length_m != 0.0 and waits.any():
-        there_s = delay_s + abs(length_m) / speed
+        there_s = speed / braking + abs(length_m) / speed
     for k in range(int((foresight_s + there_s) / STEP_S) + 1):
         time_s = k * STEP_S
-        s = math.copysign(min(max(time_s - delay_s, 0.0) * speed, abs(length_m)), length_m)
+        if k > 0:
+            left_m = length_m - s
+            wanted = math.copysign(min(speed, math.sqrt(2 * braking * abs(left_m))), left_m)
+            wanted = wanted if length_m != 0.0 and abs(left_m) > 0.005 else 0.0
+            going += min(max(wanted - going, -braking * STEP_S), braking * STEP_S)
+            s += going * STEP_S
         x, y, heading = along_arc(s, curvature)
         cos, sin = math.cos(heading), math.sin(heading)
         for i in range(points.shape[0]):

@@ -13,7 +13,7 @@ import numpy as np
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.navigation.arc_choice import arc, clear_arc, free_arc, is_clearer_turned
-from chefbotd.navigation.arcs import Surroundings, Way, standing_only, stopping_speed, swept, way
+from chefbotd.navigation.arcs import Way, stopping_speed, way
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.steering import (
@@ -27,6 +27,7 @@ from chefbotd.navigation.steering import (
     slewed,
     turn_by,
 )
+from chefbotd.navigation.surroundings import Surroundings, standing_only, swept
 
 CLOSE_M = 0.006
 """A goal so near ahead is not driven to any more."""
@@ -114,6 +115,9 @@ def _pursue(
     if abs(bearing_rad) > limit_rad:
         return turn_by(params, outline, turning, bearing_rad, near, last, dt_s)
     state = replace(state, phase=Phase.TRACKING)
+    end = track.points_m[-1] - [near.grid_from_base.x_m, near.grid_from_base.y_m]
+    left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
+    near = replace(near, stops_m=left_m)
     most = params.most_curvature_per_m
     curvature = min(max(2 * y_m / away_m**2, -most), most)
     curvature, found = free_arc(params, outline, near, curvature, (x_m, y_m))
@@ -123,8 +127,6 @@ def _pursue(
     stopping = _stopping(params, outline, near, curvature, found)
     if stopping < params.least_speed_m_s:
         return Followed(state, slewed(params, last, STANDING, dt_s), is_blocked=True)
-    end = track.points_m[-1] - [near.grid_from_base.x_m, near.grid_from_base.y_m]
-    left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
     arriving = stopping_speed(left_m, params.deceleration_m_s2, params.delay_s)
     in_curve = params.curve_turn_rad_s / max(abs(curvature), 1e-6)
     speed = min(params.max_speed_m_s, track.speed_limit_m_s, found.speed_m_s, in_curve, stopping, arriving)
@@ -137,7 +139,7 @@ def _stopping(
     """From which speed the robot stands before what is in its way: clear of all of his way before who walks."""
     free_m = found.free
     if near.velocity_m_s.any() and free_m < arc(params, outline, standing_only(near), curvature).free - 0.05:
-        free_m = min(free_m, arc(params, outline, swept(params.arcs, near), curvature).free)
+        free_m = min(free_m, arc(params, outline, swept(near, params.arcs.foresight_s), curvature).free)
     if free_m >= params.arcs.horizon_m:
         return math.inf
     return stopping_speed(free_m - 0.02, params.deceleration_m_s2, params.delay_s)
@@ -161,6 +163,7 @@ def _approach(
     if abs(bearing_rad) > 0.35 and away_m > params.position_m:
         return turn_by(params, outline, state, bearing_rad, near, last, dt_s)
     curvature = min(max(2 * there.y_m / max(away_m, 0.08) ** 2, -4.0), 4.0)
+    near = replace(near, stops_m=away_m)
     found = way(
         params.arcs, outline, near, curvature, direction * (away_m + 0.02), params.max_speed_m_s,
         params.deceleration_m_s2,

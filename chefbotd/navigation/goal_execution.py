@@ -6,7 +6,6 @@ Poses are ``map_from_base``.
 import math
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.driving import can_begin, follow_trip
 from chefbotd.navigation.input_watch import Missing, watched
@@ -19,6 +18,7 @@ from chefbotd.navigation.replanning import Choice, choice, is_due
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.steering import Followed, Phase
+from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trail import back_out
 from chefbotd.navigation.trips import Trip, find
 
@@ -68,13 +68,16 @@ class GoalExecution:
 
     def drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
         """The twist to drive, or to recover, with; None is standing."""
+        self._is_blocked = False
         if self.state is State.RECOVERING and self._recovery is not None:
             return self._recover(known, self._recovery, now, near)
         return self._drive(known, now, near)
 
     def make_way(self, now: StepInput, near: Surroundings, wanted: Twist2D | None) -> Twist2D | None:
         """What is wanted, or, while the robot stands, a way out of somebody's way."""
-        self._making_way, twist = make_way(self._params, self._making_way, now, near, wanted)
+        self._making_way, twist = make_way(
+            self._params, self._making_way, now, near, wanted, is_blocked=self._is_blocked
+        )
         return twist
 
     def _change(self, event: Event) -> None:
@@ -152,6 +155,7 @@ class GoalExecution:
         if self.state is not State.DRIVING or trip is None:
             return None
         done = follow_trip(self._params, known, trip, now, near)
+        self._is_blocked = done.is_blocked
         self.trip = trip = Trip(trip.path, done.state, trip.is_interim)
         if done.state.phase is Phase.DONE:
             self._arrive(known, trip, now)

@@ -1,10 +1,14 @@
 """Checks that a step has a pose and scans. Without them the robot stands, and after a while the goal ends."""
 
+import math
 from dataclasses import dataclass
 
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End
+
+BRAKING_S = 0.05
+"""So long after its delay the wheels have nearly stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +20,8 @@ class Missing:
 
     lost_since_s: float | None = None
     without_scan_s: float | None = None
+    brakes_until_s: float = -math.inf
+    """After odometry was silent the robot first stands: it went on as before, whatever it was asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +42,13 @@ def watched(params: NavigationParameters, last: Missing, now: StepInput, scan_st
     """One step, with the time of the last scan."""
     if now.status is PoseStatus.LOST:
         return _lost(params, last, now)
-    is_found = last.lost_since_s is not None
+    is_found = last.lost_since_s is not None or last.brakes_until_s > -math.inf
     if now.now_s - scan_stamp_s < params.scan_silent_s:
+        until_s = last.brakes_until_s
+        if now.pose_age_s >= params.pose_silent_s:
+            until_s = now.now_s + params.follower.delay_s + BRAKING_S
+        if now.now_s < until_s:
+            return Watched(Missing(brakes_until_s=until_s), "waits, because no odometry arrives")
         return Watched(Missing(), is_over=is_found or last.without_scan_s is not None)
     without_scan_s = now.dt_s + (last.without_scan_s or 0.0)
     missing, stands = Missing(without_scan_s=without_scan_s), "waits, because no scan arrives"

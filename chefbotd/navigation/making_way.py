@@ -1,14 +1,14 @@
 """Lets a standing robot make way for a person who comes nearer, step by step."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.evade import evasion
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import StepInput
 from chefbotd.navigation.steering import slewed
+from chefbotd.navigation.surroundings import Surroundings
 
 CALM_S = 3.0
 """When nobody was evaded for so long, the next one is another."""
@@ -29,18 +29,23 @@ def make_way(
     now: StepInput,
     near: Surroundings,
     wanted: Twist2D | None,
+    *,
+    is_blocked: bool,
 ) -> tuple[MakingWay, Twist2D | None]:
-    """Make way for who comes nearer while the robot stands; otherwise what is ``wanted`` (None is standing)."""
+    """Make way for who comes nearer while the robot stands, or brakes since it ``is_blocked``; else what is ``wanted``.
+
+    None is standing.
+    """
     here, start = near.grid_from_base, making.grid_from_start
-    goes = wanted is not None and wanted.linear_m_s > 0.0
-    if goes or (not making.is_active and now.last.linear_m_s > 0.01):
-        return replace(making, is_active=False), wanted
+    goes = wanted is not None and wanted.linear_m_s > 0.0 and not is_blocked
+    if goes and not making.is_active:
+        return making, wanted
     if start is None or now.now_s - making.last_s > CALM_S:
         start = here
     away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
-    arcs, delay_s = params.follower.arcs, params.follower.delay_s
+    arcs = params.follower.arcs
     is_stuck = making.is_active or wanted is None or abs(wanted.angular_rad_s) < 0.05
-    found = evasion(params.evade, arcs, params.outline, near, now.last, delay_s, away_m, is_stuck=is_stuck)
+    found = evasion(params.evade, arcs, params.outline, near, now.last, away_m, is_stuck=is_stuck)
     if found is None:
         return MakingWay(False, making.last_s, start), wanted
     return MakingWay(True, now.now_s, start), slewed(params.follower, now.last, found, now.dt_s)

@@ -22,7 +22,8 @@ SLOWEST_M_S = 0.18
 OVER_S, AFTER_S = 0.5, 0.35
 """A velocity is measured over so long, and believed after so long: beams that come and go shift a thing's middle."""
 
-FORGOTTEN_S = 0.6
+FORGOTTEN_S, WALKER_FORGOTTEN_S = 0.6, 1.5
+"""Who was not seen for so long is somebody else; a board that is silent for a second makes nobody a stranger."""
 
 WALKED_M, WALKER_S = 0.5, 10.0
 """What went so far from where it was first seen walks, and for so long after its last step it will walk on: somebody
@@ -74,7 +75,7 @@ def followed(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> Fol
     velocities, walkers = np.zeros_like(points_m), np.zeros(len(points_m), np.bool_)
     intents = np.zeros_like(points_m)
     found = list[Mover]()
-    left = [mover for mover in movers if stamp_s - mover.stamp_s <= FORGOTTEN_S]
+    left = [mover for mover in movers if stamp_s - mover.stamp_s <= _forgotten_s(mover)]
     for span in _things(points_m):
         thing = points_m[span]
         widest_m = float(np.ptp(thing, axis=0).max())
@@ -89,6 +90,15 @@ def followed(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> Fol
         if mover.is_walker:
             intents[span] = mover.walks_m_s
     return Followed((*found, *left), velocities, intents, walkers)
+
+
+def displaced(movers: tuple[Mover, ...]) -> tuple[Mover, ...]:
+    """The same after the robot's pose has jumped: how they moved is known from before, and not measured across it."""
+    return tuple(replace(mover, was=()) for mover in movers)
+
+
+def _forgotten_s(mover: Mover) -> float:
+    return WALKER_FORGOTTEN_S if mover.is_walker else FORGOTTEN_S
 
 
 def _things(points_m: Floats) -> list[slice]:
@@ -116,8 +126,8 @@ def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float, radius_m
     began_s, began_x, began_y = was[0]
     over_s = stamp_s - began_s
     vx, vy = (x_m - began_x) / max(over_s, 1e-3), (y_m - began_y) / max(over_s, 1e-3)
-    if over_s < AFTER_S or math.hypot(vx, vy) > FASTEST_M_S:
-        vx = vy = 0.0
+    if over_s < AFTER_S or math.hypot(vx, vy) > FASTEST_M_S:  # not measured: who walked walks on
+        vx, vy = (nearest.vx_m_s, nearest.vy_m_s) if nearest.is_walker else (0.0, 0.0)
     radius_m = max(radius_m, 0.9 * nearest.radius_m)  # half of somebody may be hidden for a moment
     mover = Mover(
         x_m, y_m, vx, vy, stamp_s, was, nearest.from_m, nearest.walked_s, radius_m, nearest.walks_m_s

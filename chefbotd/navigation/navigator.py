@@ -157,15 +157,24 @@ class Navigator:
         """How long a path will take, if nothing gets in the way."""
         return seconds(self._params.follower, path, path.frame.pose_to_grid(start), self.costs)
 
-    def step(self, now_s: float, pose: Pose2D, status: PoseStatus = PoseStatus.LOCALIZED) -> Step:
-        """What to do now; ``pose`` is where the robot is, ``now_s`` is not before that of the last step."""
+    def step(
+        self,
+        now_s: float,
+        pose: Pose2D,
+        status: PoseStatus = PoseStatus.LOCALIZED,
+        pose_age_s: float = 0.0,
+    ) -> Step:
+        """What to do now; ``pose`` is where the robot is, ``now_s`` is not before that of the last step.
+
+        ``pose_age_s`` is how long ago the pose was measured; since then the robot is expected to move on as it did.
+        """
         dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
         self._stepped_s = now_s
         twist = None
         execution = self._execution
         if self._known is not None and execution is not None and execution.state is not State.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
-            now = StepInput(now_s, dt_s, pose, status, self._last)
+            now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
             wanted = self._act(self._known, execution, now)
             twist = standing if wanted is None else wanted
         self._last = STANDING if twist is None else twist

@@ -39,6 +39,10 @@ class NavigationParameters(Parameters):
     """Without a scan for so long the robot stands,"""
     scan_fault_s: float = Field(default=10.0, gt=0, le=60)
     """and after so much longer the goal ends."""
+    pose_late_s: float = Field(default=0.2, gt=0, le=10)
+    """With odometry that is older it drives more slowly,"""
+    pose_silent_s: float = Field(default=0.4, gt=0, le=10)
+    """and from here on it asks to stand: a board that was silent must not go on as before."""
     lost_s: float = Field(default=20.0, gt=0, le=600)
     """A robot that does not know where it is stands, and after so long the goal ends."""
     uncertain_speed_m_s: float = Field(default=0.12, gt=0, le=10)

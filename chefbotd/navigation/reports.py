@@ -34,7 +34,8 @@ class Seen:
 class StepInput:
     """What a step is made with: the time, the time since the last step, where the robot is (``map_from_base``).
 
-    ``last`` is the twist that was asked for last.
+    ``last`` is the twist that was asked for last. ``pose_age_s`` is for how long no odometry came: since then the pose
+    is only expected.
     """
 
     now_s: float
@@ -42,6 +43,7 @@ class StepInput:
     pose: Pose2D
     status: PoseStatus
     last: Twist2D
+    pose_age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,10 @@ from pydantic import Field
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, Surroundings, stopping_speed, turn
+from chefbotd.navigation.arcs import ArcParameters, stopping_speed, turn
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.surroundings import Surroundings
 
 TURN_BRAKING = 0.85
 """A turn is slowed down by this share of what the robot can."""

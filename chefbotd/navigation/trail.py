@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.follower import backwards
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import StepInput
+from chefbotd.navigation.surroundings import Surroundings
 
 Trail = tuple[tuple[float, float], ...]
 """Points (x, y) of the grid's frame, the newest last."""

@@ -48,4 +48,4 @@ def _meet_somebody(params: NavigationParameters) -> None:
         known.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
     known.costs(0.1 * WALKED, pose)
     near = known.surroundings(pose, 0.1 * WALKED)
-    evasion(params.evade, params.follower.arcs, params.outline, near, STANDING, 0.1, 0.0, is_stuck=True)
+    evasion(params.evade, params.follower.arcs, params.outline, near, STANDING, 0.0, is_stuck=True)

@@ -68,10 +68,12 @@ def in_flat(
     zones: str = "",
     before: Callable[[SimulatedRobot], None] = lambda robot: None,
     overrides: Mapping[str, object] = UNCHANGED,
+    worker_late_s: float = 0.0,
 ) -> None:
     """Run a scenario with the robot armed and localized, on a map with these zones.
 
-    ``before`` is called with the robot before it localizes itself; ``overrides`` change its configuration.
+    ``before`` is called with the robot before it localizes itself; ``overrides`` change its configuration. A worker that
+    starts later by a part of its step of 50 ms makes all its steps so much later after the lidar's turns.
     """
     save(MapStore(folder, 3), "flat", FLAT.grid())
     if zones:
@@ -79,6 +81,7 @@ def in_flat(
     children: list[Child] = []
 
     async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
+        await asyncio.sleep(worker_late_s)
         children.append(await worker_in_process(theirs, parameters))
         return children[-1]
 

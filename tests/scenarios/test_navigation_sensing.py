@@ -4,6 +4,7 @@ import asyncio
 import base64
 import math
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from chefbotd.client import GoalFault
 from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
-from tests.scenarios.on_the_way import Drive, drives_in_flat
+from tests.scenarios.on_the_way import Drive, drives_in_flat, in_flat
 
 pytestmark = pytest.mark.slow
 
@@ -60,22 +61,32 @@ async def test_somebody_who_steps_in_front_is_not_touched(drive: Drive) -> None:
     assert "reached" in await leg
 
 
-@drives_in_flat()
-async def test_somebody_who_walks_across_is_not_touched(drive: Drive) -> None:
-    """A disc of 0.25 m crosses the way in the hall at 0.3 m/s and waits for nobody; the goal is reached behind it."""
-    leg, crowd = drive.begin(), drive.robot.board.crowd
-    await drive.until_driving()
-    least_m = math.inf
-    for step in range(200):
-        x, y = 0.9 + 0.3 * 0.05 * step, 3.95
-        crowd.put("somebody", x, y)
-        await asyncio.sleep(0.05)
-        pose = drive.truth.world_from_base
-        least_m = min(least_m, math.dist((pose.x_m, pose.y_m), (x, y)) - 0.25 - 0.18)
-        assert not drive.truth.in_contact
-    crowd.take_away("somebody")
-    assert least_m > 0.02
-    assert "reached" in await leg
+@pytest.mark.parametrize("late_s", [0.0, 0.0125, 0.025, 0.0375])
+@pytest.mark.parametrize(("from_x_m", "speed_m_s"), [(0.9, 0.3), (0.3, 0.5), (4.3, -0.3), (6.0, -0.8)])
+def test_somebody_who_walks_across_is_not_touched(
+    tmp_path: Path, from_x_m: float, speed_m_s: float, late_s: float
+) -> None:
+    """A disc of 0.25 m crosses the way in the hall and waits for nobody; the goal is reached behind it.
+
+    So at each phase of the worker's steps to the lidar's turns, and though the board is silent for a second meanwhile.
+    """
+
+    async def scenario(drive: Drive) -> None:
+        leg, crowd = drive.begin(), drive.robot.board.crowd
+        await drive.until_driving()
+        least_m = math.inf
+        for step in range(200):
+            x, y = from_x_m + speed_m_s * 0.05 * step, 3.95
+            crowd.put("somebody", x, y)
+            await asyncio.sleep(0.05)
+            pose = drive.truth.world_from_base
+            least_m = min(least_m, math.dist((pose.x_m, pose.y_m), (x, y)) - 0.25 - 0.18)
+            assert not drive.truth.in_contact
+        crowd.take_away("somebody")
+        assert least_m > 0.0
+        assert "reached" in await leg
+
+    in_flat(tmp_path, scenario, worker_late_s=late_s)
 
 
 @pytest.mark.parametrize("fault", [LidarFault.SILENT, LidarFault.FROZEN])

@@ -21,7 +21,7 @@ from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.skills import navigation_messages as messages
-from chefbotd.worker.skills.aligned_scans import ScanAligner
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.navigation_messages import (
     GoalAsked,
@@ -47,6 +47,14 @@ MOST_AGE_S: Final = 1.5
 The classic board is silent for a second when an echo is missing; the gate lets nothing move meanwhile.
 """
 
+SILENT_S: Final = 0.15
+"""Without odometry for so long, the map is placed as before, and for ``HELD_S`` after it is back.
+
+A scan is matched from where odometry left off, and does not find all of the way at once.
+"""
+
+HELD_S: Final = 0.3
+
 STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.UNCERTAIN: PoseStatus.UNCERTAIN}
 NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
 
@@ -64,7 +72,8 @@ class NavigationSkill:
         self._used: tuple[str, int] | None = None  # and localization's
         self._problem = ""
         self._odometry: OdometrySeen | None = None
-        self._scan_s = float("-inf")
+        self._map_from_odom: Floats | None = None  # by which the robot is placed
+        self._scan_s = self._held_until_s = float("-inf")
         self._cameras = {name: ScanAligner((name,)) for name in told.cameras}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
         self._told: Stepped | None = None
@@ -169,7 +178,8 @@ class NavigationSkill:
         pose, status = self._pose(now_s)
         self._take_seen(self._finder)
         self._take_images(now_s, self._finder)
-        done = self._navigator.step(now_s, pose or Pose2D(), status)
+        age_s = 0.0 if self._odometry is None else now_s - self._odometry.stamp_s
+        done = self._navigator.step(now_s, pose or Pose2D(), status, age_s)
         told = self._stepped(now_s, done)
         if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
             self._told = told
@@ -184,8 +194,11 @@ class NavigationSkill:
         odometry = self._odometry
         if known is None or known.map_from_odom is None or odometry is None:
             return None, PoseStatus.LOST
-        odom_from_base = np.array([odometry.x_m, odometry.y_m, odometry.heading_rad])
-        pose = _pose2d(compose(known.map_from_odom, odom_from_base))
+        if now_s - odometry.stamp_s > SILENT_S:
+            self._held_until_s = now_s + HELD_S
+        if now_s >= self._held_until_s or self._map_from_odom is None:
+            self._map_from_odom = known.map_from_odom
+        pose = _pose2d(compose(self._map_from_odom, expected(odometry, now_s)))
         if now_s - odometry.stamp_s > MOST_AGE_S:
             return pose, PoseStatus.LOST
         return pose, STATUS.get(known.state, PoseStatus.LOST)
@@ -193,24 +206,28 @@ class NavigationSkill:
     def _take_seen(self, finder: LocalizationSkill) -> None:
         """The newest scan; what was seen while the robot was lost cannot be placed."""
         seen, known = finder.seen, finder.report
-        if seen is None or seen.stamp_s <= self._scan_s or known is None or known.map_from_odom is None:
+        if seen is None or seen.stamp_s <= self._scan_s or known is None or self._map_from_odom is None:
             return
         self._scan_s = seen.stamp_s
         if known.state in STATUS:
-            placed = _pose2d(compose(known.map_from_odom, seen.odometry))
-            points = np.asarray(seen.scan.points, np.float64)
-            self._navigator.take_scan(Seen(seen.stamp_s, placed, seen.scan.sensor_m, points))
+            self._navigator.take_scan(self._placed(self._map_from_odom, seen))
 
     def _take_images(self, now_s: float, finder: LocalizationSkill) -> None:
         """What depth cameras saw; nothing of it is used to find the way."""
         known = finder.report
         for camera in self._cameras.values():
             while (image := camera.next_aligned(now_s)) is not None:
-                if known is None or known.map_from_odom is None or known.state not in STATUS:
+                if known is None or self._map_from_odom is None or known.state not in STATUS:
                     continue  # where that was is not known
-                placed = _pose2d(compose(known.map_from_odom, image.odometry))
-                points = np.asarray(image.scan.points, np.float64)
-                self._navigator.take_low_scan(Seen(image.stamp_s, placed, image.scan.sensor_m, points))
+                self._navigator.take_low_scan(self._placed(self._map_from_odom, image))
+
+    def _placed(self, map_from_odom: Floats, seen: AlignedScan) -> Seen:
+        """What was seen, where the robot was then; without odometry of that time where it was expected."""
+        odometry, there = self._odometry, seen.odometry
+        if odometry is not None and odometry.stamp_s < seen.stamp_s:
+            there = expected(odometry, seen.stamp_s)
+        points = np.asarray(seen.scan.points, np.float64)
+        return Seen(seen.stamp_s, _pose2d(compose(map_from_odom, there)), seen.scan.sensor_m, points)
 
     def _stepped(self, now_s: float, done: Step) -> Stepped:
         progress = done.progress
@@ -247,7 +264,7 @@ class NavigationSkill:
         before, self._used = self._used, used
         if before is not None and used is not None and before[0] != used[0]:
             self._navigator.fail(f"the map was changed from {before[0]} to {used[0]}")
-        self._map, self._problem = used, ""
+        self._map, self._problem, self._map_from_odom = used, "", None
         grid = None if self._finder is None else self._finder.grid
         if used is None or grid is None:
             self._map = None
@@ -270,6 +287,14 @@ def read_zones(folder: FilePath, name: str) -> Zones:
     """
     content = MapStore(folder, 1).read_beside(name, ZONES)
     return NO_ZONES if content is None else parse_zones(content.decode("utf-8"), ZONES)
+
+
+def expected(odometry: OdometrySeen, at_s: float) -> Floats:
+    """Where odometry would say that the robot is, if it moves on as it did: a board that is silent obeys nothing."""
+    after_s = min(max(at_s - odometry.stamp_s, 0.0), MOST_AGE_S)
+    turned, moved = odometry.angular_rad_s * after_s, odometry.linear_m_s * after_s
+    on = np.array([moved * np.cos(turned / 2), moved * np.sin(turned / 2), turned])
+    return compose(np.array([odometry.x_m, odometry.y_m, odometry.heading_rad]), on)
 
 
 def _outline(told: NavigationSkillParameters) -> OutlineParameters:

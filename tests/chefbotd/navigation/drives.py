@@ -85,8 +85,14 @@ class Drive:
     seed: int = 0
     status: PoseStatus = PoseStatus.LOCALIZED
     lidar_works: bool = True
+    scan_age_s: float = 0.0
+    """So long after its time a scan is told of."""
+    silent_s: tuple[float, float] = (math.inf, math.inf)
+    """From then until then no reading comes, and no command is obeyed: the classic board waits for an echo."""
 
     def __post_init__(self) -> None:
+        self.scans: list[tuple[float, Seen]] = []
+        self._read = 0.0, self.pose, Twist2D()
         self.navigator = Navigator(self.params)
         self.navigator.use_map(self.grid)
         self.chance = np.random.default_rng(self.seed)
@@ -140,9 +146,11 @@ class Drive:
     def tick(self) -> None:
         """20 ms of the world; a scan every 100 ms, a step of the navigator every 40 ms."""
         if self.ticks % SCAN_EVERY == 0 and self.lidar_works:
-            self.navigator.take_scan(self._scan())
+            self.scans.append((self.now_s + self.scan_age_s, self._scan()))
+        while self.scans and self.scans[0][0] <= self.now_s + 1e-9:
+            self.navigator.take_scan(self.scans.pop(0)[1])
         if self.ticks % CONTROL_EVERY == 0:
-            step = self.navigator.step(self.now_s, self._measured(), self.status)
+            step = self.navigator.step(self.now_s, self._measured(), self.status, self.now_s - self._read[0])
             self.asked = step.twist or Twist2D()
             self.twists.append(self.asked)
             self.ended += step.ended
@@ -179,14 +187,28 @@ class Drive:
         points = np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1)[good] * ranges[good, None]
         return Seen(self.now_s, self._measured(), np.zeros(2), points)
 
+    @property
+    def is_silent(self) -> bool:
+        """Whether the board waits for an echo."""
+        return self.silent_s[0] <= self.now_s < self.silent_s[1]
+
     def _measured(self) -> Pose2D:
+        if not self.is_silent:
+            self._read = self.now_s, self.pose, self.twist
+        began_s, pose, twist = self._read
+        turned, moved = (
+            (self.now_s - began_s) * twist.angular_rad_s,
+            (self.now_s - began_s) * twist.linear_m_s,
+        )
+        here = pose.compose(Pose2D(moved * math.cos(turned / 2), moved * math.sin(turned / 2), turned))
         x, y, heading = self.chance.normal(0, (0.004, 0.004, 0.002))
-        return Pose2D(self.pose.x_m + x, self.pose.y_m + y, self.pose.heading_rad + heading)
+        return Pose2D(here.x_m + x, here.y_m + y, here.heading_rad + heading)
 
     def _move(self) -> None:
         wanted = self.twist if not self.queue else Twist2D()
         while self.queue and self.queue[0][0] <= self.now_s:
-            self._obeyed = self.queue.pop(0)[1]
+            obeyed = self.queue.pop(0)[1]
+            self._obeyed = getattr(self, "_obeyed", Twist2D()) if self.is_silent else obeyed
         wanted = getattr(self, "_obeyed", Twist2D())
         linear = _towards(self.twist.linear_m_s, wanted.linear_m_s, ACCELERATION_M_S2 * STEP_S, MOST_M_S)
         angular = _towards(self.twist.angular_rad_s, wanted.angular_rad_s, TURN_RAD_S2 * STEP_S, MOST_RAD_S)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
-from chefbotd.navigation.arcs import ArcParameters, Surroundings, stopping_speed, turn, way
+from chefbotd.navigation.arcs import ArcParameters, stopping_speed, turn, way
 from chefbotd.navigation.follower import backwards, follow
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.smooth import resampled
 from chefbotd.navigation.steering import FollowerParameters, FollowState, Phase, Track, predicted, slewed
+from chefbotd.navigation.surroundings import Surroundings
 from tests.budget import examples
 
 ROUND = OutlineParameters(radius_m=0.18)
@@ -85,6 +87,32 @@ def test_who_walks_across_is_met_where_he_will_be() -> None:
     )
     assert straight(standing) == 1.0
     assert straight(walking) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "ahead_m", "is_free"), [(0.3, 3.3, True), (0.3, 2.6, False), (0.0, 3.3, False)]
+)
+def test_it_goes_in_front_of_somebody_only_with_time_to_spare(
+    speed_m_s: float, ahead_m: float, is_free: bool
+) -> None:
+    """He crosses 0.5 m ahead at 1 m/s: at 0.3 m/s the robot is past him, by 0.28 m of both, after 2.6 s.
+
+    From 3.3 m he comes 0.7 s later than that; from 2.6 m at once, and a robot that stands needs 0.3 s more.
+    """
+    near = Surroundings(
+        np.array([[0.5, -ahead_m]]), np.array([[0.0, 1.0]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=speed_m_s
+    )  # fmt: skip
+    arcs = ArcParameters(foresight_s=6.0)
+    assert (way(arcs, ROUND, near, 0.0, 1.0, 0.3, 0.5).free == 1.0) is is_free
+
+
+def test_it_stops_at_no_goal_where_somebody_comes_by() -> None:
+    """The goal is 0.4 m ahead, reached after 1.6 s; he is there 0.9 s later, when a robot that went on would be past."""
+    near = Surroundings(
+        np.array([[0.4, -1.5]]), np.array([[0.0, 0.6]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=0.3
+    )
+    arcs = ArcParameters(foresight_s=6.0)
+    assert way(arcs, ROUND, replace(near, stops_m=0.4), 0.0, 1.0, 0.3, 0.5).free < 0.4
 
 
 def test_the_speed_falls_with_the_room() -> None:

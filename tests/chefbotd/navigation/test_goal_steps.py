@@ -1,12 +1,12 @@
 """The pure steps about a goal: the queue, what is missing, whether the robot comes on, the way back."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.arcs import Surroundings
 from chefbotd.navigation.costmap import costmap
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.input_watch import Missing, watched
@@ -17,6 +17,7 @@ from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.smooth import headings, resampled
 from chefbotd.navigation.states import End
 from chefbotd.navigation.steering import FollowState
+from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.trips import Trip
 from tests.chefbotd.mapping.slam.flat import box
@@ -74,6 +75,26 @@ def test_missing_scans_are_counted_by_steps_and_not_by_the_clock() -> None:
     assert after_sleep.end is None
     assert after_sleep.missing.without_scan_s == pytest.approx(0.08)
     assert watched(ROUND, Missing(without_scan_s=9.97), at(68.0), 7.3).end is End.FAULT
+
+
+def test_after_odometry_was_silent_the_robot_first_stands() -> None:
+    """From 0.4 s of silence on, and for 0.2 s after it: it went on as before, and has to brake."""
+
+    def stands(last: Missing, now_s: float, age_s: float) -> tuple[Missing, bool]:
+        done = watched(ROUND, last, replace(at(now_s), pose_age_s=age_s), now_s)
+        assert done.end is None
+        return done.missing, bool(done.stands)
+
+    last, is_standing = stands(Missing(), 7.0, 0.39)
+    assert not is_standing
+    for now_s, age_s, expected in (
+        (7.1, 0.45, True),
+        (7.6, 0.95, True),
+        (7.79, 0.05, True),
+        (7.81, 0.05, False),
+    ):
+        last, is_standing = stands(last, now_s, age_s)
+        assert is_standing is expected, now_s
 
 
 @pytest.mark.parametrize(("walks", "patience_s"), [(False, 1.5), (True, 6.0)])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.navigation.movers import followed
+from chefbotd.navigation.movers import displaced, followed
 
 ARC = np.stack([0.2 * np.cos(np.linspace(2, 4, 12)), 0.2 * np.sin(np.linspace(2, 4, 12))], axis=1)
 CHAIR = np.array([[3.0, 1.0], [3.1, 1.05], [3.2, 1.1]])
@@ -72,3 +72,31 @@ def test_who_went_half_a_metre_is_a_walker_for_ten_seconds_after_his_last_step()
     assert seen[110][: len(ARC)].all()
     assert not seen[130].any()
     assert not any(flags[len(ARC) :].any() for flags in seen.values())
+
+
+@pytest.mark.parametrize("gap_s", [0.5, 1.0, 1.4])
+def test_who_was_not_seen_for_a_moment_walks_on(gap_s: float) -> None:
+    """A walker at -0.4 m/s and 0.3 m/s that no scan shows for a while has his velocity at the first scan after it."""
+    movers: tuple[object, ...] = ()
+    times = [0.1 * k for k in range(20)] + [1.9 + gap_s]
+    for now_s in times:
+        done = followed(movers, now_s, ARC + np.array([1.0 - 0.4 * now_s, 0.3 * now_s]))
+        movers = done.movers
+    assert done.velocity_m_s == pytest.approx(np.tile([-0.4, 0.3], (len(ARC), 1)), abs=0.02)
+    assert done.is_walker.all()
+
+
+def test_a_pose_that_jumps_gives_nobody_another_velocity() -> None:
+    """All that is seen jumps by 0.2 m: he walks on as before, and the chair stands."""
+    movers: tuple[object, ...] = ()
+    for k in range(26):
+        if k == 20:
+            movers = displaced(movers)
+        jump = np.array([0.2, 0.05]) if k >= 20 else 0.0
+        person = ARC + np.array([1.0 + 0.03 * k, -1.0])
+        done = followed(movers, 0.1 * k, np.vstack([person, CHAIR]) + jump)
+        movers = done.movers
+        if k >= 10:
+            velocity = done.velocity_m_s
+            assert velocity[: len(ARC)] == pytest.approx(np.tile([0.3, 0.0], (len(ARC), 1)), abs=0.01)
+            assert not velocity[len(ARC) :].any()
