@@ -30,6 +30,12 @@ from chefbotd.navigation.zones import Zones
 BRIDGED_S = 0.5
 """For so long after a scan things are expected to go on as they moved in it."""
 
+SOMEBODY_M = 0.45
+"""So near to a place somebody is at it."""
+
+JUMP_M = 0.06
+"""A pose that is so much farther from the last one than the robot goes was put right."""
+
 
 class Awareness:
     """Takes what sensors see; gives the costs to plan with, and the points to drive by."""
@@ -142,6 +148,19 @@ class Awareness:
         points = placed(here.inverse(), self._points_m)
         apart_m = np.where(points[:, 0] > 0, np.hypot(points[:, 0], points[:, 1]), math.inf)
         return bool(len(points) and self._is_walker[int(np.argmin(apart_m))])
+
+    def may_leave(self, place: Floats, now_s: float) -> bool:
+        """Whether somebody may be at a place of the grid's frame: he walked there, and has not stood for long."""
+        cell = self.frame.cell(float(place[0]), float(place[1]))
+        if cell is None:
+            return False
+        reach = math.ceil(SOMEBODY_M / self.frame.resolution_m)
+        box = tuple(slice(max(at - reach, 0), at + reach + 1) for at in cell)
+        seen = part_of(self._live, (box[0], box[1]))
+        stood_s = np.where(is_there(self._params.live, seen, now_s), seen.scan_s - seen.since_s, 0.0)
+        walked_s = float(self._walked_s[box].max())
+        lately_s = self._params.recovery.somebody_s
+        return now_s - walked_s < lately_s and float(stood_s.max()) < lately_s
 
     def obstacles(self, now_s: float) -> Floats:
         """Where something is now that the map does not explain: points (n, 2) of the grid's frame."""

@@ -14,7 +14,7 @@ from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import Goal, NoPath
 from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
 from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
-from chefbotd.navigation.replanning import Choice, choice, is_due
+from chefbotd.navigation.replanning import Choice, Waiting, choice, is_due, waiting
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.steering import Followed, Phase
@@ -36,6 +36,8 @@ class GoalExecution:
         self._unsure_since_s: float | None = None
         self._last_progress = LastProgress(-math.inf, Pose2D())
         self._making_way = MakingWay()
+        self._is_blocked = False
+        self._waiting: Waiting | None = None
         self._recovery: Recovery | None = None
         self._why_stuck = ""
         self._backed_from = Pose2D()
@@ -142,9 +144,24 @@ class GoalExecution:
         found = self._find(known, now)
         chosen = choice(self._params, known.planned_costs, trip, found, now, near)
         if isinstance(found, Trip) and chosen is Choice.TAKE_NEW:
-            self._set_out(found, now)
-        elif isinstance(found, NoPath) and chosen is Choice.STUCK:
+            since_s = now.now_s if self._waiting is None else self._waiting.since_s
+            self._wait(waiting(self._params, known, trip, found, since_s, now.now_s), now)
+            if self._waiting is None:
+                self._set_out(found, now)
+            return
+        self._wait(None, now)
+        if isinstance(found, NoPath) and chosen is Choice.STUCK:
             self._become_stuck(known, now, found.reason)
+
+    def _wait(self, told: Waiting | None, now: StepInput) -> None:
+        """Wait for somebody on the path, or no longer: waiting is no lack of progress."""
+        if told is not None:
+            self.reason = told.reason
+        elif self._waiting is not None:
+            self.reason = self._drives()
+        if told is not None or self._waiting is not None:
+            self._last_progress = LastProgress(now.now_s, now.pose)
+        self._waiting = told
 
     # Driving
 
@@ -181,6 +198,8 @@ class GoalExecution:
             in_the_way = InTheWay(known.nearest_ahead(near), known.meets_walker(near.grid_from_base))
         found = checked(self._params, self._last_progress, now, in_the_way)
         self._last_progress = found.progress
+        if self._waiting is not None:
+            return
         if found.waits or found.drives_again:
             self.reason = found.waits or self._drives()
         if found.stuck:

@@ -15,6 +15,10 @@ class RecoveryParameters(Parameters):
     """Something is in the way for so long;"""
     walker_s: float = Field(default=6.0, gt=0, le=60)
     """somebody who walked a moment ago for so long: until then the robot just waits for him to go on."""
+    detour_s: float = Field(default=15.0, ge=0, le=600)
+    """For somebody on its path the robot waits as long as the way round would take it, and no longer than this,"""
+    somebody_s: float = Field(default=30.0, ge=0, le=600)
+    """if somebody walked there so lately, and nothing has stood there for so long."""
     look_s: float = Field(default=1.0, gt=0, le=60)
     back_out_m: float = Field(default=0.35, ge=0, le=5)
     back_out_s: float = Field(default=6.0, gt=0, le=60)

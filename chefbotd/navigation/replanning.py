@@ -1,18 +1,24 @@
 """Decides whether a new path replaces the one that is driven: when that one is blocked, or the new one is better."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 
-from chefbotd.navigation.arcs import Surroundings
+from chefbotd.core.geometry import Pose2D
+from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.planner import NoPath, Path
 from chefbotd.navigation.reports import StepInput
 from chefbotd.navigation.steering import Phase
-from chefbotd.navigation.trips import Trip, blocked_after_m, least_room_m, turn_worth, worth
+from chefbotd.navigation.surroundings import Surroundings
+from chefbotd.navigation.trips import Trip, blocked_after_m, blocked_at, least_room_m, turn_worth, worth
 
 TURN_S = 4.0
 """The robot does not stop to turn to a better path where somebody will come by within this time."""
+
+LONGER_M = 0.6
+"""A way round that is no longer than this is taken at once."""
 
 CLEARER_M = 0.02
 """A path that leaves so much more room where the present one is tight is a better one."""
@@ -56,6 +62,33 @@ def choice(
         return Choice.KEEP
     has_to_wait = turn > 0 and is_in_the_way(params.evade, params.outline, near, TURN_S)
     return Choice.KEEP if has_to_wait else Choice.TAKE_NEW
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """Since when, and until when, the robot waits for somebody rather than going round him; why, as a sentence."""
+
+    since_s: float
+    until_s: float
+    reason: str
+
+
+def waiting(
+    params: NavigationParameters, known: Awareness, trip: Trip, found: Trip, since_s: float, now_s: float
+) -> Waiting | None:
+    """Whether to wait for who stands on the trip, instead of taking the longer path that was found.
+
+    It waits as long as the way round would take, counted from ``since_s``.
+    """
+    place = blocked_at(params.planner, known.planned_costs, trip.left)
+    longer_m = found.path.length_m - trip.left.length_m
+    until_s = since_s + min(longer_m / params.follower.max_speed_m_s, params.recovery.detour_s)
+    if place is None or longer_m < LONGER_M or now_s >= until_s or not known.may_leave(place, now_s):
+        return None
+    there = known.frame.pose_to_map(Pose2D(float(place[0]), float(place[1])))
+    where = f"({there.x_m:.2f}, {there.y_m:.2f})"
+    told = f"waiting for somebody at {where} to go on: the way round is {longer_m:.1f} m longer"
+    return Waiting(since_s, until_s, told)
 
 
 def _is_clearer(costs: Costmap, new: Path, left: Path) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import Costmap, between_cells_at
+from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import OutlineParameters
 from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan, turn_rad
 from chefbotd.navigation.steering import FollowerParameters, FollowState
@@ -64,6 +65,12 @@ def find(
             )
     told = f"something stands at the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
     return NoPath(told, offered, only_for_now=True)
+
+
+def blocked_at(params: PlannerParameters, costs: Costmap, path: Path) -> Floats | None:
+    """Where (in the grid's frame) a path is blocked first."""
+    after_m = blocked_after_m(params, costs, path)
+    return None if after_m is None else path.points_m[round(after_m / params.spacing_m)]
 
 
 def blocked_after_m(params: PlannerParameters, costs: Costmap, path: Path) -> float | None:

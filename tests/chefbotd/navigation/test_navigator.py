@@ -1,6 +1,7 @@
 """Goals in small buildings, with people and chairs that are on no map: reached, or ended with the true reason."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -17,6 +18,21 @@ from tests.chefbotd.mapping.slam.flat import Floats, box, furnished_flat, wall
 from tests.chefbotd.navigation.buildings import office
 from tests.chefbotd.navigation.drives import ROUND, Drive, Person
 from tests.chefbotd.navigation.grids import rasterised
+
+
+@dataclass
+class Standing(Person):
+    """Walks to the end of his way, stands there until he leaves, and walks back."""
+
+    leaves_s: float = 0.0
+    now_s: float = 0.0
+
+    def walk(self, dt_s: float, robot: Pose2D) -> None:
+        """One step; he looks at nothing."""
+        self.now_s += dt_s
+        step_m = self.speed_m_s * dt_s * (1 if self.now_s < self.leaves_s else -1)
+        self.along_m = min(max(self.along_m + step_m, 0.0), math.dist(*self.way))
+
 
 FLAT = rasterised(furnished_flat(), 10.4, 8.1)
 KITCHEN, ROOM = Pose2D(2.0, 2.4, 2.0), Goal(9.25, 5.6, 1.0)
@@ -147,6 +163,27 @@ def test_a_closed_door_with_another_way_is_gone_around() -> None:
     shut = wall((3.5, 0.5), (3.5, 1.3))
     drive = hall(shut, known=(walls,), pose=Pose2D(1.0, 0.9, 0.0))
     assert sent(drive, Goal(6.0, 0.9, 0.0)).end is End.REACHED
+    assert drive.least_m > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("leaves_s", "most_m"), [(22.0, 7.0), (60.0, 13.0)])
+def test_somebody_in_a_door_is_waited_for_as_long_as_the_way_round_takes(
+    leaves_s: float, most_m: float
+) -> None:
+    """He stands there from 5 s on; through the door it is 5.4 m, round 11 m.
+
+    After 10 s he is furniture. 15 s later the robot goes round him, if he has not left; that it waits is said.
+    """
+    walls = np.vstack(
+        [box(0, 0, 7.0, 8.0), wall((3.5, 0), (3.5, 1.0)), wall((3.5, 1.9), (3.5, 5.0)), wall((3.5, 5.9), (3.5, 8.0))]
+    )  # fmt: skip
+    person = Standing(np.array([[5.6, 2.6], [3.5, 1.45]]), speed_m_s=0.5, leaves_s=leaves_s)
+    drive = Drive(rasterised(walls, 7.0, 8.0), walls, Pose2D(0.8, 1.5, 0.1), [person])
+    assert sent(drive, Goal(6.2, 1.3, 0.0)).end is End.REACHED
+    assert any(said.startswith("waiting for somebody at (3.") for said in drive.said)
+    assert drive.way_m < most_m
+    assert (drive.way_m > 10.0) is (leaves_s > 40.0)
     assert drive.least_m > 0.0
 
 
