@@ -60,7 +60,11 @@ class Program(click.Group):
         """The command of this name; None where there is none."""
         if module := self._late.pop(cmd_name, None):
             self.add_command(getattr(import_module(module), cmd_name.replace("-", "_")))
-        return super().get_command(ctx, cmd_name)
+        command = super().get_command(ctx, cmd_name)
+        if command is None and self._late:  # click suggests commands of similar names: load them all
+            for late in tuple(self._late):
+                self.get_command(ctx, late)
+        return command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Every name."""

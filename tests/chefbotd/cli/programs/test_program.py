@@ -156,3 +156,10 @@ def test_a_terminal_that_knows_no_degree_sign() -> None:
         check=False,
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"turned by 5?\n", b"")
+
+
+def test_a_mistyped_command_is_answered_with_the_one_that_was_meant() -> None:
+    """Also where the module of that command is loaded late."""
+    result = CliRunner().invoke(chefbotd, ["replai"])
+    assert result.exit_code == Exit.USAGE
+    assert "Did you mean 'replay'?" in result.stderr
