@@ -71,10 +71,12 @@ def evasion(
     away_m: float,
     *,
     is_stuck: bool,
+    only_touch: bool = False,
 ) -> Twist2D | None:
     """What to do now, ``away_m`` from where it stood.
 
-    Who stopped for it is made way for only if the robot itself cannot go on (``is_stuck``).
+    With ``only_touch`` nobody is evaded who would not touch the robot. Who stopped for it is made way for only if the
+    robot itself cannot go on (``is_stuck``).
     None: stay, since nobody comes too near, or since no place that can be reached is better.
     """
     coming = _coming(near, is_stuck=is_stuck)
@@ -107,7 +109,7 @@ def evasion(
         return chosen
 
     stay_m = least_m(0.0, 0.0, params.foresight_s)
-    if stay_m >= params.room_m:
+    if stay_m >= (params.touch_m if only_touch else params.room_m):
         return None
     standing = standing_only(near)
     here_m = way(arcs, outline, standing, 0.0, HERE_M, params.speed_m_s, 1.0).room_m
