@@ -45,7 +45,7 @@ def _with_examples(text: str, methods: Mapping[str, Method]) -> str:
 def _rows(text: str, heading: str) -> dict[str, list[str]]:
     """The cells of each row of the table under a heading, by the name in the first one."""
     found = re.findall(ROW, _section(text, heading), re.MULTILINE)
-    return {name: [cell.strip() for cell in rest.split("|")] for name, rest in found}
+    return {name: [cell.strip() for cell in re.split(r"(?<!\\)\|", rest)] for name, rest in found}
 
 
 def _section(text: str, heading: str) -> str:
@@ -73,17 +73,25 @@ def _method_row(method: Method, cells: list[str]) -> str:
     )
     result = _kept(old.get(1, ""), gives, gives) or ", ".join(f"`{name}`" for name in gives)
     role = "none" if method.role is None else str(method.role)
-    does = old.get(3, "") or " ".join((inspect.getdoc(method.handle) or "").split())
+    does = old.get(3, "") or _cell(inspect.getdoc(method.handle) or "")
     return " | ".join([f"| `{method.name}`", params, result, role, does]).replace("|  |", "| |") + " |"
+
+
+def _cell(text: str) -> str:
+    """Text on one line, with its bars escaped: a bar ends a cell."""
+    return " ".join(text.split()).replace("|", r"\|")
 
 
 def _topic_row(topic: Topic, cells: list[str]) -> str:
     fields = {} if topic.name == "stats" else topic.model.model_fields
     told = (
-        f"`{name}`" + (f" ({field.description})" if field.description else "")
+        f"`{name}`" + (f" ({_cell(field.description)})" if field.description else "")
         for name, field in fields.items()
     )
-    row = _kept(cells[0] if cells else "", fields) or f"{inspect.getdoc(topic.model)} {', '.join(told)}"
+    row = (
+        _kept(cells[0] if cells else "", fields)
+        or f"{_cell(inspect.getdoc(topic.model) or '')} {', '.join(told)}"
+    )
     return f"| `{topic.name}` | {' '.join(row.split())} |"
 
 

@@ -8,6 +8,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterable, Mapping
+from enum import Enum
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -107,6 +108,8 @@ def _annotation(kind: Any, where: str) -> str:
         return " | ".join(_annotation(part, where) for part in parts)
     if origin is Literal:
         return f"Literal[{', '.join(map(repr, parts))}]"
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return f"Literal[{', '.join(repr(member.value) for member in kind)}]"
     if origin in (list, dict):
         return f"{origin.__name__}[{', '.join(_annotation(part, where) for part in parts)}]"
     if kind in (bool, int, float, str, SecretStr, NoneType):
@@ -122,7 +125,8 @@ def _method(method: Method, exported: Mapping[str, type[Sent]]) -> str:
     for name, field in fields:
         kind = _annotation(field.annotation, f"{method.name}: {name}")
         takes += ["*"] if kind == "bool" and "*" not in takes else []
-        takes.append(f"{name}: {kind}" + ("" if field.is_required() else f" = {field.default!r}"))
+        default = field.default.value if isinstance(field.default, Enum) else field.default
+        takes.append(f"{name}: {kind}" + ("" if field.is_required() else f" = {default!r}"))
         gives.append(f"{name}={name}")
     if inspect.iscoroutinefunction(method.handle):
         takes.append("on_progress: ProgressListener | None = None")

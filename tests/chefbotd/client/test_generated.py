@@ -1,6 +1,7 @@
 """What is written by ``make client``, and what type checkers infer from it for users of the clients."""
 
 import asyncio
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, assert_type
 
@@ -13,6 +14,7 @@ from chefbotd.client.models import Driven, MapList, OdometryData, PathData
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync_subscription import SyncSubscription
 from chefbotd.rpc.method import Method
+from chefbotd.rpc.models import Params
 from tests.chefbotd.client.api_page import page
 from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
@@ -76,6 +78,38 @@ def renamed(method: Method, name: str) -> Method:
 
     handle.__name__ = name
     return replace(method, handle=handle)
+
+
+class Unit(StrEnum):
+    """In what a mark is given."""
+
+    VOLT = "volt"
+    PERCENT = "percent"
+
+
+class MarkParams(Params):
+    """Where the mark is."""
+
+    above: float
+    unit: Unit = Unit.VOLT
+
+
+def test_a_parameter_of_a_few_values_is_typed_by_them() -> None:
+    """Those of an enum, by their values, as they go over the socket; so does the default."""
+    mark = renamed(replace(METHODS["ping"], params=MarkParams), "mark")
+    text = {path.name: text for path, text in written({**METHODS, "mark": mark}, TOPICS).items()}[
+        "generated.py"
+    ]
+    assert "async def mark(self, above: float, unit: Literal['volt', 'percent'] = 'volt') -> m.Pong:" in text
+
+
+def test_a_bar_in_a_docstring_does_not_end_its_cell() -> None:
+    """It is escaped, and the row stays as it is when it is written again."""
+    mark = renamed(METHODS["ping"], "mark")
+    mark.handle.__doc__ = "Mark a | b."
+    told = page(PAGE, {"mark": mark}, {"battery": TOPICS["battery"]})
+    assert r"| `mark` | | `pong`, `stamp_s` | observe | Mark a \| b. |" in told
+    assert page(told, {"mark": mark}, {"battery": TOPICS["battery"]}) == told
 
 
 def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:

@@ -70,7 +70,7 @@ def test_the_worked_example_runs(shown: types.ModuleType) -> None:
 
 
 def test_the_role_of_the_worked_example_is_enforced(shown: types.ModuleType) -> None:
-    """Who may only observe is refused; the example follows the rules for every method as it stands."""
+    """Who may only observe is refused; the example follows the rules for every method and for a replay as it stands."""
 
     async def scenario() -> None:
         settings = load(overrides={"api.default_role": "observe"})
@@ -81,6 +81,7 @@ def test_the_role_of_the_worked_example_is_enforced(shown: types.ModuleType) -> 
 
     run_virtual(scenario())
     assert broken_rules({"reset_trip": added(shown)[0]["reset_trip"]}) == set()
+    assert all(service.in_steps for service in shown.trip(Bus(), ManualClock()).services)
 
 
 def added(shown: types.ModuleType) -> tuple[dict[str, Method], dict[str, Topic]]:

@@ -62,6 +62,8 @@ MOVES = {
     *("drive", "set_wheel_velocities", "arm", "localize"),
     *("navigate_to", "follow_waypoints", "go_home", "dock", "resume_navigation"),
 }
+FOR_EVERYBODY = {"stop", "estop"}
+"""Whoever may look may stop, also where there is no other room, and before all other requests."""
 CHANGES_THE_ROBOT = {"set_pid", "undo_pid", "reset_board", "import_map", "rename_map", "delete_map"}
 
 
@@ -81,7 +83,7 @@ def test_each_role_may_do_its_part(role: Role) -> None:
 
 
 def broken_rules(methods: Mapping[str, Method]) -> set[str]:
-    """The methods that are open to a role which must not have them."""
+    """The methods that are open to a role which must not have them, and those that end motion and are not for all."""
     drivers = {name for name, method in methods.items() if method.moves or name in MOVES}
     return {
         name
@@ -89,6 +91,8 @@ def broken_rules(methods: Mapping[str, Method]) -> set[str]:
         if (method.role is None and name != "authenticate")
         or (name in drivers and (method.role is Role.OBSERVE or not method.moves))
         or (name in CHANGES_THE_ROBOT and method.role is not Role.ADMIN)
+        or (name in ENDS_MOTION and (method.role is not Role.OBSERVE or method.moves))
+        or (name in FOR_EVERYBODY and not (method.urgent and method.when_crowded))
         or (
             method.role is Role.OBSERVE
             and not READS.fullmatch(name)
@@ -112,11 +116,15 @@ def test_what_moves_the_robot_needs_a_driver_and_observers_only_read() -> None:
         ("ping", {"moves": True}),
         ("ping", {"role": None}),
         ("delete_map", {"role": Role.DRIVE}),
+        ("stop", {"role": Role.DRIVE}),
+        ("pause_navigation", {"role": Role.DRIVE}),
+        ("stop", {"when_crowded": False}),
+        ("estop", {"urgent": False}),
         ("reset_odometry", {"role": Role.OBSERVE}),
     ],
 )
 def test_a_method_that_breaks_the_rule_is_named(name: str, changes: dict[str, Any]) -> None:
-    """Each way to open a method to somebody who must not have it."""
+    """Each way to open a method to somebody who must not have it, or to keep a stop from somebody."""
     every = methods_of_socket()
     assert broken_rules({**every, name: replace(every[name], **changes)}) == {name}
 
