@@ -20,15 +20,23 @@ def recording(service: RecordingService) -> Feature:
 
 def _add_metrics(metrics: Metrics, service: RecordingService) -> None:
     metrics.gauge(
-        "recording_bytes", "Of the current or the last recording.", lambda: service.status.bytes_written
+        "recording_bytes",
+        "Of the current or the last recording.",
+        lambda: service.thread.status.bytes_written,
     )
     metrics.counter(
-        "recording_dropped", "Events that were dropped on their way to the disk.", lambda: service.dropped
+        "recording_dropped",
+        "Events that were dropped on their way to the disk.",
+        lambda: service.thread.dropped,
     )
     metrics.gauge("recording_waiting", "Events on their way to the disk.", lambda: service.waiting)
-    metrics.gauge("recording_ring_bytes", "The last minutes in memory.", lambda: service.status.ring_bytes)
+    metrics.gauge(
+        "recording_ring_bytes", "The last minutes in memory.", lambda: service.thread.status.ring_bytes
+    )
     metrics.optional_gauge(
-        "recording_free_bytes", "Free space of the disk at the last check.", lambda: service.status.free_bytes
+        "recording_free_bytes",
+        "Free space of the disk at the last check.",
+        lambda: service.thread.status.free_bytes,
     )
     metrics.counter(
         "recording_faults_saved", "Faults whose recording was saved.", lambda: service.faults_saved

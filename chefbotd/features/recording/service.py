@@ -11,7 +11,6 @@ from msgspec.structs import asdict
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import BEAT_S, Clock, next_beat
-from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import LinkNotOpened, LinkOpened, SafetyChanged
 from chefbotd.core.events.recording import RecordingChanged
 from chefbotd.entries import entries_of
@@ -23,9 +22,10 @@ from chefbotd.features.recording.methods import (
     RecordingStarted,
     RingSaved,
 )
+from chefbotd.features.recording.recorder_thread import RecorderThread
 from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.recording.status import AUTOMATIC, Status
+from chefbotd.recording.status import AUTOMATIC
 from chefbotd.snapshot.state import DaemonState
 
 if TYPE_CHECKING:
@@ -44,8 +44,6 @@ BOARD_WITHIN_S = 2.0
 """The ring is loaded then at the latest, also where a port does not say whether it can be opened."""
 
 COLLECT_BEATS, TELL_BEATS = 2, 20
-HANGS_AFTER_S = 3.0
-"""The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
 
 STATE_EVERY_S = 20.0
 """It takes up to 8 ms, measured with a lidar; what the ring has before its first state cannot be replayed."""
@@ -77,9 +75,7 @@ class RecordingService:
     ) -> None:
         self._bus, self._clock, self._parameters, self._state = bus, clock, parameters, state
         self._state_s, self._state_lacks = float("-inf"), False
-        self._folder, self._start_writer = folder, start_writer
-        self._starting: Writer | None = None
-        self._writer: Writer | None = None  # once it is ready
+        self._folder, self.thread = folder, RecorderThread(clock, folder, start_writer)
         self._entries = entries_of(clock)
         self._inbox: Inbox[Any] | None = None
         self._listening = asyncio.Event()
@@ -88,25 +84,13 @@ class RecordingService:
         self._keeps_ring = parameters.ring_s > 0.0
         if self._keeps_ring or parameters.auto_start:
             self._listen()
-        self._lost = self._done = 0
-        self._stuck, self._waited_s = False, 0.0
+        self._lost = 0
         self.faults_saved = 0
-
-    @property
-    def status(self) -> Status:
-        """How the recorder stands."""
-        return Status() if self._writer is None else self._writer.status
-
-    @property
-    def dropped(self) -> int:
-        """Events that found no room."""
-        return 0 if self._writer is None else self._writer.dropped
 
     @property
     def waiting(self) -> int:
         """Events on their way to the disk."""
-        left = 0 if self._writer is None else self._writer.waiting
-        return left + (0 if self._inbox is None else len(self._inbox))
+        return self.thread.waiting + (0 if self._inbox is None else len(self._inbox))
 
     async def run(self) -> None:
         """Record until cancelled."""
@@ -125,40 +109,27 @@ class RecordingService:
 
     async def _begin_by_itself(self) -> None:
         try:
-            await self._ask(
-                lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True), first=True
+            await self.thread.ask(
+                lambda recorder, now_s: recorder.start(AUTOMATIC, now_s, from_beginning=True), DISK_PATIENCE_S
             )
         except RecordingError as problem:
             log.warning("automatic recording cannot start", error=str(problem))
 
     async def _load_ring(self) -> None:
         """Not before the board has been told to stop, or cannot be: the daemon's start does not wait for it."""
-        if self._writer is None:
+        if self.thread.writer is None:
             board = self._bus.subscribe(LinkOpened, LinkNotOpened)
             with suppress(TimeoutError):
                 await asyncio.wait_for(board.get(), BOARD_WITHIN_S)
             board.close()
         try:
-            await self._ready_writer()
+            await self.thread.ready()
         except RecordingError as problem:
             log.warning("nothing is recorded", error=str(problem))
             self._listen_no_more()
 
-    async def _ready_writer(self) -> "Writer":
-        """The writer, as soon as what it needs is loaded."""
-        if self._writer is None:
-            try:
-                self._starting = self._starting or self._start_writer()
-                await asyncio.shield(asyncio.wrap_future(self._starting.ready))
-            except Exception as error:
-                raise RecordingError(
-                    RefusalKind.STORAGE_FAILED, f"the recorder cannot start: {error!r}"
-                ) from error
-            self._writer = self._starting
-        return self._writer
-
     async def _end(self) -> None:
-        if self._writer is None:
+        if self.thread.writer is None:
             return
         try:
             await self._ask(lambda recorder, now_s: recorder.close(now_s), LAST_WORDS_S)
@@ -190,7 +161,7 @@ class RecordingService:
 
     def _listen_no_more(self) -> None:
         """Without a ring nothing is taken, and nothing paid, while nothing is recorded."""
-        if self._inbox is not None and (self._writer is None or not self._keeps_ring):
+        if self._inbox is not None and (self.thread.writer is None or not self._keeps_ring):
             self._end_inputs()
             self._inbox.close()
             self._inbox = None
@@ -206,7 +177,7 @@ class RecordingService:
 
     def _hand_over(self, most: int = INBOX_EVENTS) -> bool:
         """Leave so many events with the writer; whether some remain."""
-        inbox, writer = self._inbox, self._writer
+        inbox, writer = self._inbox, self.thread.writer
         if inbox is None or writer is None:
             return False
         lost = sum(inbox.dropped.values()) if inbox.dropped else 0
@@ -221,38 +192,29 @@ class RecordingService:
         told, last = 0, ""
         while True:
             self._look_at_state()
-            self._look_at_thread()
-            problem = DISK_HANGS if self._stuck else self.status.reason
+            self.thread.look(TELL_BEATS * BEAT_S)
+            problem = DISK_HANGS if self.thread.hangs else self.thread.status.reason
             if problem and problem != last:
-                log.warning("recording has a problem", reason=problem, state=str(self.status.state))
-            elif last and not problem and self.status.state == "recording":
-                log.info("recording goes on", file=self.status.file)
+                log.warning("recording has a problem", reason=problem, state=str(self.thread.status.state))
+            elif last and not problem and self.thread.status.state == "recording":
+                log.info("recording goes on", file=self.thread.status.file)
                 self._record_state()
             last = problem
-            if self.dropped > told:
-                log.warning("events are missing from the recording", events=self.dropped - told)
-                told = self.dropped
+            if self.thread.dropped > told:
+                log.warning("events are missing from the recording", events=self.thread.dropped - told)
+                told = self.thread.dropped
             self._publish()
             await next_beat(self._clock, TELL_BEATS)
-
-    def _look_at_thread(self) -> None:
-        """Whether the thread goes on, or waits for the disk: a chunk that has only just been left there says nothing."""
-        if self._writer is None:
-            return
-        done, self._done = self._done, self._writer.done
-        waits = done == self._done and self._writer.waiting > 0
-        self._waited_s = self._waited_s + TELL_BEATS * BEAT_S if waits else 0.0
-        self._stuck = self._waited_s > HANGS_AFTER_S
 
     def _publish(self) -> None:
         self._entries.observe(self._bus, self._changed())
 
     def _changed(self) -> RecordingChanged:
-        told = asdict(self.status)
-        if self._stuck:
+        told = asdict(self.thread.status)
+        if self.thread.hangs:
             told["reason"] = DISK_HANGS
         return RecordingChanged(
-            stamp_s=self._clock.now_s(), dropped=self.dropped, waiting=self.waiting, **told
+            stamp_s=self._clock.now_s(), dropped=self.thread.dropped, waiting=self.waiting, **told
         )
 
     async def _watch_faults(self) -> None:
@@ -282,7 +244,7 @@ class RecordingService:
         try:
             status = await self._ask(lambda recorder, now_s: recorder.start(name, now_s))
         except RecordingError:
-            if self.status.state != "recording":
+            if self.thread.status.state != "recording":
                 self._listen_no_more()
             raise
         self._record_state()
@@ -300,7 +262,7 @@ class RecordingService:
             seconds=status.seconds,
             size_bytes=status.bytes_written,
             messages=status.messages,
-            dropped=self.dropped,
+            dropped=self.thread.dropped,
         )
 
     async def list_recordings(self) -> RecordingList:
@@ -317,33 +279,9 @@ class RecordingService:
         self._publish()
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 
-    async def _ask(
-        self,
-        work: "Callable[[Recorder, float], T]",
-        patience_s: float = DISK_PATIENCE_S,
-        *,
-        first: bool = False,
-    ) -> T:
-        """Have the recorder do something, after all that has happened so far, or ``first``."""
-        try:
-            async with asyncio.timeout(patience_s):
-                writer = await self._ready_writer()
-                if not first:
-                    self._hand_over()
-                now_s = self._clock.now_s()
-                asked: Any = writer.ask(lambda recorder: work(recorder, now_s), now_s, first=first)
-                answer: T = await asyncio.wrap_future(asked)
-        except TimeoutError:
-            raise RecordingError(
-                RefusalKind.STORAGE_FAILED,
-                f"the disk with {self._folder} has not answered for {patience_s:g} s",
-            ) from None
-        except Refused:
-            raise
-        except Exception as error:
-            log.error("the recorder has failed", error=repr(error), exc_info=error)
-            raise RecordingError(RefusalKind.STORAGE_FAILED, f"the recorder has failed: {error!r}") from error
-        return answer
+    async def _ask(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
+        """Have the recorder do something, after all that has happened so far."""
+        return await self.thread.ask(work, patience_s, before=self._hand_over)
 
 
 def _nothing() -> None:

@@ -1,0 +1,105 @@
+"""The thread that records, as the service sees it: started once, asked in turn, watched for a disk that hangs."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.status import Status
+
+if TYPE_CHECKING:
+    from chefbotd.recording.recorder import Recorder
+    from chefbotd.recording.writer import Writer
+
+T = TypeVar("T")
+
+log = structlog.get_logger(component="recording")
+
+HANGS_AFTER_S = 3.0
+"""The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
+
+
+class RecorderThread:
+    """``writer`` is None until the thread has loaded what it needs. ``hangs`` says that it waits for the disk."""
+
+    def __init__(self, clock: Clock, folder: Path, start_writer: "Callable[[], Writer]") -> None:
+        self._clock, self._folder, self._start_writer = clock, folder, start_writer
+        self._starting: Writer | None = None
+        self.writer: Writer | None = None
+        self._done, self._waited_s = 0, 0.0
+        self.hangs = False
+
+    @property
+    def status(self) -> Status:
+        """The recorder's state."""
+        return Status() if self.writer is None else self.writer.status
+
+    @property
+    def dropped(self) -> int:
+        """Events that found no room."""
+        return 0 if self.writer is None else self.writer.dropped
+
+    @property
+    def waiting(self) -> int:
+        """Events that were left with the thread and are not written."""
+        return 0 if self.writer is None else self.writer.waiting
+
+    async def ready(self) -> "Writer":
+        """Start the thread where there is none; returns the writer as soon as it has loaded what it needs."""
+        if self.writer is None:
+            try:
+                self._starting = self._starting or self._start_writer()
+                await asyncio.shield(asyncio.wrap_future(self._starting.ready))
+            except Exception as error:
+                raise _failed(f"the recorder cannot start: {error!r}") from error
+            self.writer = self._starting
+        return self.writer
+
+    def look(self, elapsed_s: float) -> None:
+        """Notice a thread that waits for the disk; ``elapsed_s`` is the time since the last look.
+
+        A chunk that was left with the thread a moment ago proves nothing.
+        """
+        if self.writer is None:
+            return
+        done, self._done = self._done, self.writer.done
+        waits = done == self._done and self.writer.waiting > 0
+        self._waited_s = self._waited_s + elapsed_s if waits else 0.0
+        self.hangs = self._waited_s > HANGS_AFTER_S
+
+    async def ask(
+        self,
+        work: "Callable[[Recorder, float], T]",
+        patience_s: float,
+        *,
+        before: Callable[[], object] | None = None,
+    ) -> T:
+        """Have the recorder do something at the present time, after what ``before`` leaves with it.
+
+        Without ``before`` the work comes first. Raises ``RecordingError`` where the disk does not answer in time.
+        """
+        try:
+            async with asyncio.timeout(patience_s):
+                writer = await self.ready()
+                if before is not None:
+                    before()
+                now_s = self._clock.now_s()
+                asked: Any = writer.ask(lambda recorder: work(recorder, now_s), now_s, first=before is None)
+                answer: T = await asyncio.wrap_future(asked)
+        except TimeoutError:
+            raise _failed(f"the disk with {self._folder} has not answered for {patience_s:g} s") from None
+        except Refused:
+            raise
+        except Exception as error:
+            log.error("the recorder has failed", error=repr(error), exc_info=error)
+            raise _failed(f"the recorder has failed: {error!r}") from error
+        return answer
+
+
+def _failed(problem: str) -> RecordingError:
+    return RecordingError(RefusalKind.STORAGE_FAILED, problem)
