@@ -21,15 +21,15 @@ class GeneratedMethods(Caller):
     """The methods of the socket for which asking is all there is to do."""
 
     async def authenticate(self, token: str) -> m.Known:
-        """Show a token; the role that it gives decides what else may be asked."""
+        """Authenticate with a token; its role decides which methods the client may call."""
         return await self._ask("Known", "authenticate", token=token)
 
     async def set_client_name(self, client: str) -> None:
-        """Say what this client is called where others see who drives."""
+        """Set the name under which other clients see this one."""
         await self._ask(None, "set_client_name", client=client)
 
     async def describe(self) -> m.Description:
-        """Methods, topics and errors, with the JSON Schemas of what they carry."""
+        """Describe the methods, topics and errors, with their JSON Schemas."""
         return await self._ask("Description", "describe")
 
     async def ping(self) -> m.Pong:
@@ -50,11 +50,11 @@ class GeneratedMethods(Caller):
         return await self._ask("RecordingList", "list_recordings", on_progress=on_progress)
 
     async def save_ring(self, reason: str | None = None, on_progress: ProgressListener | None = None) -> m.RingSaved:
-        """Write the last minutes, which are kept in memory, into a file."""
+        """Write the last minutes from the ring buffer in memory into a file."""
         return await self._ask("RingSaved", "save_ring", reason=reason, on_progress=on_progress)
 
     async def list_maps(self, on_progress: ProgressListener | None = None) -> m.MapList:
-        """Every stored map, whether it is whole, and which one is in use."""
+        """List the stored maps, whether each is intact, and which one is in use."""
         return await self._ask("MapList", "list_maps", on_progress=on_progress)
 
     async def load_map(self, name: str, on_progress: ProgressListener | None = None) -> m.MapInUse:
@@ -81,7 +81,7 @@ class GeneratedMethods(Caller):
             on_progress=on_progress)
 
     async def pause_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingResult:
-        """Add nothing to the map until start_mapping is sent."""
+        """Pause mapping until start_mapping is sent."""
         return await self._ask("MappingResult", "pause_mapping", on_progress=on_progress)
 
     async def finish_mapping(self, name: str, on_progress: ProgressListener | None = None) -> m.MapSaved:
@@ -94,19 +94,19 @@ class GeneratedMethods(Caller):
 
     async def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0,
         on_progress: ProgressListener | None = None) -> m.LocalizationResult:
-        """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
+        """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
         return await self._ask("LocalizationResult", "set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad,
             on_progress=on_progress)
 
     async def localize(self, *, turn: bool = False,
         on_progress: ProgressListener | None = None) -> m.LocalizationResult:
-        """Search the whole map for where the robot is, whatever is known; it does not move, unless it may turn."""
+        """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         return await self._ask("LocalizationResult", "localize", turn=turn, on_progress=on_progress)
 
     async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
         place: str | None = None, tolerance_m: float = 0.0,
         on_progress: ProgressListener | None = None) -> m.PlanResult:
-        """Tell how long a way is, how much time it takes, and whether there is one; nothing moves."""
+        """Plan a path without driving: whether there is one, its length, and the time it takes."""
         return await self._ask("PlanResult", "plan_to", x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place,
             tolerance_m=tolerance_m, on_progress=on_progress)
 
@@ -115,15 +115,15 @@ class GeneratedMethods(Caller):
         await self._ask(None, "cancel_navigation")
 
     async def pause_navigation(self) -> None:
-        """Come to rest, and keep the goals."""
+        """Stop the robot, and keep its goals."""
         await self._ask(None, "pause_navigation")
 
     async def resume_navigation(self) -> None:
-        """Go on with the goals, from wherever the robot is."""
+        """Continue with the goals from the robot's present pose."""
         await self._ask(None, "resume_navigation")
 
     async def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> m.Driven:
-        """Move so until the command is replaced or too old; repeat it to keep moving.
+        """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
 
         It is too old after the dead-man time (0.5 s, KHAN 0.25 s). Without ``source`` it is one of the robot's default
         source. The answer is what the limits allow of it.
@@ -131,19 +131,19 @@ class GeneratedMethods(Caller):
         return await self._ask("Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
 
     async def arm(self, latch: int | None = None) -> None:
-        """Allow motion, after an emergency stop or a fault; with ``latch``, after that one and none that came later."""
+        """Allow motion after an emergency stop or a fault; with ``latch``, only if that one is the newest."""
         await self._ask(None, "arm", latch=latch)
 
     async def reset_odometry(self, x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> None:
-        """Declare where the robot stands in odom; the origin, if nothing is said."""
+        """Set the robot's pose in odom; the default is the origin."""
         await self._ask(None, "reset_odometry", x_m=x_m, y_m=y_m, heading_rad=heading_rad)
 
     async def get_stats(self) -> m.StatsData:
-        """The daemon's counters as they stand."""
+        """The present values of the daemon's counters."""
         return await self._ask("StatsData", "get_stats")
 
     async def reset_board(self) -> None:
-        """Restart the board; its counters begin anew."""
+        """Restart the board; its counters start at zero."""
         await self._ask(None, "reset_board")
 
 

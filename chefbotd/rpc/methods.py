@@ -45,7 +45,7 @@ class ServerMethods:
 
     @method(role=None, when_crowded=True)
     def authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Known:
-        """Show a token; the role that it gives decides what else may be asked."""
+        """Authenticate with a token; its role decides which methods the client may call."""
         session, keyring = caller.session, self._keyring
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
         if role is None:
@@ -57,14 +57,14 @@ class ServerMethods:
 
     @method(role=Role.OBSERVE, when_crowded=True)
     def set_client_name(self, caller: Caller, params: models.SetClientNameParams) -> models.Done:
-        """Say what this client is called where others see who drives."""
+        """Set the name under which other clients see this one."""
         caller.session.client = params.client
         self._leases.renamed(caller.session, self._clock.now_s())
         return DONE
 
     @method(role=Role.OBSERVE, constant=True)
     def describe(self, caller: Caller, params: NoParams) -> models.Description:
-        """Methods, topics and errors, with the JSON Schemas of what they carry."""
+        """Describe the methods, topics and errors, with their JSON Schemas."""
         return describe(self._table, self._fanout.topics)
 
     @method(role=Role.OBSERVE)
@@ -87,7 +87,7 @@ class ServerMethods:
 
     @method(role=Role.OBSERVE, afterwards=lambda self, caller, params: self._send_snapshots(caller, params))
     def subscribe(self, caller: Caller, params: models.SubscribeParams) -> models.Subscribed:
-        """Receive topics from now on, the latest value of each first; replaces their rate and policy."""
+        """Receive topics from now on, first the latest value of each; replaces their rate and policy."""
         self._require_known(params.topics)
         interval_s = 0.0 if params.max_rate_hz is None else 1.0 / params.max_rate_hz
         self._fanout.subscribe(caller, params.topics, params.policy, interval_s)
@@ -98,7 +98,7 @@ class ServerMethods:
 
     @method(role=Role.OBSERVE)
     def unsubscribe(self, caller: Caller, params: models.UnsubscribeParams) -> models.Subscribed:
-        """Receive these topics no more; without any, none at all."""
+        """Stop receiving these topics; without any, all topics."""
         self._require_known(params.topics or ())
         self._fanout.unsubscribe(caller, params.topics)
         return self._subscribed(caller)
@@ -114,7 +114,7 @@ class ServerMethods:
 
     @method(role=Role.DRIVE)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
-        """Have a source of commands for oneself, whoever has it now; who had it comes to rest."""
+        """Take control of a source of commands, also from another client, whose motion then stops."""
         source, known = params.source or self._sources.default, self._sources.names
         if source not in known:
             raise Refused(

@@ -34,7 +34,7 @@ MEANING = {
     Exit.PROBLEMS: "the doctor found problems",
     Exit.BAD_CONFIGURATION: "the configuration is not valid",
     Exit.INTERRUPTED: "interrupted by a signal",
-    Exit.OUTPUT_CLOSED: "whoever read the output closed it (a shell's code for SIGPIPE)",
+    Exit.OUTPUT_CLOSED: "the reader of the output closed it (a shell's code for SIGPIPE)",
 }
 
 

@@ -26,7 +26,7 @@ LISTEN_S = click.FloatRange(1.0, 600.0)
     "path",
     metavar="FILE|ROBOT",
     type=configuration,
-    help="The robot's; the running daemon's by default.",
+    help="The robot's configuration; the running daemon's by default.",
 )
 @click.option("--port", "device", metavar="DEV", help="The board's device, instead of the configured one.")
 @click.option("--motors", is_flag=True, help="Drive the wheels too, on blocks, once you have typed yes.")
@@ -34,13 +34,13 @@ LISTEN_S = click.FloatRange(1.0, 600.0)
     "--non-interactive", "--yes", "-y", "quiet", is_flag=True, help="Ask nothing; skip what needs an answer."
 )
 @click.option(
-    "--seconds", type=LISTEN_S, default=5.0, show_default=True, help="For how long the robot is listened to."
+    "--seconds", type=LISTEN_S, default=5.0, show_default=True, help="How long to listen to the robot."
 )
 @click.option(
     "--bundle",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.tar.gz",
-    help="Write what a helper needs to see into an archive, without secrets.",
+    help="Write a support archive: what a helper needs to see, without secrets.",
 )
 @click.pass_context
 def doctor(

@@ -19,7 +19,7 @@ take_over = click.option(
     "--take-over",
     "takes_over",
     is_flag=True,
-    help="Take control from whoever drives; they come to rest first.",
+    help="Take control from another driver, who is stopped first.",
 )
 """The option of every command that drives."""
 

@@ -67,5 +67,5 @@ RESET_BEGUN = (
 @click.command()
 @click.pass_obj
 def reset_board(context: CommandContext) -> None:
-    """Restart the robot's board; 'arm' comes after it."""
+    """Restart the robot's board. Send 'arm' afterwards."""
     _do(context, lambda robot: robot.reset_board(), RESET_BEGUN)

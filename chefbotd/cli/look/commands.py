@@ -25,7 +25,7 @@ def _topics(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> li
 
 
 @click.command()
-@click.option("--watch", "watches", is_flag=True, help="Draw it anew twice a second, until interrupted.")
+@click.option("--watch", "watches", is_flag=True, help="Redraw it twice a second, until interrupted.")
 @click.pass_obj
 def status(context: CommandContext, watches: bool) -> None:
     """Show the robot's state: mode, pose, battery, goal, map, worker, counters.

@@ -94,7 +94,7 @@ def live(context: CommandContext) -> None:
 )
 @click.pass_obj
 def demo(context: CommandContext, out: Path) -> None:
-    """Have a simulated ChefBot with a lidar map a flat: no robot and no daemon is needed.
+    """Demo: a simulated ChefBot with a lidar maps a flat. No robot and no daemon is needed.
 
     It is driven through the rooms, and the map is drawn as it grows. At the end the map is held against the flat's
     true walls. It takes about three minutes.

@@ -176,11 +176,11 @@ def simulate(
 def check_config(ctx: click.Context, path: Path | None) -> None:
     """Check a configuration, and print what it resolves to.
 
-    It is FILE, or the packaged one of ROBOT; ChefBot's by default. What is valid here is valid for 'run' too. A URDF of
-    your own ([robot] description) is held against it, joint by joint: each wheel's radius, its place left or right of
-    the middle, the direction of its axis, and where the sensors sit. What is compared is what can be measured on the
-    robot: track_multiplier and the radius multipliers change nothing here. A robot that cannot be simulated is valid,
-    and told.
+    It is FILE, or the packaged one of ROBOT; ChefBot's by default. A configuration that is valid here is valid for
+    'run' too. A URDF of your own ([robot] description) is compared with it, joint by joint: each wheel's radius,
+    its place left or right of the middle, the direction of its axis, and where the sensors sit. Only what can be
+    measured on the robot is compared: track_multiplier and the radius multipliers change nothing here. A robot that
+    cannot be simulated is valid; a note says so.
     """
     settings = load_valid(path)
     try:

@@ -51,7 +51,7 @@ def list_command(context: CommandContext) -> None:
 @click.argument("file", type=FILE)
 @click.pass_obj
 def info(context: CommandContext, file: Path) -> None:
-    """Tell what is in the recording FILE, also in one that was cut by a kill or a power cut."""
+    """Show what the recording FILE contains, even if a kill or a power cut ended it."""
     from chefbotd.cli.record.info import show_info
 
     show_info(context, file)
@@ -60,7 +60,12 @@ def info(context: CommandContext, file: Path) -> None:
 @log_group.command()
 @click.argument("file", type=FILE)
 @click.option(
-    "--csv", "folder", type=FILE, required=True, metavar="FOLDER", help="Where to write: a table per topic."
+    "--csv",
+    "folder",
+    type=FILE,
+    required=True,
+    metavar="FOLDER",
+    help="The folder to write to: one table per topic.",
 )
 @click.option("--topic", "topics", multiple=True, metavar="TOPIC", help="Only this one; may be given again.")
 @click.option("--force", is_flag=True, help="Replace files that exist.")

@@ -26,9 +26,15 @@ SERVED = Address("127.0.0.1", 7333)
 @click.command()
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--config", "other", metavar="FILE|ROBOT", type=configuration, help="What would this have done?"
+    "--config",
+    "other",
+    metavar="FILE|ROBOT",
+    type=configuration,
+    help="Another configuration: show what it would have commanded.",
 )
-@click.option("--rate", type=RATE, help="How fast, 1 as it was; without it as fast as it can.")
+@click.option(
+    "--rate", type=RATE, help="Replay speed; 1 is the recorded speed. Default: as fast as possible."
+)
 @click.option("--serve", "serves", is_flag=True, help="Show it on the command socket and the page.")
 @click.option(
     "--listen", "where", type=address, metavar="HOST:PORT", help=f"Where; {SERVED} if none is given."

@@ -31,7 +31,12 @@ NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]],
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
 @click.argument("target", nargs=-1, required=True, metavar="PLACE | X Y [DEG]")
-@click.option("--tolerance", "tolerance_m", type=finite, help="May end so many metres beside a taken goal.")
+@click.option(
+    "--tolerance",
+    "tolerance_m",
+    type=finite,
+    help="If the goal is occupied, stop up to this many metres beside it.",
+)
 @click.pass_obj
 def go(context: CommandContext, target: tuple[str, ...], tolerance_m: float | None) -> None:
     """Send the robot to a place, or to X and Y in metres of the map, with a heading in degrees if one is given.
@@ -97,7 +102,7 @@ def patrol(context: CommandContext, places: tuple[str, ...], rounds: int) -> Non
 @click.command()
 @click.pass_obj
 def where(context: CommandContext) -> None:
-    """Say where the robot is in the map in use, and how well it knows."""
+    """Show the robot's pose in the map in use, and how certain it is."""
     state = _run(context, lambda robot: robot.call("get_state"))
     if "localization" not in state:
         raise ProgramError(Exit.REFUSED, NEEDS_LIDAR)
@@ -129,12 +134,10 @@ def _at(pose: dict[str, Any]) -> str:
 
 
 @click.command()
-@click.option(
-    "--turn", is_flag=True, help="It may turn on the spot, once round, where looking is not enough."
-)
+@click.option("--turn", is_flag=True, help="Allow one turn on the spot, if the search needs it.")
 @click.pass_obj
 def localize(context: CommandContext, turn: bool) -> None:
-    """Have the robot look everywhere for where it is, whatever it knows, and wait until it has found out.
+    """Search the whole map for the robot's pose, and wait for the result.
 
     It does not move, unless --turn allows it to.
     """
@@ -202,7 +205,7 @@ def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T
 @click.command()
 @click.pass_obj
 def serve(context: CommandContext) -> None:
-    """Have a simulated ChefBot with a lidar serve three tables: no robot and no daemon is needed.
+    """Demo: a simulated ChefBot with a lidar serves three tables. No robot and no daemon is needed.
 
     It starts somewhere in a flat without being told where, finds out, goes to the tables and home to the kitchen.
     People walk about, and a chair that is on no map is in its way. At the end each leg is held against the truth.

@@ -37,7 +37,9 @@ root = click.option(
 @click.command()
 @click.option("--robot", metavar="NAME", help="The packaged robot to begin with; chefbot by default.")
 @click.option("--config", metavar="FILE", type=configuration, help="Or a configuration of your own, copied.")
-@click.option("--no-start", is_flag=True, help="Neither start it at boot nor now; what runs goes on.")
+@click.option(
+    "--no-start", is_flag=True, help="Start it neither at boot nor now; a running service is left alone."
+)
 @dry_run
 @root
 @click.pass_context

@@ -41,7 +41,7 @@ class TextData(TopicData):
 
 
 class ResetData(TopicData):
-    """How far a restart of the board that was asked for has come; ``reason`` says what to do, if anything is."""
+    """The progress of a requested restart of the board; ``reason`` says what to do, if anything."""
 
     stage: str = Field(
         description="stopping, asked; at the end restarted, not_restarted, no_answer or link_lost"
@@ -65,7 +65,7 @@ class BoardMethods:
 
     @method(role=Role.ADMIN)
     def reset_board(self, caller: Caller, params: NoParams) -> Done:
-        """Restart the board; its counters begin anew."""
+        """Restart the board; its counters start at zero."""
         self._board.reset_board()
         return DONE
 

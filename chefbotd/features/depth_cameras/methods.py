@@ -15,6 +15,6 @@ class DepthCameraData(TopicData):
 
 
 class DepthCamerasData(TopicData):
-    """How each depth camera is; its scans are on the topic ``scan``."""
+    """The health of each depth camera; its scans are on the topic ``scan``."""
 
     cameras: tuple[DepthCameraData, ...]

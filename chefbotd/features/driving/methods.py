@@ -166,7 +166,7 @@ class DrivingMethods:
 
     @method(role=Role.DRIVE, moves=True)
     def drive(self, caller: Caller, params: DriveParams) -> Driven:
-        """Move so until the command is replaced or too old; repeat it to keep moving.
+        """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
 
         It is too old after the dead-man time (0.5 s, KHAN 0.25 s). Without ``source`` it is one of the robot's default
         source. The answer is what the limits allow of it.
@@ -187,7 +187,7 @@ class DrivingMethods:
 
     @method(role=Role.DRIVE, moves=True)
     def set_wheel_velocities(self, caller: Caller, params: SetWheelVelocitiesParams) -> WheelsDriven:
-        """Turn each wheel so, as ``drive`` moves the whole robot; wheels that are not named stand."""
+        """Set the speed of each wheel, with the rules of ``drive``; wheels that are not named stand still."""
         now_s, source = self._clock.now_s(), params.source or self._default_source
         self._require_control(source, caller, now_s)
         allowed = self._robot.set_wheel_velocities(source, params.by_name())
@@ -215,7 +215,7 @@ class DrivingMethods:
 
     @method(role=Role.DRIVE, moves=True)
     def arm(self, caller: Caller, params: ArmParams) -> Done:
-        """Allow motion, after an emergency stop or a fault; with ``latch``, after that one and none that came later."""
+        """Allow motion after an emergency stop or a fault; with ``latch``, only if that one is the newest."""
         self._robot.arm(params.latch)
         self._robot.resume(self._leases.tried(caller.session))
         self._contenders.arm(caller.session)

@@ -82,14 +82,14 @@ class LocalizationMethods:
 
     @method(role=Role.DRIVE)
     async def set_pose(self, caller: Caller, params: SetPoseParams, progress: Progress) -> LocalizationResult:
-        """Say about where the robot is in the map in use; the next scans confirm it, or it searches."""
+        """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
         return await self._localizer.set_pose(params.x_m, params.y_m, params.heading_rad)
 
     @method(role=Role.DRIVE, moves=True)
     async def localize(
         self, caller: Caller, params: LocalizeParams, progress: Progress
     ) -> LocalizationResult:
-        """Search the whole map for where the robot is, whatever is known; it does not move, unless it may turn."""
+        """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         return await self._localizer.localize(progress, turn=params.turn)
 
 

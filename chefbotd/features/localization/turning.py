@@ -65,9 +65,9 @@ class Turning:
             raise Refused(RefusalKind.UNKNOWN_SOURCE, "this robot has no source navigation to turn by")
         if safety is not None and safety.mode != ARMED:
             kind = RefusalKind.ESTOPPED if safety.mode == "estopped" else RefusalKind.DISARMED
-            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); 'arm' comes first")
+            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); send 'arm' first")
         if self._has_goal:
-            told = "the robot has a goal, and does not turn meanwhile; cancel_navigation comes first"
+            told = "the robot has a goal and cannot turn now; send cancel_navigation first"
             raise Refused(RefusalKind.STOPPED, told)
         if safety is not None and self._driver.gives_way_to(safety.source):
             raise Refused(RefusalKind.STOPPED, f"{safety.source} drives; the robot does not turn meanwhile")

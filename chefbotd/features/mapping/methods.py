@@ -54,7 +54,7 @@ class MapSaved(Result):
 
 
 class MappingData(TopicData):
-    """How the map stands that is being made; ``reason`` says what is wrong, if anything is."""
+    """The state of mapping; ``reason`` says what is wrong, if anything is."""
 
     state: str = Field(default="idle", description="idle, mapping, paused or finishing")
     name: str | None = Field(default=None, description="the map that is being extended")
@@ -78,7 +78,7 @@ class MapData(GridPartData):
 
 
 class MapPoseData(TopicData):
-    """Where the robot is in the map, how surely, and how well the scan fits (0 to 1)."""
+    """The robot's pose in the map with its covariance, and how well the scan fits (0 to 1)."""
 
     x_m: float
     y_m: float
@@ -125,7 +125,7 @@ class MappingMethods:
 
     @method(role=Role.DRIVE)
     async def pause_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingResult:
-        """Add nothing to the map until start_mapping is sent."""
+        """Pause mapping until start_mapping is sent."""
         return await self._mapping.pause()
 
     @method(role=Role.DRIVE)

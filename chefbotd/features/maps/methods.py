@@ -196,7 +196,7 @@ class MapsMethods:
 
     @method(role=Role.OBSERVE)
     async def list_maps(self, caller: Caller, params: NoParams, progress: Progress) -> MapList:
-        """Every stored map, whether it is whole, and which one is in use."""
+        """List the stored maps, whether each is intact, and which one is in use."""
         return await self._maps.list_maps()
 
     @method(role=Role.DRIVE)

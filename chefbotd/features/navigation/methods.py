@@ -112,7 +112,7 @@ class PathData(TopicData):
 
 
 class CostmapData(GridPartData):
-    """A part of what it costs to drive through the cells of the map in use, at most 80 by 80 cells.
+    """A part of the costmap of the map in use, at most 80 by 80 cells.
 
     ``cells`` are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on, the lowest y first. With another
     ``revision`` than before, all that was known is void.
@@ -183,7 +183,7 @@ class NavigationMethods:
     async def follow_waypoints(
         self, caller: Caller, params: FollowWaypointsParams, progress: Progress
     ) -> GoalResult:
-        """Drive to several goals one after the other; answers with the last one's number, or with how it ended."""
+        """Drive to several goals in order; the answer is the last goal's number, or how it ended."""
         return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
 
     @method(role=Role.DRIVE, moves=True)
@@ -208,7 +208,7 @@ class NavigationMethods:
 
     @method(role=Role.OBSERVE)
     async def plan_to(self, caller: Caller, params: Waypoint, progress: Progress) -> PlanResult:
-        """Tell how long a way is, how much time it takes, and whether there is one; nothing moves."""
+        """Plan a path without driving: whether there is one, its length, and the time it takes."""
         return await self._navigation.plan_to(params)
 
     @method(role=Role.OBSERVE)
@@ -219,13 +219,13 @@ class NavigationMethods:
 
     @method(role=Role.OBSERVE)
     def pause_navigation(self, caller: Caller, params: NoParams) -> Done:
-        """Come to rest, and keep the goals."""
+        """Stop the robot, and keep its goals."""
         self._navigation.pause(str(caller.session))
         return DONE
 
     @method(role=Role.DRIVE, moves=True)
     def resume_navigation(self, caller: Caller, params: NoParams) -> Done:
-        """Go on with the goals, from wherever the robot is."""
+        """Continue with the goals from the robot's present pose."""
         self._navigation.resume()
         return DONE
 

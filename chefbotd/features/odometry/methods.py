@@ -51,7 +51,7 @@ class OdometryMethods:
 
     @method(role=Role.DRIVE)
     def reset_odometry(self, caller: Caller, params: ResetOdometryParams) -> Done:
-        """Declare where the robot stands in odom; the origin, if nothing is said."""
+        """Set the robot's pose in odom; the default is the origin."""
         self._odometry.set_pose(Pose2D(params.x_m, params.y_m, params.heading_rad))
         return DONE
 

@@ -74,7 +74,7 @@ class RecordingList(Result):
 
 
 class RecordingData(TopicData):
-    """How the recorder stands; ``reason`` says why recording has ended, or cannot be."""
+    """The recorder's state; ``reason`` says why recording has ended or is not possible."""
 
     state: str = Field(default="idle", description="idle, recording or failed")
     name: str | None = None
@@ -149,7 +149,7 @@ class RecordingMethods:
 
     @method(role=Role.DRIVE)
     async def save_ring(self, caller: Caller, params: SaveRingParams, progress: Progress) -> RingSaved:
-        """Write the last minutes, which are kept in memory, into a file."""
+        """Write the last minutes from the ring buffer in memory into a file."""
         return await waiting(self._recordings.save_ring(params.reason or "asked"), progress)
 
 

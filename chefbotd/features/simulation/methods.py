@@ -14,7 +14,7 @@ class Disc(Result):
 
 
 class SimData(TopicData):
-    """Where the simulated robot really is, in the world's frame, and who and what is about it."""
+    """The true pose of the simulated robot in the world's frame, and the people and things around it."""
 
     x_m: float
     y_m: float

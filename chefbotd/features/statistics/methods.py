@@ -57,7 +57,7 @@ class StatisticsMethods:
 
     @method(role=Role.OBSERVE)
     def get_stats(self, caller: Caller, params: NoParams) -> StatsData:
-        """The daemon's counters as they stand."""
+        """The present values of the daemon's counters."""
         return stats_data(self._statistics.sample())
 
 

@@ -83,10 +83,10 @@ class TuningMethods:
 
     @method(role=Role.ADMIN, params=SetPidParams)
     def set_pid(self, caller: Caller, params: WheelParams) -> Wheels:
-        """Change some gains of a wheel, or of all, while it runs; what every wheel now has."""
+        """Change gains of one wheel or of all wheels at run time; returns the gains of every wheel."""
         return Wheels(wheels=dict(self._gains.change(params.wheel, params.changes())))
 
     @method(role=Role.ADMIN)
     def undo_pid(self, caller: Caller, params: NoParams) -> Wheels:
-        """Take the latest change of gains back, whoever made it; what every wheel now has."""
+        """Undo the latest change of gains, whoever made it; returns the gains of every wheel."""
         return Wheels(wheels=dict(self._gains.undo()))

@@ -8,7 +8,7 @@ from chefbotd.rpc.topics import Topic
 
 
 class WorkerData(TopicData):
-    """The worker process; ``reason`` says what it is at, or why it is not ready."""
+    """The worker process; ``reason`` says what it is doing, or why it is not ready."""
 
     state: str = Field(
         default="stopped", description="stopped, starting, warming, ready, restarting or unavailable"

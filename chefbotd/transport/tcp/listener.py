@@ -117,5 +117,5 @@ class Listener:
                 ssl_handshake_timeout=handshake_timeout_s,
             )
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
-            self._log.warning("client_not_let_in", client=str(session), error=str(error))
+            self._log.warning("client_not_admitted", client=str(session), error=str(error))
             self._manager.remove(session)

@@ -175,7 +175,7 @@ class PageServer:
                 else self._rpc.connections.parameters.authenticate_timeout_s,
             )
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
-            self._log.warning("client_not_let_in", error=str(error))
+            self._log.warning("client_not_admitted", error=str(error))
         finally:
             self._handshakes -= 1
             self._forget_sockets(server)

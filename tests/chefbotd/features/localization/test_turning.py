@@ -146,10 +146,10 @@ def test_a_robot_that_may_not_turn_says_why() -> None:
             turning.begin(is_asked=True)
         await client.release_control()
         await _goal(bench)
-        with pytest.raises(Refused, match="cancel_navigation comes first"):
+        with pytest.raises(Refused, match="send cancel_navigation first"):
             turning.begin(is_asked=True)
         await _disarm(bench)
-        with pytest.raises(Refused, match="'arm' comes first"):
+        with pytest.raises(Refused, match="send 'arm' first"):
             turning.begin(is_asked=True)
         with pytest.raises(Refused, match="no source navigation"):
             Turning(bench.robot.daemon.bus, LoopClock(), None, lambda *told: None).begin(is_asked=True)
