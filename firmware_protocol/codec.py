@@ -4,6 +4,7 @@ The daemon decodes ``from_board`` and encodes ``to_board``; the simulated board 
 with the same tables. Another robot is another ``Variant``: another number of wheels, more rows.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 from firmware_protocol.line_codec import RESET_DONE, Framing, LineCodec
@@ -39,7 +40,6 @@ from firmware_protocol.messages import (
     SetDuty,
     UltrasonicDistance,
 )
-from firmware_protocol.record import Record
 
 PUBLISHED_BANNER = (
     "Initializing I2C devices...",
@@ -52,7 +52,8 @@ FROM_BOARD = Framing(b"\t", b"\n", replaced=(b"\r\n", b"\n"), max_line=256)
 TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size of the sketch's buffer
 
 
-class Variant(Record):
+@dataclass(frozen=True, slots=True)
+class Variant:
     """What tells one robot's wire from another's: its wheels, its boot banner, line kinds of its own.
 
     ``banner`` is what its board prints as it starts when all is well, and ``failed_banner`` what may stand in a line's

@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from firmware_protocol.lines import NUMERIC, LineKind
 from firmware_protocol.messages import Banner, Malformed, Message, Reason, ResetDone, Text
 from firmware_protocol.readers import Reader, reader_of
-from firmware_protocol.record import Record
 
 RESET_DONE = "Reset Done"
 
@@ -15,7 +15,8 @@ _UNPRINTABLE = re.compile(rb"[^\t\x20-\x7e]")
 _CUT_NUMBERS = re.compile(rb"[-.\t]*[0-9][-.\t0-9]*")
 
 
-class Framing(Record):
+@dataclass(frozen=True, slots=True)
+class Framing:
     """How lines stand in one direction's bytes.
 
     ``replaced`` (what, by what) is done to the bytes before they are cut at ``end``; no line is longer than

@@ -8,11 +8,12 @@ codec lets nothing but ``NUMERIC`` come near them, and ``explain`` names what el
 import math
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 from firmware_protocol.levels import is_packed, pack, unpack
 from firmware_protocol.messages import Reason
-from firmware_protocol.record import Record
 
 NUMERIC = b"0123456789.-"
 UNIT_NORM = (0.9, 1.1)  # rounding to two decimals moves the norm of four components by 0.01 at most
@@ -29,7 +30,8 @@ def is_unit(components: Iterable[float]) -> bool:
     return UNIT_NORM[0] <= math.hypot(*components) <= UNIT_NORM[1]
 
 
-class Number(Record):
+@dataclass(frozen=True, slots=True)
+class Number:
     """The values that a field can take, and with how many decimals it is written; none: a whole number."""
 
     low: float
@@ -71,7 +73,8 @@ ADC_12_BIT = Number(0, 4095, decimals=2)
 UINT16 = Number(0, 2**16 - 1)
 
 
-class PackedLevels(Record):
+@dataclass(frozen=True, slots=True)
+class PackedLevels:
     """One to ``most`` levels from 0 to 3 in one text (see ``firmware_protocol.levels``), read as a tuple."""
 
     most: int
@@ -100,7 +103,8 @@ class PackedLevels(Record):
         return f"1 to {self.most} levels from 0 to 3, packed"
 
 
-class Field(Record):
+@dataclass(frozen=True, slots=True)
+class Field:
     """A message's field: one number (or text of packed levels), or with ``times`` a tuple of so many."""
 
     name: str
@@ -123,7 +127,8 @@ class Field(Record):
             raise ValueError(f"{self.name}: {error}") from None
 
 
-class LineKind(Record):
+@dataclass(frozen=True)
+class LineKind:
     """A row of a codec's table: the line's first field, the message it means, and the numbers between.
 
     ``unit`` asks for a norm near 1 of numbers in the range of ``COMPONENT``; ``end`` is the line's end where
@@ -136,12 +141,12 @@ class LineKind(Record):
     unit: bool = False
     end: bytes | None = None
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[Number | PackedLevels, ...]:
         """Every number of the line, in order."""
         return tuple(number for field in self.fields for number in field.numbers)
 
-    @property
+    @cached_property
     def plain(self) -> tuple[Number, ...]:
         """Those of them that are numbers indeed: all, unless some are packed levels, which may look like anything."""
         return tuple(number for number in self.numbers if isinstance(number, Number))
@@ -151,7 +156,7 @@ class LineKind(Record):
         """Whether some are not."""
         return len(self.plain) < len(self.numbers)
 
-    @property
+    @cached_property
     def slots(self) -> tuple[int | slice, ...]:
         """Where each field's value lies in the tuple of the line's numbers."""
         slots: list[int | slice] = []

@@ -4,38 +4,42 @@ Numbers are exactly what the wire carries: counts, centimetres, ADC readings. No
 radians; ``docs/protocol.md`` says what each field means on the robot.
 """
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
-from firmware_protocol.record import Record
 
-
-class BoardTime(Record):
+@dataclass(frozen=True, slots=True)
+class BoardTime:
     """``t``: a cycle starts; ``micros`` is uint32 µs since boot, ``cycle_s`` the seconds since the last."""
 
     micros: int
     cycle_s: float
 
 
-class EncoderCounts(Record):
+@dataclass(frozen=True, slots=True)
+class EncoderCounts:
     """``e``: accumulated int32 counts per wheel, forward positive, in the order of the variant's wheels."""
 
     counts: tuple[int, ...]
 
 
-class UltrasonicDistance(Record):
+@dataclass(frozen=True, slots=True)
+class UltrasonicDistance:
     """``u``: whole centimetres, rounded down; 0 means that no echo came back."""
 
     distance_cm: int
 
 
-class DutyEcho(Record):
+@dataclass(frozen=True, slots=True)
+class DutyEcho:
     """``s`` from the board: the motor command now in force, per wheel, in PWM counts."""
 
     duty: tuple[float, ...]
 
 
-class Orientation(Record):
+@dataclass(frozen=True, slots=True)
+class Orientation:
     """``i`` with four fields: the IMU's quaternion as sent, only roughly of unit length."""
 
     x: float
@@ -44,27 +48,31 @@ class Orientation(Record):
     w: float
 
 
-class RawImu(Record):
+@dataclass(frozen=True, slots=True)
+class RawImu:
     """``i`` with six fields: MPU-6050 int16 counts, acceleration then angular rate, each x y z."""
 
     acceleration: tuple[int, int, int]
     angular_rate: tuple[int, int, int]
 
 
-class BatteryLevel(Record):
+@dataclass(frozen=True, slots=True)
+class BatteryLevel:
     """``b``: the raw 12-bit ADC reading, 0 to 4095, as the wire's float."""
 
     adc: float
 
 
-class AnalogueLevel(Record):
+@dataclass(frozen=True, slots=True)
+class AnalogueLevel:
     """``a``, an extension: the raw 12-bit ADC reading of one analogue input, 0 to 4095."""
 
     channel: int
     adc: float
 
 
-class QuadratureEdges(Record):
+@dataclass(frozen=True, slots=True)
+class QuadratureEdges:
     """``q``, an extension: a burst of edges of one wheel's encoder, in the order in which they came.
 
     ``total`` is how many edges this wheel has had since boot (uint16, wraps), up to the last of these and also those
@@ -84,36 +92,42 @@ class QuadratureEdges(Record):
             raise ValueError(f"{len(self.states)} edges have no {len(self.gaps_us)} gaps between them")
 
 
-class QuadratureStill(Record):
+@dataclass(frozen=True, slots=True)
+class QuadratureStill:
     """``q`` with two fields: this wheel's encoder had no edge since the cycle before; ``total`` as there."""
 
     wheel: int
     total: int
 
 
-class Banner(Record):
+@dataclass(frozen=True, slots=True)
+class Banner:
     """One line of the board's boot banner: the board has just started, so its counters did too."""
 
     text: str
 
 
-class ResetDone(Record):
+@dataclass(frozen=True, slots=True)
+class ResetDone:
     """The board's answer to ``r``: it will pull its reset pin in about a second."""
 
 
-class Text(Record):
+@dataclass(frozen=True, slots=True)
+class Text:
     """Any other printable line (DMP examples, debug output): to be logged, never an error."""
 
     text: str
 
 
-class SetDuty(Record):
+@dataclass(frozen=True, slots=True)
+class SetDuty:
     """``s`` to the board: signed PWM duty per wheel; zero brakes. It stays in force until the next one."""
 
     duty: tuple[int, ...]
 
 
-class ResetBoard(Record):
+@dataclass(frozen=True, slots=True)
+class ResetBoard:
     """``r``: reset the board; counters restart and the banner is sent again."""
 
 
@@ -129,7 +143,8 @@ class Reason(StrEnum):
     UNKNOWN = "unknown"
 
 
-class Malformed(Record):
+@dataclass(frozen=True, slots=True)
+class Malformed:
     """A line that is not a message: the reason, the bytes as read (bounded), and what was expected."""
 
     reason: Reason

@@ -8,12 +8,12 @@ does the same, by name through ``object.__setattr__``. Together that takes half 
 """
 
 from collections.abc import Callable
+from dataclasses import fields
 from math import hypot
 from operator import call, le
 from typing import Any, TypeAlias
 
 from firmware_protocol.lines import UNIT_NORM, LineKind, is_unit
-from firmware_protocol.record import Record
 
 Reader: TypeAlias = Callable[[bytes], Any]
 
@@ -38,12 +38,11 @@ def reader_of(row: LineKind, separator: bytes) -> Reader:
 
 def _has_bare_slots(message: type[Any]) -> bool:
     """Whether filling its slots is all that making a message takes."""
-    checks_nothing = getattr(message, "__post_init__", Record.__post_init__) is Record.__post_init__
-    return "__slots__" in vars(message) and checks_nothing
+    return "__slots__" in vars(message) and not hasattr(message, "__post_init__")
 
 
 def _slot_setters(message: type[Any]) -> list[Callable[[Any, Any], None]]:
-    return [getattr(message, name).__set__ for name in message.__slots__]
+    return [getattr(message, field.name).__set__ for field in fields(message)]
 
 
 def _one(row: LineKind, separator: bytes) -> Reader:

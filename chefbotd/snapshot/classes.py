@@ -64,7 +64,7 @@ def is_frozen(cls: Any) -> bool:
     config = getattr(cls, "__struct_config__", None)
     if config is not None:
         return bool(config.frozen)
-    if hasattr(cls, "_fields"):  # a NamedTuple, or a record of the wire
+    if issubclass(cls, tuple):
         return True
     parameters = getattr(cls, "__dataclass_params__", None)
     return parameters is not None and bool(parameters.frozen)
