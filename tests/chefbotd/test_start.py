@@ -57,7 +57,7 @@ start.chefbotd()
 
 
 def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_does_not_use() -> None:
-    """Until the board is told to stop: no simulator, numpy, images, screens, clients, parsers of other formats, recorder."""
+    """Until the board is told to stop: no simulator, numpy, images, screens, clients, other formats, recorder."""
     said = subprocess.run(
         [sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=60, check=False
     )
