@@ -89,7 +89,7 @@ def method(
     *,
     role: Role | None,
     urgent: bool = False,
-    moves: bool = False,
+    moves: bool | None = None,
     when_crowded: bool = False,
     constant: bool = False,
     afterwards: Callable[[Any, Caller, Any], None] | None = None,
@@ -99,10 +99,18 @@ def method(
 
     The handler runs in the call that delivered the request's bytes: a stop reaches the wire in one call stack. It
     raises ``chefbotd.core.commands.Refused`` for what the robot does not do. The flags are those of ``Method``;
-    ``params`` is a model made at run time, which no annotation can name.
+    ``params`` is a model made at run time, which no annotation can name. A method that not every observer may call says
+    whether it ``moves`` the robot: a stop voids what was sent before it only of those that do.
     """
+    for_observers = role in (None, Role.OBSERVE)
 
     def mark(function: F) -> F:
+        if for_observers and moves:
+            raise TypeError(f"{function.__qualname__} moves the robot, so it needs the role drive or admin")
+        if moves is None and not for_observers:
+            raise TypeError(
+                f"{function.__qualname__} must say whether it moves the robot: moves=True or moves=False"
+            )
         signature = inspect.signature(function)
         taken, result = params or signature.parameters["params"].annotation, signature.return_annotation
         for what, model, base in (("params", taken, Params), ("its result", result, BaseModel)):
@@ -110,7 +118,7 @@ def method(
                 raise TypeError(
                     f"{function.__qualname__}: {what} must be annotated with a {base.__name__}, got {model!r}"
                 )
-        row = Method(role, taken, result, function, afterwards, urgent, moves, when_crowded, constant)  # type: ignore[arg-type]
+        row = Method(role, taken, result, function, afterwards, urgent, bool(moves), when_crowded, constant)  # type: ignore[arg-type]
         function._method = row  # type: ignore[attr-defined]
         return function
 

@@ -112,7 +112,7 @@ class ServerMethods:
             if name not in known:
                 raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(known)}")
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Take control of a source of commands, also from another client, whose motion then stops."""
         source, known = params.source or self._sources.default, self._sources.names
@@ -126,7 +126,7 @@ class ServerMethods:
             self._sources.resume((source,))
         return models.Taken(source=source, taken_from=others)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     def release_control(self, caller: Caller, params: NoParams) -> models.Released:
         """Give back every source that this client has; its commands are withdrawn."""
         return models.Released(sources=self._leases.release(caller.session, self._clock.now_s()))

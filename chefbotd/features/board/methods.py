@@ -63,7 +63,7 @@ class BoardMethods:
     def __init__(self, board: Board) -> None:
         self._board = board
 
-    @method(role=Role.ADMIN)
+    @method(role=Role.ADMIN, moves=False)
     def reset_board(self, caller: Caller, params: NoParams) -> Done:
         """Restart the board; its counters start at zero."""
         self._board.reset_board()

@@ -80,7 +80,7 @@ class LocalizationMethods:
     def __init__(self, localizer: Localizer) -> None:
         self._localizer = localizer
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def set_pose(self, caller: Caller, params: SetPoseParams, progress: Progress) -> LocalizationResult:
         """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
         return await self._localizer.set_pose(params.x_m, params.y_m, params.heading_rad)

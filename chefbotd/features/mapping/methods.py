@@ -116,26 +116,26 @@ class MappingMethods:
     def __init__(self, mapping: Mapping) -> None:
         self._mapping = mapping
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def start_mapping(
         self, caller: Caller, params: StartMappingParams, progress: Progress
     ) -> MappingResult:
         """Begin a map, go on with a saved one by its name, or go on after a pause."""
         return await self._mapping.start(params.name, unfinished=params.unfinished)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def pause_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingResult:
         """Pause mapping until start_mapping is sent."""
         return await self._mapping.pause()
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def finish_mapping(
         self, caller: Caller, params: FinishMappingParams, progress: Progress
     ) -> MapSaved:
         """Match all scans once more, save the map under a name, and end; reports progress."""
         return await self._mapping.finish(params.name, progress)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def discard_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingResult:
         """End without saving, and forget the map that was never finished; saved maps stay."""
         return await self._mapping.discard()

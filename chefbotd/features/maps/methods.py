@@ -199,7 +199,7 @@ class MapsMethods:
         """List the stored maps, whether each is intact, and which one is in use."""
         return await self._maps.list_maps()
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def load_map(self, caller: Caller, params: MapName, progress: Progress) -> MapInUse:
         """Use a map from now on, and after a restart."""
         return await self._maps.load(params.name, progress)
@@ -209,24 +209,24 @@ class MapsMethods:
         """The cells of a map, compressed, in parts."""
         return await self._maps.part(params.name, params.part)
 
-    @method(role=Role.ADMIN)
+    @method(role=Role.ADMIN, moves=False)
     async def import_map(self, caller: Caller, params: ImportMapParams, progress: Progress) -> MapInUse:
         """Store the map of map_server's files on the robot's computer."""
         return await self._maps.import_files(params.yaml, params.name, params.replace, progress)
 
-    @method(role=Role.ADMIN)
+    @method(role=Role.ADMIN, moves=False)
     async def rename_map(self, caller: Caller, params: RenameMapParams, progress: Progress) -> Done:
         """Give a map another name."""
         await self._maps.rename(params.name, params.new_name)
         return DONE
 
-    @method(role=Role.ADMIN)
+    @method(role=Role.ADMIN, moves=False)
     async def delete_map(self, caller: Caller, params: MapName, progress: Progress) -> Done:
         """Remove a map with all its versions and places."""
         await self._maps.delete(params.name)
         return DONE
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def save_place(self, caller: Caller, params: SavePlaceParams, progress: Progress) -> PlaceData:
         """Give a pose in a map a name, or move the place of this name; without a pose, the robot's."""
         return await self._maps.save_place(params)
@@ -236,7 +236,7 @@ class MapsMethods:
         """The places of a map."""
         return await self._maps.places(params.map)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def delete_place(self, caller: Caller, params: PlaceName, progress: Progress) -> Done:
         """Remove a place."""
         await self._maps.delete_place(params.map, params.name)

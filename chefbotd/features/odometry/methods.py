@@ -49,7 +49,7 @@ class OdometryMethods:
     def __init__(self, odometry: Odometry) -> None:
         self._odometry = odometry
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     def reset_odometry(self, caller: Caller, params: ResetOdometryParams) -> Done:
         """Set the robot's pose in odom; the default is the origin."""
         self._odometry.set_pose(Pose2D(params.x_m, params.y_m, params.heading_rad))

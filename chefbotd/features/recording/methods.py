@@ -130,14 +130,14 @@ class RecordingMethods:
     def __init__(self, recordings: Recordings) -> None:
         self._recordings = recordings
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def start_recording(
         self, caller: Caller, params: StartRecordingParams, progress: Progress
     ) -> RecordingStarted:
         """Record everything into a file on the robot's computer, until stop_recording."""
         return await waiting(self._recordings.start(params.name), progress)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def stop_recording(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingEnded:
         """End the recording."""
         return await waiting(self._recordings.stop(), progress)
@@ -147,7 +147,7 @@ class RecordingMethods:
         """Every recording in the robot's folder."""
         return await waiting(self._recordings.list_recordings(), progress)
 
-    @method(role=Role.DRIVE)
+    @method(role=Role.DRIVE, moves=False)
     async def save_ring(self, caller: Caller, params: SaveRingParams, progress: Progress) -> RingSaved:
         """Write the last minutes from the ring buffer in memory into a file."""
         return await waiting(self._recordings.save_ring(params.reason or "asked"), progress)

@@ -81,12 +81,12 @@ class TuningMethods:
         """The gains of every wheel."""
         return Wheels(wheels=dict(self._gains.gains()))
 
-    @method(role=Role.ADMIN, params=SetPidParams)
+    @method(role=Role.ADMIN, moves=False, params=SetPidParams)
     def set_pid(self, caller: Caller, params: WheelParams) -> Wheels:
         """Change gains of one wheel or of all wheels at run time; returns the gains of every wheel."""
         return Wheels(wheels=dict(self._gains.change(params.wheel, params.changes())))
 
-    @method(role=Role.ADMIN)
+    @method(role=Role.ADMIN, moves=False)
     def undo_pid(self, caller: Caller, params: NoParams) -> Wheels:
         """Undo the latest change of gains, whoever made it; returns the gains of every wheel."""
         return Wheels(wheels=dict(self._gains.undo()))

@@ -16,7 +16,8 @@ from chefbotd.client import models as client_models
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.rpc.method import Method, method
-from chefbotd.rpc.models import TopicData
+from chefbotd.rpc.models import NoParams, TopicData
+from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load
 from chefbotd.testing.board import ScriptedBoard
@@ -138,3 +139,24 @@ def test_a_method_without_a_model_of_its_parameters_is_refused() -> None:
 
     with pytest.raises(TypeError, match="fly: params must be annotated with a Params, got <class 'int'>"):
         method(role=None)(fly)
+
+
+@pytest.mark.parametrize(
+    ("role", "moves", "missing"),
+    [
+        (Role.DRIVE, None, "fly must say whether it moves the robot: moves=True or moves=False"),
+        (Role.ADMIN, None, "fly must say whether it moves the robot: moves=True or moves=False"),
+        (Role.OBSERVE, True, "fly moves the robot, so it needs the role drive or admin"),
+        (None, True, "fly moves the robot, so it needs the role drive or admin"),
+    ],
+)
+def test_a_method_says_whether_it_moves_the_robot(
+    role: Role | None, moves: bool | None, missing: str
+) -> None:
+    """Nobody forgets it: a stop would void no request of such a method, and an observer could drive."""
+
+    def fly(self: object, caller: object, params: NoParams) -> TopicData:
+        raise NotImplementedError
+
+    with pytest.raises(TypeError, match=missing.replace("(", r"\(")):
+        method(role=role, moves=moves)(fly)
