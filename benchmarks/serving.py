@@ -25,8 +25,8 @@ from benchmarks.latency import answers_s
 from benchmarks.rig import CHEFBOTD, Daemon, connect, free_port, running, sent, to_toml, until
 from benchmarks.rpc import Caller
 from benchmarks.tap import Tap, tap
-from chefbotd.cli.serve.order import PATIENCE_S, START, TABLES
-from chefbotd.cli.serve.order import PLACES as ALL_PLACES
+from chefbotd.cli.navigate.order import PATIENCE_S, START, TABLES
+from chefbotd.cli.navigate.order import PLACES as ALL_PLACES
 from chefbotd.settings import packaged
 
 ROBOT, CYCLE_HZ = "chefbot_lidar", 50

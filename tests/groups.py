@@ -5,7 +5,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 NEED_NAVIGATION = (
-    "chefbotd/cli/serve",
+    "chefbotd/cli/navigate",
     "chefbotd/features/localization",
     "chefbotd/features/mapping",
     "chefbotd/localization",

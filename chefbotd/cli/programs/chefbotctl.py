@@ -20,9 +20,9 @@ from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
+from chefbotd.cli.navigate import commands as navigating
 from chefbotd.cli.programs.program import Program, completion, wants_json
 from chefbotd.cli.record.commands import log_group, record
-from chefbotd.cli.serve import commands as navigating
 from chefbotd.cli.tune.commands import pid
 
 TOKEN = click.File(encoding="utf-8")

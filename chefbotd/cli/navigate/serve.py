@@ -13,9 +13,9 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import ignoring_too_old
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.cli.maps.draw import Mark
-from chefbotd.cli.serve import order
-from chefbotd.cli.serve.legs import Best, Truth, ended_leg
-from chefbotd.cli.serve.scene import PLACE, Found, Leg, NavigationScene, Served, Show, listen
+from chefbotd.cli.navigate import order
+from chefbotd.cli.navigate.legs import Best, Truth, ended_leg
+from chefbotd.cli.navigate.scene import PLACE, Found, Leg, NavigationScene, Served, Show, listen
 from chefbotd.client import Client
 from chefbotd.client.goals import GoalNotReached
 from chefbotd.core.geometry import Pose2D, wrap_angle

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from chefbotd.cli.common.exits import ProgramError
-from chefbotd.cli.serve import order, serve
-from chefbotd.cli.serve.serve import Serve
+from chefbotd.cli.navigate import order, serve
+from chefbotd.cli.navigate.serve import Serve
 from chefbotd.client import CallError
 from chefbotd.client.goals import GoalBlocked
 from chefbotd.clock import run_virtual

@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.navigate import commands
+from chefbotd.cli.navigate.scene import NavigationScene
 from chefbotd.cli.programs.chefbotctl import main
-from chefbotd.cli.serve import commands
-from chefbotd.cli.serve.scene import NavigationScene
 from chefbotd.client import GoalBlocked
 from chefbotd.client.goals import GoalFault, GoalNotReached, GoalUnreachable, RobotLost, not_reached
 from chefbotd.features.navigation.methods import NavigationData

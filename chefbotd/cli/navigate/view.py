@@ -16,7 +16,7 @@ from rich.text import Text
 from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.echo import writing
 from chefbotd.cli.maps.draw import draw_map
-from chefbotd.cli.serve.scene import Leg, NavigationScene, Served, Show
+from chefbotd.cli.navigate.scene import Leg, NavigationScene, Served, Show
 
 STATUS_ROWS, ROWS_IN_A_FILE = 5, 45
 COLUMNS = (

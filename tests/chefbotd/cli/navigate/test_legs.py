@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.cli.serve.legs import Best, Truth, ended_leg
+from chefbotd.cli.navigate.legs import Best, Truth, ended_leg
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.sim.world import World

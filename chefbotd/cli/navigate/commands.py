@@ -19,7 +19,7 @@ from chefbotd.client import Client
 from chefbotd.client.goals import GoalNotReached
 
 if TYPE_CHECKING:
-    from chefbotd.cli.serve.scene import NavigationScene, Show
+    from chefbotd.cli.navigate.scene import NavigationScene, Show
 
 T = TypeVar("T")
 LOOKED_S = 30.0
@@ -170,8 +170,8 @@ def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]]
     Raises:
         ProgramError: a goal was not reached, or any failure.
     """
-    from chefbotd.cli.serve.scene import NavigationScene
-    from chefbotd.cli.serve.view import NavigationView
+    from chefbotd.cli.navigate.scene import NavigationScene
+    from chefbotd.cli.navigate.view import NavigationView
 
     view = NavigationView(quiet=context.as_json)
 
@@ -189,7 +189,7 @@ async def _watched(
     robot: Client, scene: "NavigationScene", show: "Show", drive: Callable[[Client], Awaitable[str]]
 ) -> str:
     from chefbotd.cli.maps.draw import Mark
-    from chefbotd.cli.serve.scene import PLACE, listen
+    from chefbotd.cli.navigate.scene import PLACE, listen
 
     scene.grid = (await robot.get_map()).grid()
     known = (await robot.list_places()).places
@@ -212,9 +212,9 @@ def serve(context: CommandContext) -> None:
     """
     require("navigation", "PIL")
     with extra("navigation", "numba", "llvmlite", "scipy"):
-        from chefbotd.cli.serve.serve import Serve
-    from chefbotd.cli.serve import order
-    from chefbotd.cli.serve.view import NavigationView, as_json
+        from chefbotd.cli.navigate.serve import Serve
+    from chefbotd.cli.navigate import order
+    from chefbotd.cli.navigate.view import NavigationView, as_json
 
     view = NavigationView(quiet=context.as_json)
     with view.showing() as show:

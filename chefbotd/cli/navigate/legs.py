@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from chefbotd.cli.serve.scene import Disc, Leg
+from chefbotd.cli.navigate.scene import Disc, Leg
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.navigation.distance import distances_m
