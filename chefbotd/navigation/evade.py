@@ -82,39 +82,14 @@ def evasion(
     coming = _coming(near, is_stuck=is_stuck)
     if coming is None or away_m > _most_m(params, coming):
         return None
-
-    def least_m(curvature: float, length_m: float, within_s: float) -> float:
-        numbers = np.array(
-            [
-                outline.pad_m,
-                curvature,
-                length_m,
-                params.speed_m_s,
-                within_s,
-                last.linear_m_s,
-                params.braking_m_s2,
-            ]
-        )
-        return float(_least_m(outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
-
-    def best(wall_m: float) -> Twist2D | None:
-        most, chosen = max(stay_m, -GRAZED_M) + params.gain_m, None
-        for curvature, length_m in _arcs(params, arcs, outline, standing, wall_m):
-            bonus = params.gain_m if length_m * last.linear_m_s > 0 and abs(last.linear_m_s) > 0.02 else 0.0
-            room_m = min(least_m(curvature, length_m, params.passed_s), params.enough_m)
-            worth = room_m + bonus - params.price * abs(length_m)
-            if worth > most:
-                speed_m_s = math.copysign(params.speed_m_s, length_m)
-                most, chosen = worth, Twist2D(speed_m_s, speed_m_s * curvature)
-        return chosen
-
-    stay_m = least_m(0.0, 0.0, params.foresight_s)
+    standing = standing_only(near)
+    search = _Search(params, arcs, outline, last, coming, standing)
+    stay_m = search.least_m(0.0, 0.0, params.foresight_s)
     if stay_m >= (params.touch_m if only_touch else params.room_m):
         return None
-    standing = standing_only(near)
     here_m = way(arcs, outline, standing, 0.0, HERE_M, params.speed_m_s, 1.0).room_m
-    clear = best(min(arcs.keep_m, here_m - NOISE_M))
-    return clear if clear is not None or stay_m >= params.touch_m else best(params.wall_m)
+    clear = search.best(stay_m, min(arcs.keep_m, here_m - NOISE_M))
+    return clear if clear is not None or stay_m >= params.touch_m else search.best(stay_m, params.wall_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +99,41 @@ class _Coming:
     points_m: Floats
     velocity_m_s: Floats
     waits: Flags
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What the arcs are judged by: who comes, and what stands about the robot."""
+
+    params: EvadeParameters
+    arcs: ArcParameters
+    outline: OutlineParameters
+    last: Twist2D
+    coming: _Coming
+    standing: Surroundings
+
+    def least_m(self, curvature: float, length_m: float, within_s: float) -> float:
+        """How near anybody comes while the robot goes along an arc, and stands then."""
+        speed_m_s, braking_m_s2 = self.params.speed_m_s, self.params.braking_m_s2
+        going_m_s = self.last.linear_m_s
+        numbers = np.array(
+            [self.outline.pad_m, curvature, length_m, speed_m_s, within_s, going_m_s, braking_m_s2]
+        )
+        coming = self.coming
+        return float(_least_m(self.outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
+
+    def best(self, stay_m: float, wall_m: float) -> Twist2D | None:
+        """The arc that is worth most, ``wall_m`` from what stands; None where staying (``stay_m``) is as good."""
+        params, going_m_s = self.params, self.last.linear_m_s
+        most, chosen = max(stay_m, -GRAZED_M) + params.gain_m, None
+        for curvature, length_m in _arcs(params, self.arcs, self.outline, self.standing, wall_m):
+            bonus = params.gain_m if length_m * going_m_s > 0 and abs(going_m_s) > 0.02 else 0.0
+            room_m = min(self.least_m(curvature, length_m, params.passed_s), params.enough_m)
+            worth = room_m + bonus - params.price * abs(length_m)
+            if worth > most:
+                speed_m_s = math.copysign(params.speed_m_s, length_m)
+                most, chosen = worth, Twist2D(speed_m_s, speed_m_s * curvature)
+        return chosen
 
 
 def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
