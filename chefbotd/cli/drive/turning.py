@@ -19,8 +19,8 @@ class TurnParameters(Parameters):
     """How a turn slows down, and when it is done.
 
     The robot turns at ``rate_rad_s``, decelerates by ``deceleration_rad_s2`` and approaches the goal at ``creep_rad_s``.
-    The turn is done when the robot stands within ``tolerance_rad`` of the goal. It fails after ``tries``, or
-    ``patience_s`` after the time that a turn without a fault takes.
+    The turn is done when the robot stands within ``tolerance_rad`` of the goal, after the last of the ``tries`` within
+    twice as much. It fails if that is missed, or ``patience_s`` after the time that a turn without a fault takes.
     """
 
     rate_rad_s: float = Field(1.2, gt=0)
@@ -70,6 +70,10 @@ STUCK_S = 0.5
 STUCK_SHARE, PUSH = 0.3, 1.4
 """A try that covered less than ``STUCK_SHARE`` of its rotation is repeated with a creep speed ``PUSH`` times higher."""
 
+LAST_RESORT = 2.0
+"""The last try may miss by this multiple of the tolerance: wheels that are dragged sideways stick, and a push that moves
+them at all can turn the robot from one side of the goal to the other."""
+
 
 def begin(params: TurnParameters, now_s: float, remaining_rad: float, delay_s: float | None = None) -> Turn:
     """A turn of ``remaining_rad`` (CCW positive). ``delay_s`` is the delay that an earlier turn learned."""
@@ -91,7 +95,8 @@ def step(
     if attempt.stopped_s is not None:
         if not stands or now_s - attempt.stopped_s < turn.delay_s + SETTLE_S:
             return turn, 0.0
-        if abs(remaining_rad) <= params.tolerance_rad:
+        last_resort = LAST_RESORT if turn.tries >= params.tries else 1.0
+        if abs(remaining_rad) <= last_resort * params.tolerance_rad:
             return turn, None
         turn = _learn(params, turn, remaining_rad)
         attempt = turn.now

@@ -1,11 +1,12 @@
 """Turning in place over a link that shows late what was asked."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.turning import Turn, TurnParameters, begin, step
+from chefbotd.cli.drive.turning import Try, Turn, TurnParameters, begin, step
 
 P = TurnParameters()
 
@@ -85,3 +86,15 @@ def test_nothing_to_turn_is_done() -> None:
     """A robot that stands within the tolerance is asked for nothing."""
     turn = begin(P, 3.0, -0.006)
     assert step(P, turn, 3.0, -0.006, stands=True) == (turn, None)
+
+
+def test_the_last_try_may_miss_by_twice_the_tolerance() -> None:
+    """0.9 degrees off (the tolerance is 0.46) ends the twelfth try, not the eleventh; 1.0 is a failure."""
+    stopped = Try(way=1, from_rad=0.03, began_s=6.0, stopped_s=7.0)
+    last = Turn(began_s=0.0, whole_rad=1.5, delay_s=0.2, creep_rad_s=0.15, tries=12, now=stopped)
+    assert step(P, last, 8.0, math.radians(0.9), stands=True)[1] is None
+    before, rate = step(P, replace(last, tries=11), 8.0, math.radians(0.9), stands=True)
+    assert (before.tries, rate is None) == (12, False)
+    beyond, _ = step(P, last, 8.0, math.radians(-1.0), stands=True)
+    with pytest.raises(ProgramError, match=r"-1\.0° left of 86° after 8 s and 12 tries"):
+        step(P, beyond, 8.02, math.radians(-1.0), stands=True)
