@@ -62,9 +62,12 @@ async def test_somebody_who_steps_in_front_is_not_touched(drive: Drive) -> None:
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0125, 0.025, 0.0375])
-@pytest.mark.parametrize(("from_x_m", "speed_m_s"), [(0.9, 0.3), (0.3, 0.5), (4.3, -0.3), (6.0, -0.8)])
+@pytest.mark.parametrize(
+    ("from_x_m", "speed_m_s", "apart_m"),
+    [(0.9, 0.3, 0.02), (0.3, 0.5, 0.0), (4.3, -0.3, 0.02), (6.0, -0.8, 0.02)],
+)
 def test_somebody_who_walks_across_is_not_touched(
-    tmp_path: Path, from_x_m: float, speed_m_s: float, late_s: float
+    tmp_path: Path, from_x_m: float, speed_m_s: float, apart_m: float, late_s: float
 ) -> None:
     """A disc of 0.25 m crosses the way in the hall and waits for nobody; the goal is reached behind it.
 
@@ -83,7 +86,7 @@ def test_somebody_who_walks_across_is_not_touched(
             least_m = min(least_m, math.dist((pose.x_m, pose.y_m), (x, y)) - 0.25 - 0.18)
             assert not drive.truth.in_contact
         crowd.take_away("somebody")
-        assert least_m > 0.0
+        assert least_m > apart_m
         assert "reached" in await leg
 
     in_flat(tmp_path, scenario, worker_late_s=late_s)
